@@ -24,11 +24,11 @@ pub(crate) fn key_path<'py>(
     let (parameter_row, force) = (parameters.as_slice()?, force.as_slice()?);
     let columns = columns.unwrap_or_else(|| (0..parameter_row.len()).collect());
     let (path, jacobian) = computing(py, || {
-        let real_key = KeyModel::from_row(parameter_row)?;
+        let key_model = KeyModel::from_row(parameter_row)?;
         if columns.is_empty() {
-            return Ok((real_key.path(force, rate, steps)?, Vec::new()));
+            return Ok((key_model.path(force, rate, steps)?, Vec::new()));
         }
-        real_key.path_and_jacobian(force, rate, steps, &columns)
+        key_model.path_and_jacobian(force, rate, steps, &columns)
     })?
     .map_err(|error: ergon_engine::key_model::KeyError| module_error("key_path", error))?;
     let jacobian =

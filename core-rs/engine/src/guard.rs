@@ -19,7 +19,7 @@ use std::sync::Arc;
 
 use crate::network::forest::{Forest, joined};
 use crate::network::{Error, Network};
-use crate::scheme::{Scheme, top};
+use crate::scheme::{Scheme, largest_eigenvalue};
 use crate::state::PreviousState;
 use cells::Cells;
 use watch::{WatchedRun, nearest, set_reaches, watches};
@@ -176,7 +176,7 @@ impl Guard {
             return Ok(None);
         }
         let enough_lambda = 0.5 * limit.trusted;
-        let lambda_at_rest = top(scheme, network, limit.c, enough_lambda)?.lambda;
+        let lambda_at_rest = largest_eigenvalue(scheme, network, limit.c, enough_lambda)?.lambda;
         if lambda_at_rest >= limit.accepted {
             return Ok(None); // unstable at rest: the certificate refuses it
         }

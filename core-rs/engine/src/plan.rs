@@ -211,7 +211,7 @@ pub struct Plan {
     /// Parts that ask for a rate of their own but are computed at every frame, and why.
     stay: Vec<(String, String)>,
     /// What was computed about its bodies, for the next plan.
-    solved: Vec<Arc<passes::solved_modes::Solved>>,
+    solved: Vec<Arc<passes::solved_modes::SolvedBody>>,
     /// Work that its trials took, and their allowance [s].
     trials_cost: f64,
     trials_most: f64,

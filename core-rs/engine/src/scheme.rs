@@ -11,7 +11,7 @@ mod spring;
 mod taps;
 
 pub use certify::{Certificate, Means, StabilityGuarantee};
-pub(crate) use certify::{LargestEigenvalue, Refusal, top, top_up_to};
+pub(crate) use certify::{LargestEigenvalue, Refusal, largest_eigenvalue, largest_eigenvalue_up_to};
 pub(crate) use link::tension_energy;
 pub(crate) use spring::{Pull, Spring};
 pub(crate) use taps::Tap;

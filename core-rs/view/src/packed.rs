@@ -1,7 +1,7 @@
 //! Displacements of points in a file: each point in steps of its own, as differences from what is foreseen.
 
 use crate::payload::{Bytes, Reading};
-use crate::range::{Coder, EVEN, Numbers, Reader, Writer};
+use crate::range::{Coder, EVEN, NumberModel, Reader, Writer};
 
 /// How far displacements may be off. The first three are of points that are sampled, in frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,9 +77,9 @@ fn foreseen(mode: Mode, frames: &[i64], before: [&[i64]; 2]) -> i64 {
 
 /// What has been learnt so far of the numbers in a chunk.
 struct Learnt {
-    steps: Numbers,
-    firsts: Numbers,
-    differences: Numbers,
+    steps: NumberModel,
+    firsts: NumberModel,
+    differences: NumberModel,
     modes: [[u16; 1 << MODE_BITS]; MODES.len()],
     code: u64,
     mode: usize,
@@ -93,9 +93,9 @@ const CONTEXTS: usize = 15;
 impl Learnt {
     fn new() -> Self {
         Self {
-            steps: Numbers::new(1),
-            firsts: Numbers::new(1),
-            differences: Numbers::new(CONTEXTS),
+            steps: NumberModel::new(1),
+            firsts: NumberModel::new(1),
+            differences: NumberModel::new(CONTEXTS),
             modes: [[EVEN; 1 << MODE_BITS]; MODES.len()],
             code: 0,
             mode: 0,

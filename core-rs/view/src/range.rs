@@ -6,7 +6,7 @@ const PROBABILITY_BITS: u32 = 15;
 /// Both bits are equally likely.
 pub(crate) const EVEN: u16 = 1 << (PROBABILITY_BITS - 1);
 /// A probability moves by 2⁻⁴ of the way with each bit.
-const RATE: u32 = 4;
+const ADAPTATION_SHIFT: u32 = 4;
 /// The range is kept above this, by moving on by a byte.
 const RANGE_MIN: u32 = 1 << 24;
 
@@ -19,9 +19,9 @@ pub(crate) trait Coder {
     fn bit(&mut self, probability: &mut u16, bit: bool) -> bool {
         let bit = self.code(*probability, bit);
         if bit {
-            *probability -= *probability >> RATE;
+            *probability -= *probability >> ADAPTATION_SHIFT;
         } else {
-            *probability += ((1 << PROBABILITY_BITS) - *probability) >> RATE;
+            *probability += ((1 << PROBABILITY_BITS) - *probability) >> ADAPTATION_SHIFT;
         }
         bit
     }
@@ -142,26 +142,26 @@ impl Coder for Reader<'_> {
 }
 
 /// Lengths of numbers that have probabilities of their own.
-const LENGTHS: usize = 21;
+const LENGTH_CONTEXTS: usize = 21;
 /// Bits of the largest number.
 const LENGTH_MAX: u32 = 60;
 
 /// Probabilities of the bits of numbers ≥ 0 in several contexts.
-pub(crate) struct Numbers(Vec<[[u16; LENGTHS]; 2]>);
+pub(crate) struct NumberModel(Vec<[[u16; LENGTH_CONTEXTS]; 2]>);
 
-impl Numbers {
+impl NumberModel {
     pub(crate) fn new(n_contexts: usize) -> Self {
-        Self(vec![[[EVEN; LENGTHS]; 2]; n_contexts])
+        Self(vec![[[EVEN; LENGTH_CONTEXTS]; 2]; n_contexts])
     }
 
     /// The next number, in Elias' gamma code of `value` + 1: its length in ones and a zero, then its bits after the
     /// first. The ones, the zero and the first of the bits have probabilities. `None`: longer than any number may be.
     pub(crate) fn code(&mut self, coder: &mut impl Coder, context: usize, value: u64) -> Option<u64> {
         let binary = value + 1;
-        let [lengths, first_probabilities] = &mut self.0[context];
+        let [length_probabilities, first_probabilities] = &mut self.0[context];
         let mut code_length = 0;
         while coder.bit(
-            &mut lengths[(code_length as usize).min(LENGTHS - 1)],
+            &mut length_probabilities[(code_length as usize).min(LENGTH_CONTEXTS - 1)],
             code_length < binary.ilog2(),
         ) {
             code_length += 1;
@@ -173,7 +173,10 @@ impl Numbers {
         for bit_index in (0..code_length).rev() {
             let bit = binary >> bit_index & 1 == 1;
             let bit = if bit_index + 1 == code_length {
-                coder.bit(&mut first_probabilities[(code_length as usize).min(LENGTHS - 1)], bit)
+                coder.bit(
+                    &mut first_probabilities[(code_length as usize).min(LENGTH_CONTEXTS - 1)],
+                    bit,
+                )
             } else {
                 coder.code(EVEN, bit)
             };
@@ -194,12 +197,12 @@ mod tests {
         fn range_coder_round_trip(values in prop::collection::vec((0..3_usize, 0..60_u32, any::<u64>()), 0..300)) {
             let values: Vec<(usize, u64)> =
                 values.into_iter().map(|(context, bits, x)| (context, x & ((1 << bits) - 1))).collect();
-            let (mut writer, mut probabilities) = (Writer::new(), Numbers::new(3));
+            let (mut writer, mut probabilities) = (Writer::new(), NumberModel::new(3));
             for (context, value) in &values {
                 probabilities.code(&mut writer, *context, *value);
             }
             let bytes = writer.finish();
-            let (mut reader, mut probabilities) = (Reader::new(&bytes), Numbers::new(3));
+            let (mut reader, mut probabilities) = (Reader::new(&bytes), NumberModel::new(3));
             for (context, value) in &values {
                 prop_assert_eq!(probabilities.code(&mut reader, *context, 0), Some(*value));
             }

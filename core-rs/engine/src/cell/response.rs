@@ -34,12 +34,12 @@ impl Response {
                 omega,
                 gain: [re, im],
             } => {
-                let forward_wave = re * cos(omega * time_left) - im * sin(omega * time_left);
-                let backward_wave = re * cos(omega * time_past) + im * sin(omega * time_past);
+                let oscillation_left = re * cos(omega * time_left) - im * sin(omega * time_left);
+                let oscillation_past = re * cos(omega * time_past) + im * sin(omega * time_past);
                 // The second force is −b times the response extended back to sample n.
                 [
-                    scaled_impulse * exp(-decay * time_left) * forward_wave,
-                    -scaled_impulse * exp(-decay * (time_left + time_step)) * backward_wave,
+                    scaled_impulse * exp(-decay * time_left) * oscillation_left,
+                    -scaled_impulse * exp(-decay * (time_left + time_step)) * oscillation_past,
                 ]
             }
             Self::Real { decay, gain } => [scaled_impulse * gain * exp(-decay * time_left), 0.0],

@@ -224,7 +224,7 @@ impl<'a> Fit<'a> {
         curve: &Curve,
         points: &[(f64, Pole)],
     ) -> Result<Self, GeneratorError> {
-        let (base, polynomial_terms) = match &topology.base_polynomial {
+        let (base, scale_coefficients) = match &topology.base_polynomial {
             Some((base, coefficients)) => (base.as_ref(), coefficients.as_slice()),
             None => (topology, [1.0].as_slice()),
         };
@@ -241,7 +241,7 @@ impl<'a> Fit<'a> {
         let top = 2.0 * row_sums.iter().copied().fold(0.0, f64::max);
         let is_single_row = mat_links.iter().all(|mat_links| *mat_links <= 2);
         let base_lowest = base.lowest()?;
-        let scaled_lambda = |eigenvalue: f64| first.lambda * polynomial(polynomial_terms, eigenvalue) / lowest;
+        let scaled_lambda = |eigenvalue: f64| first.lambda * polynomial(scale_coefficients, eigenvalue) / lowest;
         let mut places = Vec::with_capacity(PLACES + points.len());
         for i in 0..PLACES {
             let chebyshev_share = 0.5 - 0.5 * cos(PI * i as f64 / (PLACES - 1) as f64);

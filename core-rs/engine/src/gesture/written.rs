@@ -135,7 +135,7 @@ impl Gesture {
 
 impl Manner {
     fn check(&self) -> Result<(), GestureError> {
-        let positive = |what, value: f64, least: f64| {
+        let check_bound = |what, value: f64, least: f64| {
             if value.is_finite() && value >= least {
                 Ok(())
             } else {
@@ -145,12 +145,12 @@ impl Manner {
         if (self.touch, self.ergons) == (Touch::Tracked, Ergons::Particle) {
             return Err(GestureError::TrackedParticle);
         }
-        positive("join", self.join, 0.0)?;
+        check_bound("join", self.join, 0.0)?;
         if let Some(force_limit) = self.limit {
-            positive("force_limit", force_limit, f64::MIN_POSITIVE)?;
+            check_bound("force_limit", force_limit, f64::MIN_POSITIVE)?;
         }
         self.grain
-            .map_or(Ok(()), |grain| positive("grain", grain, f64::MIN_POSITIVE))
+            .map_or(Ok(()), |grain| check_bound("grain", grain, f64::MIN_POSITIVE))
     }
 
     /// Largest force of one ergon [N]; infinite if there is no limit.

@@ -77,7 +77,7 @@ fn guard_bounds_lambda_of_stiffened_links() {
             network.spring(&format!("l{link}"), a, b, k, z, 0.0).unwrap();
         });
         let tangent_scheme = Scheme::new(&tangent, rate()).unwrap();
-        let tangent_lambda = top(&tangent_scheme, &tangent, 2.0, 0.0).unwrap().lambda;
+        let tangent_lambda = largest_eigenvalue(&tangent_scheme, &tangent, 2.0, 0.0).unwrap().lambda;
         let (lambda_rise, _) = guard.stiffening(&x, &stiff_scheme.w);
         if guard.margin > 0.0 {
             assert!(tangent_lambda <= guard.limit, "{seed}: {tangent_lambda}");

@@ -17,7 +17,7 @@ use super::method::{BM4_LIMIT, MeshMethod};
 use super::{faster, ieq};
 use crate::guard::Limit;
 use crate::network::{Error, Network};
-use crate::scheme::{Certificate, LargestEigenvalue, Refusal, Scheme, StabilityGuarantee, top_up_to};
+use crate::scheme::{Certificate, LargestEigenvalue, Refusal, Scheme, StabilityGuarantee, largest_eigenvalue_up_to};
 use crate::units::Rate;
 
 /// Factor on a limit that allows for the rounding error of an eigenvalue.
@@ -41,7 +41,7 @@ pub(crate) fn certify(network: &Network, rate: Rate, method: MeshMethod, substep
     let network_mesh = Mesh::new(network, rate, method)?;
     let mesh_scheme = &network_mesh.scheme;
     let largest = |loss_weight: f64, enough_lambda: f64, lambda_limit: f64| {
-        top_up_to(mesh_scheme, network, loss_weight, enough_lambda, lambda_limit)
+        largest_eigenvalue_up_to(mesh_scheme, network, loss_weight, enough_lambda, lambda_limit)
     };
     let certificate = |top: &LargestEigenvalue, word: StabilityGuarantee| Certificate {
         lambda_max: top.lambda,

@@ -53,12 +53,12 @@ impl Island {
         network: Arc<Network>,
         timeline: &Timeline,
         bodies: &[BodyPlan],
-        (steps, oversampling, frame_interval): (usize, u32, u32),
+        (contact_substeps, oversampling, frame_interval): (usize, u32, u32),
         options: Options,
     ) -> Result<Self, Error> {
         refuse_ledger_of_hands(timeline, options)?;
-        let (mut scheme, fine_links) = numbers(&network, timeline, steps)?;
-        let mut matter = begin(&network, timeline, bodies, &scheme, fine_links, steps)?;
+        let (mut scheme, fine_links) = island_scheme(&network, timeline, contact_substeps)?;
+        let mut matter = start_matter(&network, timeline, bodies, &scheme, fine_links, contact_substeps)?;
         let gestures = framed(timeline);
         let (voice_scripts, voices) = build_voices(&network, timeline, &gestures, bodies)?;
         let guard = guard(&network, timeline, bodies, &scheme, &matter, options)?;
@@ -167,10 +167,10 @@ fn refuse_ledger_of_hands(timeline: &Timeline, options: Options) -> Result<(), E
 }
 
 /// The numbers of the island, and the links that are computed finer than a frame.
-fn numbers(network: &Network, timeline: &Timeline, steps: usize) -> Result<(Scheme, Vec<Run>), Error> {
+fn island_scheme(network: &Network, timeline: &Timeline, contact_substeps: usize) -> Result<(Scheme, Vec<Run>), Error> {
     let mut scheme = Scheme::new(network, timeline.rate)?;
-    gate(&mut scheme, timeline);
-    let fine_links = if steps < FINE_SUBSTEPS_MIN {
+    assign_gates(&mut scheme, timeline);
+    let fine_links = if contact_substeps < FINE_SUBSTEPS_MIN {
         Vec::new()
     } else {
         scheme.take_fine(&timeline.steered())
@@ -179,7 +179,7 @@ fn numbers(network: &Network, timeline: &Timeline, steps: usize) -> Result<(Sche
 }
 
 /// Where everything is at frame 0, with values that glide or follow as they are there.
-fn begin(
+fn start_matter(
     network: &Network,
     timeline: &Timeline,
     plans: &[BodyPlan],
@@ -188,22 +188,22 @@ fn begin(
     steps: usize,
 ) -> Result<Matter, Error> {
     let link_acts = |first: usize| interrupt::each(&links).all(|run| run.first != first);
-    let start_values = match &timeline.leads[..] {
+    let led_start = match &timeline.leads[..] {
         [] if network.following_masses().is_empty() => None,
         leads => {
-            let start_values = first(network, leads)?;
-            let start_values = start_values.with_masses_at(&positions(network, timeline, &timeline.drives));
-            let mut scheme = Scheme::new(&start_values, timeline.rate)?;
-            gate(&mut scheme, timeline);
-            Some((start_values, scheme))
+            let led_network = first(network, leads)?;
+            let led_network = led_network.with_masses_at(&positions(network, timeline, &timeline.drives));
+            let mut scheme = Scheme::new(&led_network, timeline.rate)?;
+            assign_gates(&mut scheme, timeline);
+            Some((led_network, scheme))
         }
     };
-    let (start_network, start_scheme) = match &start_values {
-        Some((start_values, scheme)) => (start_values, scheme),
+    let (start_network, start_scheme) = match &led_start {
+        Some((led_network, led_scheme)) => (led_network, led_scheme),
         None => (network, scheme),
     };
     let mut body = start(start_network, start_scheme, timeline, &timeline.drives, &link_acts);
-    let mut bodies = join(plans, start_network, timeline, &mut body, &link_acts)?;
+    let mut bodies = start_bodies(plans, start_network, timeline, &mut body, &link_acts)?;
     for run in &mut links {
         interrupt::poll();
         if is_led(timeline, run.first) {
@@ -296,7 +296,7 @@ fn ergons(timeline: &Timeline) -> Vec<(u64, Ergon)> {
 }
 
 /// Sets the gate of each run that a gate opens; a gate covers whole runs, however they were cut.
-fn gate(scheme: &mut Scheme, timeline: &Timeline) {
+fn assign_gates(scheme: &mut Scheme, timeline: &Timeline) {
     for (index, gate) in timeline.gates.iter().enumerate() {
         let scheme_runs = scheme.runs.iter_mut().chain(&mut scheme.exact);
         for run in scheme_runs.filter(|run| gate.links().contains(&run.first)) {
@@ -347,7 +347,7 @@ fn fine(
 }
 
 /// Bodies with their ports in the island, started against the forces that the ports feel at frame 0.
-fn join(
+fn start_bodies(
     body_plans: &[BodyPlan],
     network: &Network,
     timeline: &Timeline,

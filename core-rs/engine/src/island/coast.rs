@@ -66,10 +66,10 @@ impl Island {
         let push_frame = script.pushes.get(state.hands.pushed).map(|push| push.frame);
         let next_ergon = script.ergons.get(state.hands.ergons);
         let next_ergon = next_ergon.map(|(frame, _)| *frame);
-        let voices = state.hands.voices.iter().zip(&script.voices);
-        let voices =
-            voices.map(|(voice, voice_script)| voice.idle_until(voice_script, &script.gestures).unwrap_or(first_step));
-        let event_frames = push_frame.into_iter().chain(next_ergon).chain(voices);
+        let voice_frames = state.hands.voices.iter().zip(&script.voices);
+        let voice_frames = voice_frames
+            .map(|(voice, voice_script)| voice.idle_until(voice_script, &script.gestures).unwrap_or(first_step));
+        let event_frames = push_frame.into_iter().chain(next_ergon).chain(voice_frames);
         let event_frames = event_frames.chain(state.hands.is_struck().then_some(first_step));
         let quiet_steps = event_frames.map(|event_frame| event_frame.saturating_sub(first_step) as usize);
         let modal_bodies = state.matter.bodies.iter().filter_map(inside::RunningBody::modal);

@@ -10,7 +10,7 @@ mod link_work;
 use super::energy_account::Gain;
 use super::inside::RunningBody;
 use super::pair_gain::PairGains;
-use super::put_in::PutIn;
+use super::put_in::ImposedWork;
 use super::{Fault, Island, OnFault};
 use crate::law::Law;
 use crate::network::SpaceLaw;
@@ -36,7 +36,7 @@ pub(super) struct Gains {
     link_work: Vec<LinkWork>,
     links: Vec<Watched>,
     pairs: Option<PairGains>,
-    put_in: PutIn,
+    put_in: ImposedWork,
     /// Whether accounts begin at this step.
     is_fresh: bool,
 }
@@ -99,7 +99,7 @@ impl Gains {
                 link_work,
                 links,
                 pairs,
-                put_in: PutIn::default(),
+                put_in: ImposedWork::default(),
                 is_fresh: true,
             })
         })

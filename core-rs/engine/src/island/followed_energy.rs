@@ -20,11 +20,11 @@ pub(super) struct Frame {
 impl Frame {
     /// From the law of frame n, elongations e[n−1], e[n], e[n+1] [m], and the step that led to e[n+1].
     pub(super) fn new(law: &Law, rate: f64, [before, now, next]: [f64; 3], step: f64) -> Self {
-        let [before, potential_now, next] = [before, now, next].map(|e| law.potential(e));
+        let [potential_before, potential_now, potential_next] = [before, now, next].map(|e| law.potential(e));
         let elastic = law.spring(now);
         Self {
-            held: 0.5 * (potential_now + before),
-            stored: 0.5 * (next + potential_now),
+            held: 0.5 * (potential_now + potential_before),
+            stored: 0.5 * (potential_next + potential_now),
             elastic,
             drag: law.force(now, step * rate) - elastic,
         }

@@ -75,10 +75,10 @@ pub(super) fn glides(network: &Network, timeline: &Timeline, scheme: &Scheme) ->
     for glide in &timeline.glides {
         let mut known_ties: Vec<Option<Ties>> = Vec::new();
         let mut points = Vec::with_capacity(glide.points.len());
-        for &(frame, ties) in glide.points.iter() {
-            let known_index = known_ties.iter().position(|other| *other == ties);
+        for &(frame, point_ties) in glide.points.iter() {
+            let known_index = known_ties.iter().position(|other| *other == point_ties);
             let tie_index = known_index.unwrap_or_else(|| {
-                known_ties.push(ties);
+                known_ties.push(point_ties);
                 known_ties.len() - 1
             });
             points.push((frame, tie_index));
@@ -95,21 +95,21 @@ pub(super) fn glides(network: &Network, timeline: &Timeline, scheme: &Scheme) ->
     // One scheme gives each MAT one set of parameters, so every round computes the next set of each glide.
     for round in 0..ties.iter().map(Vec::len).max().unwrap_or(0) {
         let this_round = || round_ties(&ties, round);
-        let mut other = network.clone();
-        for (glide_index, known_ties) in this_round() {
-            if let Some(known_ties) = known_ties {
-                other.retie(glides[glide_index].mat, known_ties);
+        let mut round_network = network.clone();
+        for (glide_index, glide_ties) in this_round() {
+            if let Some(ties_now) = glide_ties {
+                round_network.retie(glides[glide_index].mat, ties_now);
             }
         }
-        let other = match Scheme::new(&other, timeline.rate) {
+        let round_scheme = match Scheme::new(&round_network, timeline.rate) {
             Ok(other) => other,
             Err(error) => {
                 refused.push(error);
                 continue;
             }
         };
-        for (glide_index, known_ties) in this_round() {
-            let scheme = if known_ties.is_some() { &other } else { scheme };
+        for (glide_index, glide_ties) in this_round() {
+            let scheme = if glide_ties.is_some() { &round_scheme } else { scheme };
             let glide = &mut glides[glide_index];
             let mat = glide.mat;
             let (kappa, zeta) = (scheme.kappa[mat], scheme.zeta[mat]);
@@ -236,7 +236,7 @@ pub(super) fn apply_leads(led_runs: &[Led], base: &Scheme, now: &mut Scheme, fin
         if !has_same_factors {
             factors = lead.factors(n, 0.0);
         }
-        let (base, now) = match *place {
+        let (base_run, run_now) = match *place {
             Place::Run(run_index) => (&base.runs[run_index], &mut now.runs[run_index]),
             Place::Exact(run_index) => (&base.exact[run_index], &mut now.exact[run_index]),
             Place::Fine => {
@@ -247,6 +247,6 @@ pub(super) fn apply_leads(led_runs: &[Led], base: &Scheme, now: &mut Scheme, fin
             }
         };
         let [k_factor, z_factor] = factors;
-        (now.k, now.z) = (base.k * k_factor, base.z * z_factor);
+        (run_now.k, run_now.z) = (base_run.k * k_factor, base_run.z * z_factor);
     }
 }

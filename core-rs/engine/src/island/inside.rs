@@ -56,7 +56,10 @@ impl BodyPlan {
         let network = Arc::new(self.network().anonymous(order));
         match &mut renamed {
             Self::Modal(modal) => {
-                modal.struck.iter_mut().for_each(|renamed| renamed.blows.clear());
+                modal
+                    .struck
+                    .iter_mut()
+                    .for_each(|struck_point| struck_point.blows.clear());
                 modal.network = network;
             }
             Self::Mesh(mesh) => {

@@ -179,8 +179,8 @@ impl Ledger {
             }
             if let Some(pair_run) = run.pairwise() {
                 if let Some(pair_room) = neighbour_rooms.next() {
-                    let [now, before] = pair_energy::potentials(&pair_run, run.k, pair_room, body);
-                    ledger.potential[run.first] = 0.5 * gate_opening(run) * (now + before);
+                    let [energy_now, energy_before] = pair_energy::potentials(&pair_run, run.k, pair_room, body);
+                    ledger.potential[run.first] = 0.5 * gate_opening(run) * (energy_now + energy_before);
                 }
                 continue;
             }
@@ -278,11 +278,11 @@ impl Ledger {
                 let stored_energy = 0.5 * (open_next * potential_next + open_now * potential_now);
                 let energy_rise = stored_energy - self.potential[run.first];
                 self.potential[run.first] = stored_energy;
-                let law = [open_now * run.k, open_now * run.z];
-                let before = if finer.is_some() { &body.d } else { &d };
-                let frame_steps: [&[f64]; 2] = [before, &body.d];
+                let k_and_z = [open_now * run.k, open_now * run.z];
+                let steps_before = if finer.is_some() { &body.d } else { &d };
+                let frame_steps: [&[f64]; 2] = [steps_before, &body.d];
                 let history = &body.histories[run.room()];
-                let pair_work = pair_energy::work(&pair_run, law, pair_room, body, frame_steps, history);
+                let pair_work = pair_energy::work(&pair_run, k_and_z, pair_room, body, frame_steps, history);
                 self.lost.add(pair_work.total - pair_work.elastic);
                 if finer.is_none() {
                     self.produced.add(energy_rise - pair_work.elastic);
@@ -291,11 +291,11 @@ impl Ledger {
             }
             // Positions at which the frame's forces acted.
             let then = |mat: usize| body.x[mat] - body.d[mat];
-            if let Some((by, rate)) = followed(run) {
+            if let Some((followed_law, rate)) = followed(run) {
                 let Some(law) = law_buffers.next() else {
                     continue;
                 };
-                by.set(law, then);
+                followed_law.set(law, then);
                 for i in 0..run.len {
                     let (e_next, e) = elongation(run, body, i);
                     let e_before = run.elongation(i, |mat| then(mat) - d[mat]);
@@ -332,10 +332,10 @@ impl Ledger {
                 }
                 if run.yields() {
                     // Energy that was stored before the link yielded in this frame, and no longer is, counts as lost.
-                    let before = |mat: usize| body.x[mat] - body.d[mat] - d[mat];
-                    let e_before = run.elongation(i, before) - yielded(run, body, i);
-                    let [then, earlier] = [e, e_before].map(|e| run.potential(e));
-                    let energy_left = 0.5 * open_now * (then + earlier);
+                    let position_before = |mat: usize| body.x[mat] - body.d[mat] - d[mat];
+                    let e_before = run.elongation(i, position_before) - yielded(run, body, i);
+                    let [potential_now, potential_before] = [e, e_before].map(|e| run.potential(e));
+                    let energy_left = 0.5 * open_now * (potential_now + potential_before);
                     self.lost.add(self.potential[run.first + i] - energy_left);
                     self.potential[run.first + i] = energy_left;
                 }

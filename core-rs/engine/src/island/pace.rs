@@ -35,8 +35,8 @@ impl Island {
 
     /// Number of frames by which it is ahead of the scene, which has computed `frame_of_scene`; less than `every`.
     pub(crate) fn ahead(&self, frame_of_scene: u64) -> u32 {
-        let island_frame = self.island_frames(frame_of_scene) * u64::from(self.every);
-        (island_frame - frame_of_scene) as u32
+        let scene_frame = self.island_frames(frame_of_scene) * u64::from(self.every);
+        (scene_frame - frame_of_scene) as u32
     }
 
     /// Whether one of its frames takes several frames of the scene.

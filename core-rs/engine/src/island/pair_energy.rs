@@ -81,8 +81,8 @@ pub(super) fn held(run: &PairRun, k: f64, history: &ContactHistory, body: &Body)
         let Some([k, _]) = pair_link.law.pressed(k, e, pair_link.law.elastic(k, e)) else {
             return 0.0;
         };
-        let stretch = difference(pair_link.between(pair_ends, |mat| body.x[mat]), anchor);
-        let stretch_square: f64 = stretch.iter().map(|component| component * component).sum();
+        let spring_elongation = difference(pair_link.between(pair_ends, |mat| body.x[mat]), anchor);
+        let stretch_square: f64 = spring_elongation.iter().map(|component| component * component).sum();
         0.5 * k * stretch_square
     };
     history.pairs().map(pair_energy).sum()

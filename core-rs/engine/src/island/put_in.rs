@@ -6,7 +6,7 @@ use crate::state::{Body, Target};
 
 /// The work of what imposes the motion of MATs, so far.
 #[derive(Clone, Debug, Default)]
-pub(super) struct PutIn {
+pub(super) struct ImposedWork {
     /// In the step before, of each imposed MAT: the force that held it on its way [N], and its last step [m].
     before: Vec<(usize, [f64; 2])>,
     work: f64,
@@ -14,9 +14,9 @@ pub(super) struct PutIn {
     work_max: f64,
 }
 
-crate::archive::state!(PutIn { work, work_max });
+crate::archive::state!(ImposedWork { work, work_max });
 
-impl PutIn {
+impl ImposedWork {
     /// Reserve room for this many MATs, so that steps do not allocate.
     pub(super) fn reserve(&mut self, n_targets: usize) {
         self.before.reserve(n_targets);

@@ -80,13 +80,13 @@ impl Island {
         let mut frames_done = 0;
         while frames_done < n_frames {
             let frames_left = (n_frames - frames_done) as u64;
-            let until = |step: u64| frames_left.min(step.saturating_sub(self.state.frame) / steps_per_frame);
-            let frames_to_look = until(self.next_quiet_look());
+            let frames_until = |step: u64| frames_left.min(step.saturating_sub(self.state.frame) / steps_per_frame);
+            let frames_to_look = frames_until(self.next_quiet_look());
             let frame_count = match self.rest.stage {
-                Stage::Computed => frames_to_look.min(until(self.rest.next)),
+                Stage::Computed => frames_to_look.min(frames_until(self.rest.next)),
                 Stage::Alike(_) => 1,
-                Stage::Resting(last) => frames_to_look.min(until(last)),
-                Stage::Asleep(last) => until(last),
+                Stage::Resting(last) => frames_to_look.min(frames_until(last)),
+                Stage::Asleep(last) => frames_until(last),
             };
             let out = &mut out[n_out * frames_done..n_out * (frames_done + frame_count as usize)];
             frames_done += frame_count as usize;
@@ -117,9 +117,9 @@ impl Island {
                 }
             }
             if frame_count > 0
-                && let Some(until) = self.falls_asleep(out)
+                && let Some(wake_step) = self.falls_asleep(out)
             {
-                self.rest.stage = Stage::Asleep(until);
+                self.rest.stage = Stage::Asleep(wake_step);
             }
         }
         Ok(())
@@ -153,7 +153,7 @@ impl Island {
     /// Sleep on until the next event, or wake for it.
     fn sleep_on(&mut self) {
         match self.wakes_at() {
-            Some(until) => self.rest.stage = Stage::Asleep(until),
+            Some(wake_step) => self.rest.stage = Stage::Asleep(wake_step),
             None => self.wake(),
         }
     }
@@ -320,8 +320,8 @@ impl Island {
         if !script.drives.iter().all(is_known) || !script.hand_bindings.is_empty() || state.hands.is_struck() {
             return n;
         }
-        let bodies = state.matter.bodies.iter().map(inside::RunningBody::kick_every);
-        let mut kick_intervals = bodies.chain(state.hands.voices.iter().map(Voice::kick_every));
+        let body_intervals = state.matter.bodies.iter().map(inside::RunningBody::kick_every);
+        let mut kick_intervals = body_intervals.chain(state.hands.voices.iter().map(Voice::kick_every));
         if kick_intervals.any(|interval| u64::from(interval) > ALIKE_FRAMES) {
             return n;
         }
@@ -329,18 +329,18 @@ impl Island {
         let ergon_frame = script.ergons.get(state.hands.ergons).map(|ergon_frame| ergon_frame.0);
         let voice_events = state.hands.voices.iter().zip(&script.voices);
         let voice_events = voice_events.map(|(voice, voice_script)| voice.due(voice_script, &script.gestures, n));
-        let bodies = state.matter.bodies.iter().map(|body| body.due(n));
+        let body_events = state.matter.bodies.iter().map(|body| body.due(n));
         let continuations = state.values.gate_continuations.iter();
         let gate_events = script.gates.iter().zip(continuations);
         let gate_events = gate_events.map(|(gate, continuation)| gate.due(continuation.as_ref(), n));
         let glide_events = script.glides.iter().map(|glide| glide.due(n));
-        let led = script.led.iter().map(|led| led.due(n));
+        let lead_events = script.led.iter().map(|led| led.due(n));
         let event_frames = push_frame
             .into_iter()
             .chain(ergon_frame)
             .chain(voice_events)
-            .chain(bodies);
-        let event_frames = event_frames.chain(gate_events).chain(glide_events).chain(led);
+            .chain(body_events);
+        let event_frames = event_frames.chain(gate_events).chain(glide_events).chain(lead_events);
         event_frames.min().unwrap_or(u64::MAX)
     }
 

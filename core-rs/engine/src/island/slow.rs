@@ -418,8 +418,8 @@ impl RunningSlow {
             self.v[port] += plan.w[port] * force[mat];
             self.x[port] += self.v[port];
         }
-        for (&(port, _), hand_velocities) in plan.ports.iter().zip(&mut self.hand_velocities) {
-            self.v[port] += std::mem::take(hand_velocities);
+        for (&(port, _), hand_velocity) in plan.ports.iter().zip(&mut self.hand_velocities) {
+            self.v[port] += std::mem::take(hand_velocity);
         }
         self.since += 1;
         let kick_frames = plan.kick_every;

@@ -97,7 +97,7 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
         _ => None,
     };
     let all_drives: Vec<SoundDrive> = drives.iter().filter_map(sound_drive).collect();
-    let played = |drive: &SoundDrive| match drive.sound.settings.source {
+    let new_input = |drive: &SoundDrive| match drive.sound.settings.source {
         InputSource::Channel(_) => Played::Samples(Samples {
             from: None,
             before: 0.0,
@@ -106,7 +106,7 @@ pub(super) fn sound_drives(drives: &[Drive]) -> (Vec<SoundDrive>, Vec<Played>) {
         }),
         InputSource::Value { .. } => Played::Ramp(None),
     };
-    let played = all_drives.iter().map(played).collect();
+    let played = all_drives.iter().map(new_input).collect();
     (all_drives, played)
 }
 

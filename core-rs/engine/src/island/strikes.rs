@@ -34,9 +34,10 @@ pub(super) fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64
         }
         // p = 2 m m_S/(m + m_S)·(v − V), where V is the centred velocity without the ergon: with this impulse the work
         // on the struck MAT is exactly the energy that the ergon loses.
-        let mass = time_step * time_step / scheme.w[mat];
+        let struck_mass = time_step * time_step / scheme.w[mat];
         let velocity = kernel::centred(scheme, body, mat);
-        let impulse = 2.0 * due_ergon.mass * mass / (due_ergon.mass + mass) * (due_ergon.speed - velocity);
+        let impulse =
+            2.0 * due_ergon.mass * struck_mass / (due_ergon.mass + struck_mass) * (due_ergon.speed - velocity);
         let ergon_force = impulse * scheme.rate;
         body.push(mat, ergon_force);
         bodies.iter_mut().for_each(|body| body.struck(mat, ergon_force));

@@ -130,7 +130,7 @@ impl Island {
             ItemTakeover::Gate(from, to) => {
                 let island_step = self.state.frame;
                 let new_gate = &self.script.gates[to];
-                let then = old.state.frame;
+                let old_step = old.state.frame;
                 self.state.values.gate_continuations[to] = match from {
                     // A gate that glides has its own start value.
                     _ if new_gate.glides() => None,
@@ -143,7 +143,7 @@ impl Island {
                         } else {
                             GateContinuation::new(
                                 new_gate,
-                                GateContinuation::open(continuation.as_ref(), old_gate, then),
+                                GateContinuation::open(continuation.as_ref(), old_gate, old_step),
                                 island_step,
                             )
                         }

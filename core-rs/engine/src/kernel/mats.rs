@@ -92,7 +92,7 @@ fn move_range(
     from: Option<&PreviousState>,
     moved: [&mut [f64]; 2],
 ) -> bool {
-    let from = |part_range: &Range<usize>| {
+    let previous_range = |part_range: &Range<usize>| {
         from.map(|from| [&from.x, &from.d].map(|mat_values| &mat_values[part_range.clone()]))
     };
     let [positions, last_steps] = moved;
@@ -101,7 +101,7 @@ fn move_range(
             scheme.mat_coefficients().map(|mat_values| &mat_values[mats.clone()]),
             &force[mats.clone()],
         );
-        return match from(&mats) {
+        return match previous_range(&mats) {
             Some(from) => move_from(numbers, force, from, positions, last_steps),
             None => move_all(numbers, force, positions, last_steps),
         };
@@ -115,7 +115,7 @@ fn move_range(
         }
         let local_range = part_range.start - mats.start..part_range.end - mats.start;
         let (positions, last_steps) = (&mut positions[local_range.clone()], &mut last_steps[local_range]);
-        all_bounded &= match from(&part_range) {
+        all_bounded &= match previous_range(&part_range) {
             Some(from) => move_alike_from(alike.coefficients, &force[part_range], from, positions, last_steps),
             None => move_alike(alike.coefficients, &force[part_range], positions, last_steps),
         };
@@ -218,9 +218,9 @@ wide! {
 }
 
 wide! {
-    /// Move MATs by the fraction `part` of a frame; `d` stays the step of a full frame.
+    /// Move MATs by the fraction `frame_fraction` of a frame; `d` stays the step of a full frame.
     pub(crate) fn fine_steps(
-        part: f64,
+        frame_fraction: f64,
         numbers: [&[f64]; 4],
         force: &[f64],
         x: &mut [f64],
@@ -230,9 +230,9 @@ wide! {
         let [w, kappa, zeta, rest] = numbers.map(|numbers| &numbers[..n]);
         let (x, d) = (&mut x[..n], &mut d[..n]);
         for i in 0..n {
-            let step = force[i] * w[i] - kappa[i] * (x[i] - rest[i]) - zeta[i] * d[i];
-            d[i] += part * step;
-            x[i] += part * d[i];
+            let step_change = force[i] * w[i] - kappa[i] * (x[i] - rest[i]) - zeta[i] * d[i];
+            d[i] += frame_fraction * step_change;
+            x[i] += frame_fraction * d[i];
         }
     }
 }

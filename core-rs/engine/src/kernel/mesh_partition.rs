@@ -122,7 +122,7 @@ impl MeshRange {
             let (links_at_a, links_at_b) = (links_ending(run.a), links_ending(run.b));
             let links_at_both = links_at_a.start.max(links_at_b.start)..links_at_a.end.min(links_at_b.end);
             let [links_only_at_a, links_only_at_b] =
-                [&links_at_a, &links_at_b].map(|run_ranges| range_without(run_ranges, &links_at_both));
+                [&links_at_a, &links_at_b].map(|links_at_end| range_without(links_at_end, &links_at_both));
             let local_mat = |end: usize, i: usize| end + i - mats.start;
             // A MAT that is an end a of one link and an end b of another adds its force as end a first, as in the
             // undivided run.

@@ -30,7 +30,7 @@ type Pair = [u32; 2];
 /// the second group [N].
 pub(super) fn forces(
     run: &Run,
-    pairs: &PairRun,
+    pair_run: &PairRun,
     gates: &[f64],
     body: &mut Body,
     (history_index, neighbours): (usize, &mut Neighbours),
@@ -48,13 +48,13 @@ pub(super) fn forces(
     let run_forces = &mut link[run.first..run.first + run.len];
     let history = &mut histories[history_index];
     history.begin();
-    if pairs.pairs.is_searched() {
-        neighbours.push(pairs, gated_k_and_z, (x, d), history);
-        neighbours.add_forces(pairs, pair_force, run_forces);
+    if pair_run.pairs.is_searched() {
+        neighbours.push(pair_run, gated_k_and_z, (x, d), history);
+        neighbours.add_forces(pair_run, pair_force, run_forces);
     } else {
         let may_touch = neighbours.seen();
         walls::push(
-            pairs,
+            pair_run,
             gated_k_and_z,
             (x, d),
             (may_touch, history),

@@ -10,36 +10,39 @@ pub(super) fn add(f: &[f64], force: &mut [f64], a: usize, b: usize) {
     // Number of MATs at each side that belong to one range only.
     let unshared_count = upper_end - lower_end;
     if unshared_count >= f.len() {
-        let (part_before, part_behind) = force.split_at_mut(upper_end);
-        let (lower_end, upper_end) = (&mut part_before[lower_end..][..f.len()], &mut part_behind[..f.len()]);
+        let (forces_before, forces_behind) = force.split_at_mut(upper_end);
+        let (lower_forces, upper_forces) = (
+            &mut forces_before[lower_end..][..f.len()],
+            &mut forces_behind[..f.len()],
+        );
         let (forces_at_a, forces_at_b) = if a < b {
-            (lower_end, upper_end)
+            (lower_forces, upper_forces)
         } else {
-            (upper_end, lower_end)
+            (upper_forces, lower_forces)
         };
-        for ((forces_at_a, forces_at_b), f) in forces_at_a.iter_mut().zip(forces_at_b).zip(f) {
-            *forces_at_a += f;
-            *forces_at_b -= f;
+        for ((force_at_a, force_at_b), f) in forces_at_a.iter_mut().zip(forces_at_b).zip(f) {
+            *force_at_a += f;
+            *force_at_b -= f;
         }
         return;
     }
     let shared_count = f.len() - unshared_count;
-    let (forces_at_a, forces_at_b) = (&f[upper_end - a..][..shared_count], &f[upper_end - b..][..shared_count]);
-    for ((force, forces_at_a), forces_at_b) in force[upper_end..][..shared_count]
+    let (link_forces_a, link_forces_b) = (&f[upper_end - a..][..shared_count], &f[upper_end - b..][..shared_count]);
+    for ((force, link_force_a), link_force_b) in force[upper_end..][..shared_count]
         .iter_mut()
-        .zip(forces_at_a)
-        .zip(forces_at_b)
+        .zip(link_forces_a)
+        .zip(link_forces_b)
     {
-        *force = (*force + forces_at_a) - forces_at_b;
+        *force = (*force + link_force_a) - link_force_b;
     }
-    let (part_before, part_behind) = (
+    let (lower_rest, upper_rest) = (
         (lower_end, &f[..unshared_count]),
         (upper_end + shared_count, &f[shared_count..]),
     );
     let (unshared_a, unshared_b) = if a < b {
-        (part_before, part_behind)
+        (lower_rest, upper_rest)
     } else {
-        (part_behind, part_before)
+        (upper_rest, lower_rest)
     };
     for (force, f) in force[unshared_a.0..][..unshared_count].iter_mut().zip(unshared_a.1) {
         *force += f;

@@ -43,12 +43,12 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
         match &run.kind {
             Kind::Ref => springs(run.k, run.z, run.rest, &run_ends, link_force),
             Kind::Hardening(q) => {
-                let by = Hardening {
+                let hardening_law = Hardening {
                     k: run.k,
                     q: *q,
                     z: (run.z != 0.0).then_some(run.z),
                 };
-                hardening(by, 1.0, run.rest, &run_ends, link_force);
+                hardening(hardening_law, 1.0, run.rest, &run_ends, link_force);
             }
             Kind::But(but) => {
                 let Ends { xa, xb, da, db } = run_ends;
@@ -58,11 +58,11 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
                 }
             }
             Kind::Bristle { .. } => {
-                if let Some((by, step)) = run.bristle() {
+                if let Some((bristle_law, step)) = run.bristle() {
                     let bristle_bends = &body.memory[run.first..run.first + run.len];
                     let Ends { da, db, .. } = run_ends;
                     for i in 0..run.len {
-                        link_force[i] = by.force(bristle_bends[i], (db[i] - da[i]) / step);
+                        link_force[i] = bristle_law.force(bristle_bends[i], (db[i] - da[i]) / step);
                     }
                 }
             }
@@ -77,7 +77,7 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
             // Dry friction is solved later, with the exact contacts; links in space are already computed above.
             Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => link_force.fill(0.0),
             Kind::Lnl { law, rate, room } => match law.hardening_spring() {
-                Some(by) => hardening(by, *rate, run.rest, &run_ends, link_force),
+                Some(hardening_law) => hardening(hardening_law, *rate, run.rest, &run_ends, link_force),
                 None => {
                     let Ends { xa, xb, da, db } = run_ends;
                     let (e, v) = (&mut laws.e[..run.len], &mut laws.v[..run.len]);

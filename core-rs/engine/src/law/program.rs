@@ -52,7 +52,7 @@ pub(super) struct Few(pub(super) [f64; FEW]);
 const FIRST: usize = 2;
 const MAX_REGISTERS: usize = FIRST + super::parse::MAX_NODES;
 /// Number of registers that is enough for most laws: a single link then touches a quarter of a kilobyte.
-const FEW_REGISTERS: usize = 32;
+const REGISTERS_OF_MOST_LAWS: usize = 32;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Step {
@@ -175,8 +175,8 @@ impl Program {
 
     /// The value for one link.
     pub(super) fn value(&self, d: f64, v: f64) -> f64 {
-        if FIRST + self.steps.len() <= FEW_REGISTERS {
-            self.scalar::<FEW_REGISTERS>(d, v)
+        if FIRST + self.steps.len() <= REGISTERS_OF_MOST_LAWS {
+            self.scalar::<REGISTERS_OF_MOST_LAWS>(d, v)
         } else {
             self.scalar::<MAX_REGISTERS>(d, v)
         }

@@ -104,9 +104,9 @@ fn number(field: LawField, rest: &[char], position: usize) -> Result<(Kind, usiz
     }
     if matches!(rest.get(length), Some('e' | 'E')) {
         let sign_length = usize::from(matches!(rest.get(length + 1), Some('+' | '-')));
-        let exponent = digits(rest.get(length + 1 + sign_length..).unwrap_or(&[]));
-        if exponent > 0 {
-            length += 1 + sign_length + exponent;
+        let exponent_digits = digits(rest.get(length + 1 + sign_length..).unwrap_or(&[]));
+        if exponent_digits > 0 {
+            length += 1 + sign_length + exponent_digits;
         }
     }
     let tail_length = rest[length..]

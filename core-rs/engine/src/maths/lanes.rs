@@ -9,7 +9,7 @@ const LN2_HI: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
 const LN2_LO: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
 const INV_LN2: f64 = f64::from_bits(0x3ff7_1547_652b_82fe);
 /// Adding this number leaves a small integer in the lowest bits of the sum.
-const TO_BITS: f64 = 6_755_399_441_055_744.0; // 1.5·2⁵²
+const ROUND_TO_LOW_BITS: f64 = 6_755_399_441_055_744.0; // 1.5·2⁵²
 const BIAS: u64 = 0x3ff;
 
 /// Largest |x| for which no lane overflows or underflows.
@@ -51,7 +51,7 @@ fn are_tame(a: &[f64]) -> bool {
 fn tame_exp(x: f64) -> f64 {
     const TINY: f64 = f64::from_bits(0x3e30_0001_0000_0000);
     const HALF_LN2: f64 = f64::from_bits(0x3fd6_2e43_0000_0000);
-    const MORE_LN2: f64 = f64::from_bits(0x3ff0_a2b2_0000_0000);
+    const THREE_HALVES_LN2: f64 = f64::from_bits(0x3ff0_a2b2_0000_0000);
     const P: [f64; 5] = [
         f64::from_bits(0x3fc5_5555_5555_553e),
         f64::from_bits(0xbf66_c16c_16be_bd93),
@@ -60,11 +60,11 @@ fn tame_exp(x: f64) -> f64 {
         f64::from_bits(0x3e66_3769_72be_a4d0),
     ];
     let magnitude = x.abs();
-    let half_sign = 1f64.copysign(x);
+    let sign = 1f64.copysign(x);
     // SAFETY: |x| < 708, so that the product fits an i32.
-    let far_multiple: i32 = unsafe { (INV_LN2 * x + 0.5 * half_sign).to_int_unchecked() };
-    let near_multiple = if magnitude >= HALF_LN2 { half_sign } else { 0.0 };
-    let k = if magnitude >= MORE_LN2 {
+    let far_multiple: i32 = unsafe { (INV_LN2 * x + 0.5 * sign).to_int_unchecked() };
+    let near_multiple = if magnitude >= HALF_LN2 { sign } else { 0.0 };
+    let k = if magnitude >= THREE_HALVES_LN2 {
         f64::from(far_multiple)
     } else {
         near_multiple
@@ -74,7 +74,7 @@ fn tame_exp(x: f64) -> f64 {
     let rr = r * r;
     let c = r - rr * (P[0] + rr * (P[1] + rr * (P[2] + rr * (P[3] + rr * P[4]))));
     let y = 1.0 + (r * c / (2.0 - c) - lo + hi);
-    let y = y * f64::from_bits((k + TO_BITS).to_bits().wrapping_add(BIAS) << 52);
+    let y = y * f64::from_bits((k + ROUND_TO_LOW_BITS).to_bits().wrapping_add(BIAS) << 52);
     if magnitude < TINY { 1.0 + x } else { y }
 }
 

@@ -30,7 +30,7 @@ impl Network {
     ///
     /// Outputs keep their terms on `mats` and `links`, but not those on guests. All lists must rise.
     pub(crate) fn subset(&self, mats: &[u32], guests: &[u32], links: &[u32]) -> Subset {
-        let mut subset = self.subset_for_all(mats, guests, links);
+        let mut subset = self.subset_with_all_outputs(mats, guests, links);
         let outputs = &mut subset.network.outputs;
         subset
             .outputs
@@ -40,7 +40,7 @@ impl Network {
     }
 
     /// [`Network::subset`] with all outputs of the whole, including those that listen to none of its modules.
-    pub(crate) fn subset_for_all(&self, mats: &[u32], guests: &[u32], links: &[u32]) -> Subset {
+    pub(crate) fn subset_with_all_outputs(&self, mats: &[u32], guests: &[u32], links: &[u32]) -> Subset {
         let mut subset_mats = [mats, guests].concat();
         subset_mats.sort_unstable();
         let mut subset = Subset {

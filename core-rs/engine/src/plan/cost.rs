@@ -152,11 +152,11 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
         let touches_port = |run: &&Run| [run.a, run.b].contains(port);
         fine_laws.iter().any(touches_port)
     };
-    let port_modes = |body: &BodyPlan| {
+    let modes_at_ports = |body: &BodyPlan| {
         let body_ports = body.ports();
         (body_ports.iter().filter(carries_law).count() * body.n_modes()) as f64
     };
-    let port_modes: f64 = body_plans.iter().map(port_modes).sum();
+    let port_modes: f64 = body_plans.iter().map(modes_at_ports).sum();
     laws_total + 2.0 * LAW_INSTANTS * port_modes * Costs::nanoseconds("port")
 }
 
@@ -344,8 +344,9 @@ mod tests {
             (1.0..1.2).contains(&coarse_crowding) && (7.0..40.0).contains(&fine_crowding),
             "{coarse_crowding} {fine_crowding}"
         );
-        let point_cost = Costs::nanoseconds("surface") - Costs::nanoseconds("pairwise_wall");
-        let surface_cost = |crowding: f64| 50.0 * (point_cost + crowding * Costs::nanoseconds("surface_triangle"));
+        let extra_point_cost = Costs::nanoseconds("surface") - Costs::nanoseconds("pairwise_wall");
+        let surface_cost =
+            |crowding: f64| 50.0 * (extra_point_cost + crowding * Costs::nanoseconds("surface_triangle"));
         assert!((coarse_cost - plane_cost - surface_cost(coarse_crowding)).abs() < 1e-6);
         assert!((fine_cost - plane_cost - surface_cost(fine_crowding)).abs() < 1e-6);
     }

@@ -12,14 +12,14 @@ use crate::network::{Error, LinkKind, Network, Run, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::choice::{Choice, IslandMethod, Pins, SteppedChoice, wrong_plan_error};
 use crate::plan::cost;
-use crate::plan::passes::assemble::{Assembled, How};
-use crate::plan::passes::audible::{Body as Found, ModeKind};
+use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
+use crate::plan::passes::audible::{Body as SolvedBank, ModeKind};
 use crate::plan::passes::body;
 use crate::plan::passes::cells;
 use crate::plan::passes::islands::{IslandMembers, islands};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
-use crate::plan::passes::ported::{self, PortedBody as Body};
+use crate::plan::passes::ported::{self, PortedBody};
 use crate::plan::passes::seen;
 use crate::plan::passes::slow::RefusedSlow;
 use crate::plan::passes::solved_modes::Memo;
@@ -58,7 +58,7 @@ struct Maker<'a> {
 }
 
 /// How an island is computed.
-struct Solved {
+struct SolvedIsland {
     chosen: ChosenIsland,
     growth: Option<Growth>,
     /// The error that its slow parts add.
@@ -325,7 +325,7 @@ impl<'a> Maker<'a> {
             },
             Ok(solved) => solved,
         };
-        let Solved {
+        let SolvedIsland {
             chosen:
                 ChosenIsland {
                     island,
@@ -355,7 +355,7 @@ impl<'a> Maker<'a> {
                 oversampling: island_plan.oversampling,
                 contact_substeps: island_plan.contact_substeps,
                 counted_cost: island_plan.counted_cost,
-                bodies: bodies.iter().map(Body::choice).collect(),
+                bodies: bodies.iter().map(PortedBody::choice).collect(),
             }),
         });
         let port_count: usize = bodies.iter().map(|body| body.inside.ports().len()).sum();
@@ -404,38 +404,39 @@ impl<'a> Maker<'a> {
         subset: &Subset,
         island_timeline: &OwnTimeline,
         pin: Option<&SteppedChoice>,
-    ) -> Result<Solved, Error> {
+    ) -> Result<SolvedIsland, Error> {
         let (mut subset, mut refused_slow) = multirate::without_refused_slow(subset, island_timeline, self.budget);
         let (chosen_island, growth) = loop {
-            let assemble = |how: How<'_>| {
+            let assemble = |how: AssemblyOptions<'_>| {
                 let island = Assembled::new(&subset, island_timeline, self.budget, how, pin, &self.memo);
                 self.allowance.spend(self.memo.take_work());
                 island
             };
             // An island that is unstable at once is not worth a pilot.
             let has_slow_parts = subset.network.has_slow_parts();
-            let judged = has_slow_parts.then(|| assemble(How::fine(1, MethodChoice::ByBudget)));
-            let mut judged = match judged {
+            let first_try = has_slow_parts.then(|| assemble(AssemblyOptions::fine(1, MethodChoice::ByBudget)));
+            let mut growth_result = match first_try {
                 Some(Ok(island)) => multirate::certify(&island, &self.allowance),
                 _ => Ok(None),
             };
-            if judged.is_ok() {
+            if growth_result.is_ok() {
                 let chosen_island = match pin {
-                    Some(pin) => {
-                        pilot_result::pinned(assemble(How::fine(pin.oversampling, MethodChoice::ByBudget))?, pin)
-                            .ok_or_else(wrong_plan_error)?
-                    }
+                    Some(pin) => pilot_result::pinned(
+                        assemble(AssemblyOptions::fine(pin.oversampling, MethodChoice::ByBudget))?,
+                        pin,
+                    )
+                    .ok_or_else(wrong_plan_error)?,
                     None => self.choose_by_pilot(&subset, island_timeline, &assemble)?,
                 };
                 // At a higher oversampling the island has to be certified again.
                 if chosen_island.island.island_plan.oversampling > 1 {
-                    judged = multirate::certify(&chosen_island.island, &self.allowance);
+                    growth_result = multirate::certify(&chosen_island.island, &self.allowance);
                 }
-                if let Ok(growth) = judged {
+                if let Ok(growth) = growth_result {
                     break (chosen_island, growth);
                 }
             }
-            if let Err(slow_reason) = judged {
+            if let Err(slow_reason) = growth_result {
                 let refused_more = multirate::refuse_all(&subset, &slow_reason);
                 subset = multirate::without_slow(&subset, &refused_more);
                 refused_slow.extend(refused_more);
@@ -454,7 +455,7 @@ impl<'a> Maker<'a> {
             }
             _ => None,
         };
-        Ok(Solved {
+        Ok(SolvedIsland {
             chosen: chosen_island,
             growth,
             slow_error,
@@ -465,7 +466,7 @@ impl<'a> Maker<'a> {
 }
 
 /// Notes on a bank which body it is of, and which of its modes.
-fn label_bank(solved_bank: &mut Found, subset: &Subset, island_timeline: &OwnTimeline) {
+fn label_bank(solved_bank: &mut SolvedBank, subset: &Subset, island_timeline: &OwnTimeline) {
     solved_bank.bank.is_open = island_timeline.timeline.is_open;
     solved_bank.bank.computed_modes = solved_bank.computed.numbers();
     // A takeover needs normal modes.

@@ -4,7 +4,7 @@
 //! eigenvalues of 4M − K − 2Z. Every contact counts as closed, every law by its slope at rest. A certificate of a
 //! network with such links is `Guarded`; without them it is `Proved`.
 //!
-//! Other methods need other multiples of Z and other bounds: `top` finds λmax(M⁻¹(K + c·Z)).
+//! Other methods need other multiples of Z and other bounds: `largest_eigenvalue` finds λmax(M⁻¹(K + c·Z)).
 
 use std::collections::HashSet;
 
@@ -119,12 +119,12 @@ fn pairwise_weights(run: &Run, weight: f64) -> impl Iterator<Item = (usize, f64)
     let point_count = run.len;
     let (first_start, second_start) = (run.a, run.b);
     point_pairs.into_iter().flat_map(move |point_pairs| {
-        let [first, second_sum] = point_pairs.neighbours(point_count).map(|n| n * weight);
+        let [first_sum, second_sum] = point_pairs.neighbours(point_count).map(|n| n * weight);
         let first_count = if point_pairs.is_within { 0 } else { point_pairs.n_first };
         (0..point_pairs.link.n_axes).flat_map(move |axis| {
             let (first_start, second_start) = point_pairs.link.pair((first_start, second_start), axis);
-            let first = (first_start..first_start + first_count).map(move |mat| (mat, first));
-            first.chain((second_start..second_start + point_count).map(move |mat| (mat, second_sum)))
+            let first_weights = (first_start..first_start + first_count).map(move |mat| (mat, first_sum));
+            first_weights.chain((second_start..second_start + point_count).map(move |mat| (mat, second_sum)))
         })
     })
 }
@@ -149,17 +149,17 @@ pub(crate) struct LargestEigenvalue {
 
 /// λmax(M⁻¹(K + c·Z)): Gershgorin's bound if it is below `sufficient_bound`, else an eigenvalue. Fails if a force at
 /// rest is not finite.
-pub(crate) fn top(
+pub(crate) fn largest_eigenvalue(
     scheme: &Scheme,
     network: &Network,
     c: f64,
     sufficient_bound: f64,
 ) -> Result<LargestEigenvalue, Error> {
-    top_up_to(scheme, network, c, sufficient_bound, f64::INFINITY)
+    largest_eigenvalue_up_to(scheme, network, c, sufficient_bound, f64::INFINITY)
 }
 
-/// Does the same as [`top`], but stops as soon as λmax is known to be at least `search_limit`.
-pub(crate) fn top_up_to(
+/// Does the same as [`largest_eigenvalue`], but stops as soon as λmax is known to be at least `search_limit`.
+pub(crate) fn largest_eigenvalue_up_to(
     scheme: &Scheme,
     network: &Network,
     c: f64,
@@ -346,7 +346,7 @@ fn lowest_stable_multiple(scheme: &Scheme, network: &Network, lambda: f64) -> u3
         };
         Scheme::new(network, finer_rate).is_ok_and(|mut finer| {
             finer.runs.retain(|run| first_links.contains(&run.first));
-            let largest_eigen = top_up_to(&finer, network, 2.0, LIMIT, LIMIT);
+            let largest_eigen = largest_eigenvalue_up_to(&finer, network, 2.0, LIMIT, LIMIT);
             largest_eigen.is_ok_and(|largest_eigen| largest_eigen.lambda < LIMIT)
         })
     };
@@ -375,7 +375,7 @@ fn lowest_stable_multiple(scheme: &Scheme, network: &Network, lambda: f64) -> u3
 
 /// Whether the scheme is stable without its damping.
 pub(super) fn bears_springs(scheme: &Scheme, network: &Network) -> bool {
-    top_up_to(scheme, network, 0.0, LIMIT, LIMIT).is_ok_and(|top| top.lambda < LIMIT)
+    largest_eigenvalue_up_to(scheme, network, 0.0, LIMIT, LIMIT).is_ok_and(|top| top.lambda < LIMIT)
 }
 
 pub(super) fn certify(scheme: &Scheme, network: &Network, refusal: Refusal) -> Result<Certificate, Error> {
@@ -388,7 +388,7 @@ pub(super) fn certify(scheme: &Scheme, network: &Network, refusal: Refusal) -> R
         Refusal::Explained => f64::INFINITY,
         Refusal::Bare => LIMIT,
     };
-    let largest_eigen = top_up_to(scheme, network, 2.0, LIMIT, search_limit)?;
+    let largest_eigen = largest_eigenvalue_up_to(scheme, network, 2.0, LIMIT, search_limit)?;
     // The eigenvalue holds for the initial position of a proxy only.
     let has_moving_proxy = scheme.proxies.iter().any(Proxy::is_moving);
     let guarantee = match largest_eigen.means {

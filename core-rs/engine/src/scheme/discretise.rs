@@ -82,15 +82,15 @@ fn set_masses(scheme: &mut Scheme, network: &Network, rate: Rate, ties: Ties) ->
             Some(design_rate) => {
                 // The number is M at the part's own rate, so m = M·T²; if `rate` is that rate, the factor is exactly 1.
                 let rate_ratio = design_rate.hertz() / rate.hertz();
-                let cell = Ratios {
+                let design_ratios = Ratios {
                     kappa: k / m,
                     zeta: z / m,
                 };
-                let cell_frequency = cell
+                let cell_frequency = design_ratios
                     .pitch(design_rate)
                     .map_or(0.0, |(cell_frequency, _)| cell_frequency);
                 too_high.extend(above_nyquist(network, i, cell_frequency, rate));
-                (rate_ratio * rate_ratio / m, resampled(cell, design_rate, rate))
+                (rate_ratio * rate_ratio / m, resampled(design_ratios, design_rate, rate))
             }
         };
         if mats.kind[i] == MatKind::Cel {
@@ -185,8 +185,8 @@ impl Scratch {
 
     /// Runs that share a law share its scratch memory.
     fn room_of(&mut self, law: &Arc<Law>) -> usize {
-        let known_law = self.laws.iter().position(|known_law| Arc::ptr_eq(known_law, law));
-        known_law.unwrap_or_else(|| {
+        let known_index = self.laws.iter().position(|known_law| Arc::ptr_eq(known_law, law));
+        known_index.unwrap_or_else(|| {
             self.laws.push(law.clone());
             self.laws.len() - 1
         })

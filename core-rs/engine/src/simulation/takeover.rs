@@ -150,15 +150,15 @@ impl Takeover {
             let mut is_matched = false;
             for (body_index, body) in island_plan.bodies.iter().enumerate() {
                 let old_body = unmatched(&old_side.islands, &same[0]).find_map(|(&(old_unit, _, other), _)| {
-                    let same = |their: &crate::island::inside::BodyPlan| {
+                    let is_same_body = |old_body_plan: &crate::island::inside::BodyPlan| {
                         let new_mat_name = |mat| island_plan.network.mat_name(mat);
-                        body.is_same(their, new_mat_name, |mat| other.network.mat_name(mat))
+                        body.is_same(old_body_plan, new_mat_name, |mat| other.network.mat_name(mat))
                     };
-                    Some((old_unit, other.bodies.iter().position(same)?))
+                    Some((old_unit, other.bodies.iter().position(is_same_body)?))
                 });
-                if let Some((old_unit, their)) = old_body {
+                if let Some((old_unit, old_index)) = old_body {
                     self.items
-                        .push((old_unit, new_unit, ItemTakeover::Body(their, body_index)));
+                        .push((old_unit, new_unit, ItemTakeover::Body(old_index, body_index)));
                     is_matched = true;
                 }
             }
@@ -222,11 +222,11 @@ impl Takeover {
     }
 
     /// Finds MATs of units that are not the same.
-    fn mats(&mut self, there: &Side<'_>, here: &Side<'_>, islands: &[Vec<bool>; 2], banks: &[Vec<bool>; 2]) {
-        let taken_bodies = |here: bool| -> HashSet<(UnitIndex, usize)> {
-            let bodies = self.items.iter().filter_map(|(from, to, item)| match item {
-                ItemTakeover::Body(_, own) if here => Some((*to, *own)),
-                ItemTakeover::Body(there, _) => Some((*from, *there)),
+    fn mats(&mut self, old_side: &Side<'_>, new_side: &Side<'_>, islands: &[Vec<bool>; 2], banks: &[Vec<bool>; 2]) {
+        let taken_bodies = |in_new: bool| -> HashSet<(UnitIndex, usize)> {
+            let bodies = self.items.iter().filter_map(|(old_unit, new_unit, item)| match item {
+                ItemTakeover::Body(_, new_body) if in_new => Some((*new_unit, *new_body)),
+                ItemTakeover::Body(old_body, _) => Some((*old_unit, *old_body)),
                 _ => None,
             });
             bodies.collect()
@@ -234,14 +234,14 @@ impl Takeover {
         let (old_taken, new_taken) = (taken_bodies(false), taken_bodies(true));
         let old_same: [&[bool]; 2] = [&islands[0], &banks[0]];
         let new_same: [&[bool]; 2] = [&islands[1], &banks[1]];
-        let singles = mat_locations(there, old_same);
+        let singles = mat_locations(old_side, old_same);
         let old_names: HashSet<String> = {
-            let bodies = names(there, old_same, &old_taken).into_iter();
+            let bodies = names(old_side, old_same, &old_taken).into_iter();
             bodies.chain(singles.iter().map(|(name, _)| name.clone())).collect()
         };
-        let mut new_mats = mat_locations(here, new_same);
-        let (body_locations, to) = bodies(
-            here,
+        let mut new_mats = mat_locations(new_side, new_same);
+        let (body_locations, new_bodies) = bodies(
+            new_side,
             new_same,
             &new_taken,
             |name| old_names.contains(name),
@@ -251,8 +251,8 @@ impl Takeover {
         new_mats.extend(body_locations);
         let new_names: HashSet<&str> = new_mats.iter().map(|(name, _)| name.as_str()).collect();
         let is_wanted = |name: &str| new_names.contains(name);
-        let (body_locations, from) = bodies(
-            there,
+        let (body_locations, old_bodies) = bodies(
+            old_side,
             old_same,
             &old_taken,
             is_wanted,
@@ -260,13 +260,13 @@ impl Takeover {
             &mut self.workspace,
         );
         let old_by_name: HashMap<String, MatLocation> = singles.into_iter().chain(body_locations).collect();
-        for (name, to) in &new_mats {
-            if let Some(&from) = old_by_name.get(name) {
-                self.mats.push((from, *to));
+        for (name, new_location) in &new_mats {
+            if let Some(&old_location) = old_by_name.get(name) {
+                self.mats.push((old_location, *new_location));
             }
         }
-        self.placed.extend(to.iter().map(|body| body.place.unit));
-        (self.from, self.to) = (from, to);
+        self.placed.extend(new_bodies.iter().map(|body| body.place.unit));
+        (self.from, self.to) = (old_bodies, new_bodies);
     }
 }
 

@@ -389,8 +389,8 @@ impl Playback {
     }
 
     fn is_alive(&mut self) -> bool {
-        let converts = self.converter.as_mut().is_none_or(rate::Converter::is_alive);
-        self.sink.is_alive() && converts
+        let is_converter_alive = self.converter.as_mut().is_none_or(rate::Converter::is_alive);
+        self.sink.is_alive() && is_converter_alive
     }
 
     fn converter_latency(&self) -> usize {

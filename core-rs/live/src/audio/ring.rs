@@ -248,8 +248,8 @@ impl Drain {
         let n_complete = out.len() - out.len() % self.channels;
         let (out, partial_frame) = out.split_at_mut(n_complete);
         partial_frame.fill(0.0);
-        let panicked = self.update_panic();
-        if panicked && self.fades.request_hush() {
+        let is_silenced = self.update_panic();
+        if is_silenced && self.fades.request_hush() {
             // Frames are dropped at the pace at which they would be heard, so that the sound before and after keeps its
             // time.
             self.discard(out.len() / self.channels);
@@ -280,7 +280,7 @@ impl Drain {
         self.fades.shape_sound(sounding);
         self.count_played(sound_frames, is_closed && sound_frames == waiting);
         if !silent_samples.is_empty() {
-            self.fill_gap(silent_samples, is_closed && sound_frames == waiting, panicked);
+            self.fill_gap(silent_samples, is_closed && sound_frames == waiting, is_silenced);
         }
         self.fades.apply_hush(out);
     }
@@ -371,16 +371,16 @@ impl Drain {
         }
     }
 
-    fn fill_gap(&mut self, silent: &mut [f32], ended: bool, panicked: bool) {
+    fn fill_gap(&mut self, silent: &mut [f32], ended: bool, is_silenced: bool) {
         if self.phase == Phase::Playing && !ended {
             self.phase = Phase::Starved;
             self.fades.begin_gap();
-            if self.outermost && !panicked {
+            if self.outermost && !is_silenced {
                 self.shared.add_underruns(1);
             }
         }
         self.fades.fill_gap(silent);
-        if self.phase == Phase::Starved && !ended && !panicked && self.outermost {
+        if self.phase == Phase::Starved && !ended && !is_silenced && self.outermost {
             let missing_frames = silent.len() / self.channels;
             self.shared.add_missing(missing_frames as u64);
         }

@@ -6,15 +6,15 @@ const BINS: usize = 1_024;
 
 /// Counts of times in bins.
 #[derive(Debug)]
-struct Times(Box<[u32]>);
+struct TimeHistogram(Box<[u32]>);
 
-impl Default for Times {
+impl Default for TimeHistogram {
     fn default() -> Self {
         Self(vec![0; BINS].into())
     }
 }
 
-impl Times {
+impl TimeHistogram {
     fn count(&mut self, seconds: f64) {
         let bin_index = (seconds.max(0.0) / BIN) as usize;
         self.0[bin_index.min(BINS - 1)] += 1;
@@ -47,25 +47,25 @@ pub struct ArrivalTimes {
 /// What arrived.
 #[derive(Debug, Default)]
 pub(super) struct Arrivals {
-    gaps: Times,
-    waits: Times,
-    needs: Times,
+    gap_times: TimeHistogram,
+    wait_times: TimeHistogram,
+    need_times: TimeHistogram,
 }
 
 impl Arrivals {
     /// A position of the instant `time` [s] arrived at `now` [s], the one before was of `last` [s].
     pub(super) fn count(&mut self, last: f64, time: f64, now: f64) {
-        self.gaps.count(time - last);
-        self.waits.count(now - time);
-        self.needs.count(now - last);
+        self.gap_times.count(time - last);
+        self.wait_times.count(now - time);
+        self.need_times.count(now - last);
     }
 
     /// The quantile `part` of each time, to 0.25 ms upwards.
     pub(super) fn quantile(&self, part: f64) -> ArrivalTimes {
         ArrivalTimes {
-            gap: self.gaps.quantile(part),
-            wait: self.waits.quantile(part),
-            need: self.needs.quantile(part),
+            gap: self.gap_times.quantile(part),
+            wait: self.wait_times.quantile(part),
+            need: self.need_times.quantile(part),
         }
     }
 }

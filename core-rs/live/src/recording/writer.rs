@@ -16,14 +16,14 @@ use super::row::{self, Sample};
 use super::{Header, RecordingError, chunk};
 
 /// Time between two writes to the operating system, well below the half second that a killed process may lose.
-const APPEND: Duration = Duration::from_millis(200);
+const APPEND_INTERVAL: Duration = Duration::from_millis(200);
 /// Time between two requests to the operating system to write to the disk.
-const SYNC: Duration = Duration::from_secs(1);
+const SYNC_INTERVAL: Duration = Duration::from_secs(1);
 /// Time for which the ring holds rows while the disk does not answer [s].
-const PATIENCE: f64 = 8.0;
+const RING_SECONDS: f64 = 8.0;
 const MIN_ROWS: f64 = 256.0;
 /// Greatest size of the ring [bytes], because it is locked memory.
-const MAX_RING: usize = 64 << 20;
+const RING_BYTES_MAX: usize = 64 << 20;
 const EVENT_RING: usize = 256 << 10;
 /// Longest line of an event [bytes].
 const MAX_LINE: usize = 1024;
@@ -64,16 +64,16 @@ impl Recorder {
 /// Both ends of the rings: the sink that fills them, and the writer that empties them into a file of `valid_len` bytes.
 fn channel(header: &Header, file: File, valid_len: u64) -> (RowSink, Writer) {
     let n_axes = header.axes.len();
-    let row = row::size(n_axes);
-    let ring_rows = (header.tick_rate() * PATIENCE).ceil().max(MIN_ROWS) as usize;
-    let (to_rows, from_rows) = RingBuffer::new(row * ring_rows.min(MAX_RING / row));
+    let row_size = row::size(n_axes);
+    let ring_rows = (header.tick_rate() * RING_SECONDS).ceil().max(MIN_ROWS) as usize;
+    let (to_rows, from_rows) = RingBuffer::new(row_size * ring_rows.min(RING_BYTES_MAX / row_size));
     let (to_events, from_events) = RingBuffer::new(EVENT_RING);
     let shared = Arc::new(Shared::default());
     let writer = Writer {
         file,
         valid_len,
         rows: from_rows,
-        row,
+        row_size,
         events: from_events,
         payload: Vec::with_capacity(chunk::MAX_PAYLOAD),
         pending: Vec::new(),
@@ -83,7 +83,7 @@ fn channel(header: &Header, file: File, valid_len: u64) -> (RowSink, Writer) {
     let row_sink = RowSink {
         rows: to_rows,
         events: to_events,
-        row: vec![0; row],
+        row: vec![0; row_size],
         n_axes,
         last: None,
         shared,
@@ -234,7 +234,7 @@ struct Writer {
     /// Length of the file up to its last whole chunk [bytes].
     valid_len: u64,
     rows: Consumer<u8>,
-    row: usize,
+    row_size: usize,
     events: Consumer<u8>,
     payload: Vec<u8>,
     /// Chunks that are not in the file yet.
@@ -250,7 +250,7 @@ impl Writer {
             // Read before the rings are emptied, so that nothing follows the last append.
             let is_last = self.shared.stop.load(Ordering::Acquire) || self.rows.is_abandoned();
             let mut write_result = self.append_all(is_last);
-            if last_sync.elapsed() >= SYNC || is_last {
+            if last_sync.elapsed() >= SYNC_INTERVAL || is_last {
                 write_result = write_result.and_then(|()| self.file.sync_data());
                 last_sync = Instant::now();
             }
@@ -259,14 +259,14 @@ impl Writer {
             if is_last {
                 return write_result;
             }
-            thread::park_timeout(APPEND);
+            thread::park_timeout(APPEND_INTERVAL);
         }
     }
 
     /// Append the contents of the rings, and the end chunk if it is the `last` time.
     fn append_all(&mut self, last: bool) -> io::Result<()> {
         self.append()?;
-        while self.rows.slots() >= self.row || self.events.slots() > 0 {
+        while self.rows.slots() >= self.row_size || self.events.slots() > 0 {
             self.gather();
             self.append()?;
         }
@@ -280,11 +280,11 @@ impl Writer {
 
     /// Move the rows and the events of the rings into one chunk each.
     fn gather(&mut self) {
-        let payload_limit = chunk::MAX_PAYLOAD / self.row * self.row;
-        let row_bytes = self.rows.slots() / self.row * self.row;
+        let payload_limit = chunk::MAX_PAYLOAD / self.row_size * self.row_size;
+        let row_bytes = self.rows.slots() / self.row_size * self.row_size;
         if drain(&mut self.rows, row_bytes.min(payload_limit), &mut self.payload) {
             chunk::append(&mut self.pending, chunk::ROWS, &self.payload);
-            self.pending_rows = (self.payload.len() / self.row) as u64;
+            self.pending_rows = (self.payload.len() / self.row_size) as u64;
         }
         // An event enters its ring at once, so the ring always holds whole events; all of them fit in a payload.
         let event_bytes = self.events.slots();
@@ -381,7 +381,7 @@ mod tests {
         assert!(!row_sink.row(6, &row_samples.repeat(2)), "every axis has its place");
         assert!(!row_sink.event(6, format_args!("{:2000}", 1)), "a long line");
         // Nothing empties the ring in this test.
-        let ring_rows = (header.rate * PATIENCE) as u64;
+        let ring_rows = (header.rate * RING_SECONDS) as u64;
         for tick in 0..ring_rows + 2 {
             assert_eq!(row_sink.row(10 + tick, &row_samples), tick < ring_rows - 1, "{tick}");
         }

@@ -123,10 +123,10 @@ mod unix {
     pub(in crate::safety) fn arm(resort: LastResort) -> Option<Armed> {
         static HOOKS: Once = Once::new();
         HOOKS.call_once(|| {
-            let former_handler = std::panic::take_hook();
+            let former_hook = std::panic::take_hook();
             std::panic::set_hook(Box::new(move |info| {
                 zero_all();
-                former_handler(info);
+                former_hook(info);
             }));
             for (signal, former_handler) in FAULTS.into_iter().zip(&FORMER_HANDLERS) {
                 watch_fault(signal, former_handler);

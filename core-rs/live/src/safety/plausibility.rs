@@ -195,10 +195,10 @@ impl Plausibility {
 
     fn step(&mut self, x: f64, sent: f64, asked: f64) {
         let step_time = self.built.step;
-        let seconds = move |seconds: f64| (seconds / step_time) as u32;
-        let (calm_for, alive_for) = (seconds(RETRY_AFTER), seconds(ALIVE));
+        let steps_in = move |seconds: f64| (seconds / step_time) as u32;
+        let (calm_for, alive_for) = (steps_in(RETRY_AFTER), steps_in(ALIVE));
         self.fade = (self.fade + self.built.step / FADE).min(1.0);
-        let quiet_limit = -(seconds(PAUSE_RESET) as i32);
+        let quiet_limit = -(steps_in(PAUSE_RESET) as i32);
         for (steps_left, fruitless_probes) in &mut self.pauses {
             *steps_left = (*steps_left - 1).max(quiet_limit);
             if *steps_left == quiet_limit {
@@ -233,7 +233,7 @@ impl Plausibility {
             Mode::Watching => self.watch(sent),
             Mode::Doubting(steps) => {
                 *steps += 1;
-                if *steps >= seconds(DOUBT) {
+                if *steps >= steps_in(DOUBT) {
                     self.trip_with(self.confirmation.fault_of_doubt());
                 }
             }

@@ -6,7 +6,7 @@ use super::loops::{add_at_ends, advance_psi_run, springs};
 use crate::maths::power_law;
 use crate::maths::{copysign, sqrt};
 use crate::network::{Error, Network};
-use crate::scheme::{Kind, Run, top};
+use crate::scheme::{Kind, Run, largest_eigenvalue};
 use crate::scheme::{Pull, Spring};
 
 /// The links, springs first, others after them.
@@ -97,7 +97,7 @@ pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> 
         | Kind::Pairwise { .. } => false,
         Kind::Lnl { law, .. } => law.hardening_spring().is_some(),
     });
-    Ok(top(&linear_scheme, network, 0.0, super::EXPLICIT_LAMBDA_MAX)?.lambda)
+    Ok(largest_eigenvalue(&linear_scheme, network, 0.0, super::EXPLICIT_LAMBDA_MAX)?.lambda)
 }
 
 impl Links {

@@ -103,8 +103,10 @@ impl Fine {
                 let on_same_body = crowded_body(from).is_some() && crowded_body(from) == crowded_body(to);
                 on_same_body || !script.path_responses[from * n_joints + to].is_empty()
             };
-            let (mover, moved) = (both_ends(script.ends[mover]), both_ends(script.ends[moved]));
-            mover.iter().any(|&from| moved.iter().any(|&to| is_coupled(from, to)))
+            let (mover_joints, moved_joints) = (both_ends(script.ends[mover]), both_ends(script.ends[moved]));
+            mover_joints
+                .iter()
+                .any(|&from| moved_joints.iter().any(|&to| is_coupled(from, to)))
         };
         loop {
             let is_reached = |link: &usize| {
@@ -186,8 +188,8 @@ impl Fine {
     pub(super) fn push_joint(&mut self, script: &Script, joint: usize, impulse: f64, instant: &Instant) {
         let n_instants = script.basis.n();
         let impulses = &mut self.impulse_sums[joint * n_instants..(joint + 1) * n_instants];
-        for (impulses, value) in impulses.iter_mut().zip(&instant.value) {
-            *impulses += impulse * value;
+        for (impulse_sum, value) in impulses.iter_mut().zip(&instant.value) {
+            *impulse_sum += impulse * value;
         }
         if !self.push_crowded(script, joint, impulse) {
             script.add_impulse(joint, impulse, instant, &mut self.paths);

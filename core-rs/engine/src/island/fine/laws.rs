@@ -34,16 +34,16 @@ const FORCE_TOLERANCE: f64 = 1e-9;
 /// from the laws at both ends of the frame by less than this share of the largest force. A larger value divides fewer
 /// frames, but unequal steps lose the cancellation of errors that equal steps have (a cubic spring: -72 dB at 1e-3,
 /// -104 dB with whole frames alone).
-const SMOOTH: f64 = 1e-6;
+const DEVIATION_MAX: f64 = 1e-6;
 /// More parts than these come with a smaller share, by the cube of their number: else a trial that asks for them would
 /// compute the same parts as one that does not, and see no error.
-const PARTS: usize = 32;
+const PARTS_PLAIN: usize = 32;
 /// Newton's method has failed if forces still change by more than this share of the largest.
-const LOST: f64 = 1e-3;
+const DIVERGED_CHANGE: f64 = 1e-3;
 /// Rounds over laws that are solved by bisection.
 const BRACKET_ROUNDS: usize = 20;
 /// Share of the largest force that is kept from frame to frame.
-const FADE: f64 = 0.999;
+const LARGEST_DECAY: f64 = 0.999;
 
 pub(super) type Stages = [f64; STAGES];
 pub(super) type Square = [Stages; STAGES];
@@ -60,7 +60,7 @@ impl Fine {
         };
         let change_left = self.solve(script, laws, (gates, 0), (0, round_limit));
         if finest_index == 0 {
-            if change_left > LOST {
+            if change_left > DIVERGED_CHANGE {
                 self.bracket(script, laws, (gates, 0, 0));
             }
             return self.apply_law_forces(script, laws, (0, 0));
@@ -78,7 +78,7 @@ impl Fine {
         let parts_wanted = pow(deviation / laws.smooth, 1.0 / 3.0);
         let finer_index = laws
             .divisions
-            .partition_point(|division_index| (division_index.parts as f64) < parts_wanted);
+            .partition_point(|division| (division.parts as f64) < parts_wanted);
         let division_index = finer_index.clamp(1, finest_index);
         let division = &laws.divisions[division_index];
         for state in &mut self.laws {
@@ -99,7 +99,7 @@ impl Fine {
             for state in &mut self.laws {
                 state.see(division, part);
             }
-            if self.solve(script, laws, (gates, division_index), (part, ROUNDS_MAX)) > LOST {
+            if self.solve(script, laws, (gates, division_index), (part, ROUNDS_MAX)) > DIVERGED_CHANGE {
                 self.bracket(script, laws, (gates, division_index, part));
             }
             self.apply_law_forces(script, laws, (division_index, part));
@@ -215,7 +215,7 @@ impl Fine {
                 .iter()
                 .fold(0.0_f64, |greatest, force| greatest.max(force.abs()));
             state.bristle = state.bristle_at_end;
-            state.largest_force = greatest.max(if part == 0 { FADE } else { 1.0 } * state.largest_force);
+            state.largest_force = greatest.max(if part == 0 { LARGEST_DECAY } else { 1.0 } * state.largest_force);
         }
     }
 

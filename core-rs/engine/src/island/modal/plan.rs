@@ -128,9 +128,9 @@ impl Modal {
         let mut pushed_plan = self.clone();
         if let Some(answers) = &self.answers {
             let time_step = self.rate.step();
-            for (answers, port) in answers.ports.iter().zip(&self.ports) {
+            for (port_responses, port) in answers.ports.iter().zip(&self.ports) {
                 let impulse = 0.5 * time_step * force[port.mat];
-                for (mode, answer) in pushed_plan.modes.iter_mut().zip(answers) {
+                for (mode, answer) in pushed_plan.modes.iter_mut().zip(port_responses) {
                     // The response to half the impulse of a frame is subtracted from both positions.
                     mode.now -= impulse * answer.displacement(0.0);
                     mode.before -= impulse

@@ -167,12 +167,12 @@ impl Voice {
             && !self.is_led
             && self.asked.is_nan()
             && self.flight.is_over();
-        let next = script
+        let next_gesture = script
             .gestures
             .get(self.begun)
             .map(|&gesture_index| &gestures[gesture_index]);
-        let next = next.map_or(u64::MAX, |gesture| gesture.join_from.min(gesture.first));
-        is_idle.then_some(next)
+        let next_frame = next_gesture.map_or(u64::MAX, |gesture| gesture.join_from.min(gesture.first));
+        is_idle.then_some(next_frame)
     }
 
     /// Compute a frame in which it does nothing to the key, with the same result as [`Self::step`].
@@ -281,13 +281,13 @@ impl Voice {
     /// Add the free key's position to the report of the gesture that runs or ran last; returns that report, if there is
     /// one.
     fn report_range<'a>(&self, script: &VoiceScript, reports: &'a mut [Report]) -> Option<&'a mut Report> {
-        let running = self.running.as_ref().map(|running| running.gesture);
+        let running_gesture = self.running.as_ref().map(|running| running.gesture);
         let last_gesture = || {
             self.begun
                 .checked_sub(1)
-                .map(|last_gesture| script.gestures[last_gesture])
+                .map(|begun_index| script.gestures[begun_index])
         };
-        let report = &mut reports[running.or_else(last_gesture)?];
+        let report = &mut reports[running_gesture.or_else(last_gesture)?];
         let free_position = self.free.body.x[script.free.struck];
         report.low = report.low.min(free_position);
         report.high = report.high.max(free_position);

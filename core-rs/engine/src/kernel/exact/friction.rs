@@ -20,7 +20,7 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     let v = body.d[second_mat] - body.d[first_mat];
     let dry_law = dry_law.with(run.z);
-    let friction_level = |v: f64| gate_opening * dry_law.level_at(v * rate);
+    let level_at = |v: f64| gate_opening * dry_law.level_at(v * rate);
     let imposed_target = |i: usize| targets.iter().find(|target| target.mat == i);
     let free_move = |i: usize| match imposed_target(i) {
         Some(target) => (target.x - body.x[i], 0.0),
@@ -31,18 +31,18 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
     let step_per_force = wa + wb;
     if step_per_force > 0.0 {
         let step_after = |friction_level: f64| Turned::after_step(v, free_step - v, step_per_force * friction_level).v;
-        let mut v_next = step_after(friction_level(v));
+        let mut v_next = step_after(level_at(v));
         if dry_law.falls() {
-            v_next = step_after(friction_level(0.5 * (v + v_next)));
+            v_next = step_after(level_at(0.5 * (v + v_next)));
             // Where it passes rest, the level is that near rest, in however short a time it passes.
-            if v * v_next < 0.0 && (free_step - v).abs() <= step_per_force * friction_level(0.0) {
+            if v * v_next < 0.0 && (free_step - v).abs() <= step_per_force * level_at(0.0) {
                 v_next = 0.0;
             }
         }
         return (free_step - v_next) / step_per_force;
     }
     // Both ends are imposed_target or fixed.
-    let friction_level = friction_level(0.5 * (v + free_step));
+    let friction_level = level_at(0.5 * (v + free_step));
     if free_step.abs() > SLIDE_DISTANCE_MIN {
         let slide_sign = free_step.signum();
         // If the sliding reverses within the frame, friction acts one way before and the other way after.

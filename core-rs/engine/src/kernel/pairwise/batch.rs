@@ -175,8 +175,8 @@ wide! {
         let found = &mut found[..pairs.len()];
         let mut n = 0;
         for &[i, j] in pairs {
-            let (here, there) = (&x[i as usize], &x[j as usize]);
-            let [x, y, z] = [there[0] - here[0], there[1] - here[1], there[2] - here[2]];
+            let (first_point, second_point) = (&x[i as usize], &x[j as usize]);
+            let [x, y, z] = [second_point[0] - first_point[0], second_point[1] - first_point[1], second_point[2] - first_point[2]];
             found[n] = [i, j];
             let is_far = x * x + y * y + z * z >= square;
             n += usize::from(!is_far);
@@ -187,15 +187,15 @@ wide! {
 
 wide! {
     /// Value of the second point of each pair minus that of the first, axis by axis.
-    fn apart(of: &[Quad], ends: &[Pair], into: [&mut [f64]; AXES_MAX]) {
+    fn apart(values: &[Quad], ends: &[Pair], differences: [&mut [f64]; AXES_MAX]) {
         let n = ends.len();
-        let [x, y, z] = into;
+        let [x, y, z] = differences;
         let (x, y, z) = (&mut x[..n], &mut y[..n], &mut z[..n]);
         for (k, &[i, j]) in ends.iter().enumerate() {
-            let (here, there) = (&of[i as usize], &of[j as usize]);
-            x[k] = there[0] - here[0];
-            y[k] = there[1] - here[1];
-            z[k] = there[2] - here[2];
+            let (first_value, second_value) = (&values[i as usize], &values[j as usize]);
+            x[k] = second_value[0] - first_value[0];
+            y[k] = second_value[1] - first_value[1];
+            z[k] = second_value[2] - first_value[2];
         }
     }
 }
@@ -203,22 +203,22 @@ wide! {
 wide! {
     /// Whether any entry is 0 or more.
     fn is_rounded(e: &[f64]) -> bool {
-        let mut is_one = false;
+        let mut is_any_rounded = false;
         for e in e {
-            is_one |= *e >= 0.0;
+            is_any_rounded |= *e >= 0.0;
         }
-        is_one
+        is_any_rounded
     }
 }
 
 wide! {
     /// Scalar products.
-    fn product(a: [&[f64]; AXES_MAX], b: [&[f64]; AXES_MAX], into: &mut [f64]) {
-        let n = into.len();
-        let [ax, ay, az] = a.map(|one| &one[..n]);
-        let [bx, by, bz] = b.map(|one| &one[..n]);
+    fn product(a: [&[f64]; AXES_MAX], b: [&[f64]; AXES_MAX], products: &mut [f64]) {
+        let n = products.len();
+        let [ax, ay, az] = a.map(|component| &component[..n]);
+        let [bx, by, bz] = b.map(|component| &component[..n]);
         for i in 0..n {
-            into[i] = ax[i] * bx[i] + ay[i] * by[i] + az[i] * bz[i];
+            products[i] = ax[i] * bx[i] + ay[i] * by[i] + az[i] * bz[i];
         }
     }
 }
@@ -244,12 +244,12 @@ wide! {
 
 wide! {
     /// Components of forces along directions, and `sum_share` times each force.
-    fn parts(f: &[f64], along: [&[f64]; AXES_MAX], sum_share: f64, into: &mut [Quad]) {
+    fn parts(f: &[f64], along: [&[f64]; AXES_MAX], sum_share: f64, force_parts: &mut [Quad]) {
         let n = f.len();
-        let [x, y, z] = along.map(|one| &one[..n]);
-        let into = &mut into[..n];
+        let [x, y, z] = along.map(|component| &component[..n]);
+        let force_parts = &mut force_parts[..n];
         for i in 0..n {
-            into[i] = [f[i] * x[i], f[i] * y[i], f[i] * z[i], sum_share * f[i]];
+            force_parts[i] = [f[i] * x[i], f[i] * y[i], f[i] * z[i], sum_share * f[i]];
         }
     }
 }

@@ -24,10 +24,10 @@ impl Contact {
     #[inline(always)]
     pub(crate) fn sliding(&self, pairs: &Pairwise, [k, z]: [f64; 2]) -> Sliding {
         let pressed = pairs.link.law.pressed(k, self.e, self.elastic);
-        let (normal_force, k) = pressed.map_or((0.0, 1.0), |[k, pull]| ((pull - self.f).max(0.0), k));
+        let (normal_force, contact_stiffness) = pressed.map_or((0.0, 1.0), |[k, pull]| ((pull - self.f).max(0.0), k));
         Sliding {
             limit: pairs.friction * normal_force,
-            by: [k, z],
+            by: [contact_stiffness, z],
             apart: self.apart,
             along: self.along,
             moved: self.moved,

@@ -124,8 +124,8 @@ impl Neighbours {
             self.is_made = true;
         }
         self.narrowed_at.copy_from_slice(&self.x);
-        let reach = square(run.rest + margin_width);
-        self.n_close = select_near(&self.x, &self.pairs, reach, &mut self.close);
+        let squared_reach = square(run.rest + margin_width);
+        self.n_close = select_near(&self.x, &self.pairs, squared_reach, &mut self.close);
     }
 
     /// Compute the forces of all pairs by the law of a run with K and Z in `k_and_z`, and by its friction.

@@ -24,7 +24,7 @@ pub(super) fn push(
 ) {
     let (pairs, link) = (&run.pairs, &run.pairs.link);
     pushes.fill(0.0);
-    let mut pair_pull = |first: usize, second: usize| {
+    let mut add_pair = |first: usize, second: usize| {
         let pair_ends = (run.a + first, run.b + second);
         let (pair_distance, along) = link.line(pair_ends, |mat| x[mat]);
         let e = pair_distance - run.rest;
@@ -34,7 +34,7 @@ pub(super) fn push(
         let stretch_step = link.stretch(pair_ends, along, |mat| d[mat]);
         let elastic = link.law.elastic(k_and_z[0], e);
         let f = link.law.damped([k_and_z[0], e], elastic, k_and_z[1] * stretch_step);
-        let mut pair_pull = along.map(|along| f * along);
+        let mut pair_force_vector = along.map(|along| f * along);
         if pairs.friction > 0.0 {
             let contact = Contact {
                 e,
@@ -45,12 +45,12 @@ pub(super) fn push(
                 moved: link.between(pair_ends, |mat| d[mat]),
             };
             let friction_force = contact.pull_across(pairs, k_and_z, run.points(pair_ends), history);
-            pair_pull = std::array::from_fn(|axis| pair_pull[axis] + friction_force[axis]);
+            pair_force_vector = std::array::from_fn(|axis| pair_force_vector[axis] + friction_force[axis]);
         }
-        for (axis, pair_pull) in pair_pull.into_iter().enumerate().take(link.n_axes) {
+        for (axis, axis_force) in pair_force_vector.into_iter().enumerate().take(link.n_axes) {
             let (first_mat, second_mat) = link.pair(pair_ends, axis);
-            pair_force[first_mat] += pair_pull;
-            pair_force[second_mat] -= pair_pull;
+            pair_force[first_mat] += axis_force;
+            pair_force[second_mat] -= axis_force;
         }
         // Within one group, half the force of each pair counts for each of its points.
         if pairs.is_within {
@@ -62,7 +62,7 @@ pub(super) fn push(
     };
     for first in 0..pairs.n_first {
         if !link.law.is_contact() {
-            pairs.others(first, run.n).for_each(|second| pair_pull(first, second));
+            pairs.others(first, run.n).for_each(|second| add_pair(first, second));
             continue;
         }
         select(run, first, x, may_touch);
@@ -71,7 +71,7 @@ pub(super) fn push(
                 continue;
             }
             for (i, _) in may_touch.iter().enumerate().filter(|(_, may_touch)| **may_touch) {
-                pair_pull(first, SKIP_LENGTH * chunk + i);
+                add_pair(first, SKIP_LENGTH * chunk + i);
             }
         }
     }
@@ -147,7 +147,7 @@ wide! {
     fn select_near(
         side: f64,
         square: f64,
-        is_deep: f64,
+        depth_factor: f64,
         wall: [f64; AXES_MAX],
         points: [&[f64]; AXES_MAX],
         may_touch: &mut [bool],
@@ -156,7 +156,7 @@ wide! {
         let [x, y, z] = points.map(|one| &one[..n]);
         let limit = side * square;
         for i in 0..n {
-            let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], is_deep * (z[i] - wall[2])];
+            let [x, y, z] = [x[i] - wall[0], y[i] - wall[1], depth_factor * (z[i] - wall[2])];
             let is_off = side * (x * x + y * y + z * z) >= limit;
             may_touch[i] = !is_off;
         }

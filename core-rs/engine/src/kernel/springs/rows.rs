@@ -154,8 +154,8 @@ impl Rows {
 struct Pulls {
     /// The MATs of each end; empty if it pulls on none.
     mats: Vec<Range<usize>>,
-    /// The ends on each MAT, rising: those of MAT m are `ends[firsts[m]..firsts[m + 1]]`.
-    firsts: Vec<usize>,
+    /// The ends on each MAT, rising: those of MAT m are `ends[offsets[m]..offsets[m + 1]]`.
+    offsets: Vec<usize>,
     ends: Vec<usize>,
 }
 
@@ -170,25 +170,25 @@ impl Pulls {
             [first_a, first_b].map(|first| first.map_or(0..0, |first| first..first + run.len))
         };
         let mats: Vec<Range<usize>> = springs.iter().flat_map(end_mats).collect();
-        let mut firsts = vec![0; mat_count + 1];
+        let mut offsets = vec![0; mat_count + 1];
         for mat in mats.iter().flat_map(Clone::clone) {
-            firsts[mat + 1] += 1;
+            offsets[mat + 1] += 1;
         }
         for mat in 0..mat_count {
-            firsts[mat + 1] += firsts[mat];
+            offsets[mat + 1] += offsets[mat];
         }
-        let (mut ends, mut next) = (vec![0; firsts[mat_count]], firsts.clone());
+        let (mut ends, mut next) = (vec![0; offsets[mat_count]], offsets.clone());
         for (end, mats) in mats.iter().enumerate() {
             for mat in mats.clone() {
                 ends[next[mat]] = end;
                 next[mat] += 1;
             }
         }
-        Self { mats, firsts, ends }
+        Self { mats, offsets, ends }
     }
 
     fn on(&self, mat: usize) -> &[usize] {
-        &self.ends[self.firsts[mat]..self.firsts[mat + 1]]
+        &self.ends[self.offsets[mat]..self.offsets[mat + 1]]
     }
 
     /// The ends on any of some MATs, rising.
@@ -201,7 +201,7 @@ impl Pulls {
 
     /// All MATs in blocks of at most [`PAD`], so that the ends on each block are as few as possible in all.
     fn blocks(&self) -> Vec<Range<usize>> {
-        let mat_count = self.firsts.len() - 1;
+        let mat_count = self.offsets.len() - 1;
         // The least cost of all MATs from each on, and the length of the block there.
         let mut best = vec![(0, 0); mat_count + 1];
         for first in (0..mat_count).rev() {

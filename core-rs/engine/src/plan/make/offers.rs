@@ -2,7 +2,7 @@
 //!
 //! Such an offer is taken only after a measurement, if the island then costs less and sounds the same.
 
-use super::{Maker, Solved};
+use super::{Maker, SolvedIsland};
 use crate::island::inside::BodyPlan;
 use crate::network::Subset;
 use crate::plan::budget::Budget;
@@ -20,23 +20,28 @@ impl Maker<'_> {
     /// The island without slow parts that asked for it, if it misses its budget with them, takes more steps a frame for
     /// it, or has one that is dearer than without a rate, and is within the budget without them, at less cost if both
     /// are.
-    pub(super) fn without_rates(&self, subset: &Subset, island_timeline: &OwnTimeline, slow: Solved) -> Solved {
+    pub(super) fn without_rates(
+        &self,
+        subset: &Subset,
+        island_timeline: &OwnTimeline,
+        slow: SolvedIsland,
+    ) -> SolvedIsland {
         let is_within = slow.is_within(self.budget);
         let island_plan = &slow.chosen.island.island_plan;
-        let is_dearer = |body: &BodyPlan| matches!(body, BodyPlan::Slow(slow) if cost::is_dearer(slow));
+        let is_dearer = |body: &BodyPlan| matches!(body, BodyPlan::Slow(slow_body) if cost::is_dearer(slow_body));
         let is_doubtful = !is_within || island_plan.oversampling > 1 || island_plan.bodies.iter().any(is_dearer);
         if slow.growth.is_none() || island_timeline.timeline.is_open || !is_doubtful {
             return slow;
         }
         let refused_slow = multirate::refuse_all(subset, NO_GAIN);
-        let plain_island = multirate::without_slow(subset, &refused_slow);
-        match self.solve(&plain_island, island_timeline, None) {
-            Ok(plain_island)
-                if plain_island.is_within(self.budget) && !(is_within && slow.cost() <= plain_island.cost()) =>
+        let plain_subset = multirate::without_slow(subset, &refused_slow);
+        match self.solve(&plain_subset, island_timeline, None) {
+            Ok(plain_solved)
+                if plain_solved.is_within(self.budget) && !(is_within && slow.cost() <= plain_solved.cost()) =>
             {
-                Solved {
+                SolvedIsland {
                     refused_slow,
-                    ..plain_island
+                    ..plain_solved
                 }
             }
             _ => slow,
@@ -44,7 +49,7 @@ impl Maker<'_> {
     }
 
     /// The island with what is only seen slow, and with its keys slow, wherever that is cheaper and sounds the same.
-    pub(super) fn offered(&self, subset: &Subset, island_timeline: &OwnTimeline, plain: Solved) -> Solved {
+    pub(super) fn offered(&self, subset: &Subset, island_timeline: &OwnTimeline, plain: SolvedIsland) -> SolvedIsland {
         let (seldom_subset, mut best_solved) = self.offer_only_seen(subset, island_timeline, plain);
         let subset = seldom_subset.as_ref().unwrap_or(subset);
         for &(macrostep, error_limit) in &PRESERVED_LIMITS {
@@ -55,7 +60,7 @@ impl Maker<'_> {
             let error_max = error_limit.min(self.budget.contact());
             let slow_keys =
                 multirate::with_offered_slow(subset, island_timeline, self.budget, Offered::Keys, macrostep);
-            let is_better = |solved: &Solved, best_solved: &Solved| {
+            let is_better = |solved: &SolvedIsland, best_solved: &SolvedIsland| {
                 solved.slow_error.is_some_and(|error| error.db <= error_max)
                     && solved.cost() < SLOW_COST_RATIO_MAX * best_solved.cost()
                     && solved.is_as_exact(best_solved, self.budget)
@@ -74,13 +79,13 @@ impl Maker<'_> {
         &self,
         subset: &Subset,
         island_timeline: &OwnTimeline,
-        plain: Solved,
-    ) -> (Option<Subset>, Solved) {
+        plain: SolvedIsland,
+    ) -> (Option<Subset>, SolvedIsland) {
         let mut seen_every = self.seen_every;
         while seen_every > 1 && self.allowance.n_refused() == 0 {
             let seldom_subset =
                 multirate::with_offered_slow(subset, island_timeline, self.budget, Offered::OnlySeen, seen_every);
-            let is_better = |solved: &Solved, plain: &Solved| {
+            let is_better = |solved: &SolvedIsland, plain: &SolvedIsland| {
                 solved.is_unheard(self.budget)
                     && solved.cost() < plain.cost()
                     && solved.sounds_as_exact(plain, self.budget)
@@ -101,11 +106,11 @@ impl Maker<'_> {
         &self,
         slow_subset: &Subset,
         island_timeline: &OwnTimeline,
-        plain: &Solved,
-        is_better: impl Fn(&Solved, &Solved) -> bool,
-    ) -> Option<Solved> {
+        plain: &SolvedIsland,
+        is_better: impl Fn(&SolvedIsland, &SolvedIsland) -> bool,
+    ) -> Option<SolvedIsland> {
         let solved = self.solve(slow_subset, island_timeline, None).ok()?;
-        is_better(&solved, plain).then(|| Solved {
+        is_better(&solved, plain).then(|| SolvedIsland {
             is_offered: true,
             refused_slow: plain.refused_slow.clone(),
             ..solved
@@ -118,7 +123,7 @@ impl Maker<'_> {
         subset: &Subset,
         island_timeline: &OwnTimeline,
         pin: &SteppedChoice,
-    ) -> Option<Solved> {
+    ) -> Option<SolvedIsland> {
         let plain_subset = multirate::without_slow(subset, &multirate::refuse_all(subset, NO_GAIN));
         if subset.network.has_slow_parts()
             && let Ok(solved) = self.solve(&plain_subset, island_timeline, Some(pin))
@@ -151,14 +156,14 @@ impl Maker<'_> {
                 let slow_subset = offer_slow(&slow_subset, Offered::Keys, key_interval)?;
                 self.solve(&slow_subset, island_timeline, Some(pin)).ok()
             });
-        Some(Solved {
+        Some(SolvedIsland {
             is_offered: true,
             ..first_offer.next()?
         })
     }
 }
 
-impl Solved {
+impl SolvedIsland {
     fn cost(&self) -> f64 {
         self.chosen.island.island_plan.cost()
     }

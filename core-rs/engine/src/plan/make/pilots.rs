@@ -4,7 +4,7 @@ use super::Maker;
 use crate::network::{Error, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::choice::SteppedChoice;
-use crate::plan::passes::assemble::{Assembled, How};
+use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::content::IslandContent;
 use crate::plan::report::row::Measured;
@@ -19,7 +19,7 @@ impl Maker<'_> {
         &self,
         subset: &Subset,
         island_timeline: &OwnTimeline,
-        assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
+        assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     ) -> Result<ChosenIsland, Error> {
         let trial_context = (&self.allowance, self.store);
         let pilot_result = self.pilot((subset, island_timeline), self.budget, assemble)?;
@@ -45,7 +45,7 @@ impl Maker<'_> {
         &self,
         (subset, island_timeline): (&Subset, &OwnTimeline),
         budget: &Budget,
-        assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
+        assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     ) -> Result<PilotResult, Error> {
         let is_tried = !matches!(budget, Budget::Method(_)) && !island_timeline.timeline.is_open;
         let record_series = self.store.filter(|_| is_tried).map(|store| {
@@ -57,7 +57,7 @@ impl Maker<'_> {
         });
         let recalled = record_series.as_ref().and_then(|record_series| {
             let (taken_work, pilot_record) = record_series.find(&self.allowance)?;
-            let assemble = |how: How<'_>, pin: Option<&SteppedChoice>| {
+            let assemble = |how: AssemblyOptions<'_>, pin: Option<&SteppedChoice>| {
                 Assembled::new(subset, island_timeline, self.budget, how, pin, &self.memo)
             };
             let pilot_result = PilotResult::recalled(&pilot_record, &assemble)?;

@@ -82,24 +82,24 @@ impl Maker<'_> {
             if is_planned && self.set_every(counts_before, every_frames) {
                 return Ok(());
             }
-            let [unit_count, rows, choice_count, stay_count] = counts_before;
+            let [unit_count, row_count, choice_count, stay_count] = counts_before;
             self.plan.units.truncate(unit_count);
-            self.plan.rows.truncate(rows);
+            self.plan.rows.truncate(row_count);
             self.plan.choices.truncate(choice_count);
             self.plan.stay.truncate(stay_count);
             every_frames /= 2;
         }
         let [_, first_row, ..] = self.counts();
         self.stepped(subset, island_timeline, module_count, None, why)?;
-        let why = if is_discrete {
+        let stay_reason = if is_discrete {
             "its numbers are those of one rate (`units: ca`)"
         } else if island_timeline.slower(self.every).is_none() {
             "it is played live, or a gesture is too fast for a slower one"
         } else {
             "it is not stable at a slower one"
         };
-        let rows = self.plan.rows[first_row..].iter_mut();
-        rows.for_each(|row| row.stays = Some(why.to_owned()));
+        let new_rows = self.plan.rows[first_row..].iter_mut();
+        new_rows.for_each(|row| row.stays = Some(stay_reason.to_owned()));
         Ok(())
     }
 

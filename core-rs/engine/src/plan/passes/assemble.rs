@@ -35,7 +35,7 @@ pub(in crate::plan) struct Assembled {
 
 /// How an island is to be assembled.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::plan) struct How<'a> {
+pub(in crate::plan) struct AssemblyOptions<'a> {
     /// Steps a frame.
     pub(in crate::plan) oversampling: u32,
     pub(in crate::plan) bodies: MethodChoice<'a>,
@@ -43,7 +43,7 @@ pub(in crate::plan) struct How<'a> {
     pub(in crate::plan) is_plain: bool,
 }
 
-impl<'a> How<'a> {
+impl<'a> AssemblyOptions<'a> {
     /// With contacts and laws as finely as the budget asks.
     pub(in crate::plan) fn fine(oversampling: u32, bodies: MethodChoice<'a>) -> Self {
         Self {
@@ -88,11 +88,11 @@ impl Assembled {
         subset: &Subset,
         island_timeline: &OwnTimeline,
         budget: &Budget,
-        how: How<'_>,
+        how: AssemblyOptions<'_>,
         pin: Option<&SteppedChoice>,
         memo: &Memo<'_>,
     ) -> Result<Self, Error> {
-        let How {
+        let AssemblyOptions {
             oversampling,
             bodies: method_choice,
             is_plain,
@@ -178,13 +178,17 @@ impl Assembled {
     }
 
     /// How the same island is assembled at another rate; `methods`: those of its meshes.
-    pub(in crate::plan) fn again<'a>(&self, oversampling: u32, methods: &'a [Option<(MeshMethod, u32)>]) -> How<'a> {
+    pub(in crate::plan) fn again<'a>(
+        &self,
+        oversampling: u32,
+        methods: &'a [Option<(MeshMethod, u32)>],
+    ) -> AssemblyOptions<'a> {
         let bodies = match (self.shape, methods.iter().flatten().next()) {
             (Shape::Stepped, _) => MethodChoice::Stepped,
             (Shape::Meshes, Some(&method_substeps)) => MethodChoice::Meshes(method_substeps),
             (Shape::Bodies | Shape::Meshes, _) => MethodChoice::AsBefore(methods),
         };
-        How {
+        AssemblyOptions {
             oversampling,
             bodies,
             is_plain: self.is_plain,
@@ -206,8 +210,8 @@ impl Assembled {
     /// Whether it computes a contact without losses once a step.
     pub(in crate::plan) fn has_lossless_steps(&self) -> bool {
         let mut link_runs = self.island_plan.network.runs().iter();
-        let is_lossless = link_runs.any(|run| matches!(run.kind, LinkKind::But(_)) && run.z == 0.0);
-        is_lossless && (self.is_plain || self.island_plan.contact_substeps == 1)
+        let has_lossless_contact = link_runs.any(|run| matches!(run.kind, LinkKind::But(_)) && run.z == 0.0);
+        has_lossless_contact && (self.is_plain || self.island_plan.contact_substeps == 1)
     }
 
     /// The methods of its bodies that are meshes, in order.

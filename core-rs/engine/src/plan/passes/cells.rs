@@ -145,8 +145,8 @@ pub(in crate::plan) fn add_weight(weights: &mut Vec<(u32, f64)>, output: u32, we
     if weight == 0.0 {
         return;
     }
-    match weights.iter_mut().find(|(known, _)| *known == output) {
-        Some((_, known)) => *known += weight,
+    match weights.iter_mut().find(|(known_output, _)| *known_output == output) {
+        Some((_, known_weight)) => *known_weight += weight,
         None => {
             if weights.is_empty() {
                 weights.reserve_exact(1); // most are heard by one output alone

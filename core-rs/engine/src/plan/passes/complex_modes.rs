@@ -205,8 +205,8 @@ impl Coordinates {
         let row = |row: &Row| {
             let mut sum = vec![0.0; free_count];
             for &(mat, weight) in row {
-                if let Some(local) = slot_of_mat(mat) {
-                    sum[local] += weight / sqrt_masses[local];
+                if let Some(slot) = slot_of_mat(mat) {
+                    sum[slot] += weight / sqrt_masses[slot];
                 }
             }
             sum
@@ -216,7 +216,7 @@ impl Coordinates {
         rows.extend(struck.iter().map(|&mat| row(&vec![(mat, 1.0)])));
         let weighted = |value_of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
             let free_mats = linear_body.free.iter().enumerate();
-            free_mats.map(|(local, &mat)| value_of(local, mat)).collect()
+            free_mats.map(|(slot, &mat)| value_of(slot, mat)).collect()
         };
         rows.push(weighted(&|slot, mat| sqrt_masses[slot] * mats.x0[mat]));
         rows.push(weighted(&|slot, mat| sqrt_masses[slot] * mats.v0[mat]));
@@ -236,7 +236,7 @@ impl Coordinates {
         let damping = match linear_body.proportion {
             Some([alpha, beta]) => Damping::Decoupled(lambda.iter().map(|lambda| alpha + beta * lambda).collect()),
             None => {
-                let damper_signs: Vec<f64> = linear_body.dampers.iter().map(|local| local.z.signum()).collect();
+                let damper_signs: Vec<f64> = linear_body.dampers.iter().map(|damper| damper.z.signum()).collect();
                 for group in equal_frequencies(&lambda) {
                     rotate_group(&mut rows, first_damper, group, &damper_signs).ok_or(NoModes::NotFinite)?;
                 }

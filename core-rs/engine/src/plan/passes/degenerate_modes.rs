@@ -39,20 +39,20 @@ impl Modes {
         mode_rows.extend([&mut self.x0, &mut self.v0, &mut self.rest]);
         let moving_rows: Vec<usize> = moved_rows.iter().copied().chain(shape_count..shape_count + 3).collect();
         let mut modes_left = modes;
-        for &row in &moving_rows {
+        for &row_index in &moving_rows {
             if modes_left.is_empty() {
                 return;
             }
-            let remainder = &mode_rows[row][modes_left.clone()];
+            let remainder = &mode_rows[row_index][modes_left.clone()];
             let remainder_norm = norm(remainder);
-            if remainder_norm <= ROW_ROUNDING * norm(mode_rows[row]) {
+            if remainder_norm <= ROW_ROUNDING * norm(mode_rows[row_index]) {
                 continue;
             }
             let mut mirror_vector = remainder.to_vec();
             mirror_vector[0] += remainder_norm.copysign(remainder[0]);
             let mirror_square: f64 = mirror_vector.iter().map(|v| v * v).sum();
-            for row in &mut mode_rows {
-                let remainder = &mut row[modes_left.clone()];
+            for mode_row in &mut mode_rows {
+                let remainder = &mut mode_row[modes_left.clone()];
                 let mirror_product: f64 = remainder.iter().zip(&mirror_vector).map(|(x, v)| x * v).sum();
                 let mirror_factor = 2.0 * mirror_product / mirror_square;
                 remainder
@@ -61,7 +61,7 @@ impl Modes {
                     .for_each(|(x, v)| *x -= mirror_factor * v);
             }
             modes_left.start += 1;
-            mode_rows[row][modes_left.clone()].fill(0.0);
+            mode_rows[row_index][modes_left.clone()].fill(0.0);
         }
         for &row in &moving_rows {
             mode_rows[row][modes_left.clone()].fill(0.0);

@@ -45,7 +45,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
             forest.join(key.struck, mat);
         }
     }
-    let (moved, listened) = (moved(network, timeline), ListenedMats::new(network, timeline));
+    let (moved, listened) = (moved(network, timeline), Listened::new(network, timeline));
     let mut island_index = vec![u32::MAX; mat_count];
     let mut members: Vec<IslandMembers> = Vec::new();
     for mat in interrupt::steps(0..mat_count) {
@@ -125,12 +125,12 @@ fn free(network: &Network, timeline: &Timeline) -> Vec<bool> {
 }
 
 /// What outputs hear and hands feel.
-struct ListenedMats {
+struct Listened {
     hears_mat: Vec<bool>,
     hears_link: Vec<bool>,
 }
 
-impl ListenedMats {
+impl Listened {
     fn new(network: &Network, timeline: &Timeline) -> Self {
         let mut listened = Self {
             hears_mat: vec![false; network.n_mat()],

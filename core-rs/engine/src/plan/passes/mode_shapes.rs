@@ -44,14 +44,14 @@ impl ModeShapes {
         let mut body_modes = Modes::new(network, &mat_rows, rate).ok()?;
         if let Some(direction_mats) = rotation_mats {
             let row_of_mat = |mat: &usize| mats.binary_search(mat).ok();
-            let moved_rows: Vec<usize> = direction_mats.iter().filter_map(row_of_mat).collect();
-            body_modes.rotate(&moved_rows, rate);
+            let rotation_rows: Vec<usize> = direction_mats.iter().filter_map(row_of_mat).collect();
+            body_modes.rotate(&rotation_rows, rate);
         }
         if mode_numbers.iter().any(|&mode| mode as usize >= body_modes.len()) {
             return None;
         }
         let rest_position = |shape: &Vec<f64>| shape.iter().zip(&body_modes.rest).map(|(a, b)| a * b).sum();
-        let mode_share = |mat: usize, mode: u32| body_modes.shapes[mat][mode as usize];
+        let mode_share = |row: usize, mode: u32| body_modes.shapes[row][mode as usize];
         let mat_indices = 0..mats.len();
         let shapes = match transform {
             ModalTransform::ToPositions => mode_numbers
@@ -134,9 +134,9 @@ impl ModeShapes {
         let shape_rows = self.shapes.chunks(self.n_modes.max(1));
         let rest_masses = self.rest.iter().zip(&self.mass);
         for (&(x, step), (row, (rest, mass))) in motions.iter().zip(shape_rows.zip(rest_masses)) {
-            let (x, weighted_before) = (mass * (x - rest), mass * (x - step - rest));
+            let (weighted_now, weighted_before) = (mass * (x - rest), mass * (x - step - rest));
             for ((share, now), before) in row.iter().zip(&mut *now).zip(&mut *before) {
-                *now += share * x;
+                *now += share * weighted_now;
                 *before += share * weighted_before;
             }
         }

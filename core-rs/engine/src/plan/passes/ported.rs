@@ -104,12 +104,19 @@ pub(in crate::plan) fn cut(
         let is_method_asked = prefers_meshes || matches!(budget, Budget::Method(_));
         let wanted_bodies = if is_method_asked { Wanted::All } else { Wanted::Meshes };
         for body in wiring.bodies(network, wanted_bodies) {
-            let pin = match pin.map(|pin| pin.bodies.get(bodies_inside.len())) {
+            let mesh_pin = match pin.map(|pin| pin.bodies.get(bodies_inside.len())) {
                 None => None,
-                Some(Some(BodyChoice::Mesh(pin))) => Some(*pin),
+                Some(Some(BodyChoice::Mesh(mesh_choice))) => Some(*mesh_choice),
                 Some(_) => continue,
             };
-            if let Some(body_mesh) = mesh::mesh(network, timeline, &body, budget, pin, (choice, bodies_inside.len())) {
+            if let Some(body_mesh) = mesh::mesh(
+                network,
+                timeline,
+                &body,
+                budget,
+                mesh_pin,
+                (choice, bodies_inside.len()),
+            ) {
                 bodies_inside.push((body, BodyPlan::Mesh(body_mesh)));
             }
         }
@@ -394,7 +401,7 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
     let hub_mats: Vec<u32> = all_indices
         .filter(|&mat| !is_in_body[mat as usize] && stays_in_hub[mat as usize])
         .collect();
-    let mut hub = network.subset_for_all(&hub_mats, &port_mats, &hub_links);
+    let mut hub = network.subset_with_all_outputs(&hub_mats, &port_mats, &hub_links);
     let mut timeline = timeline.clone();
     timeline
         .strikes
@@ -434,11 +441,11 @@ fn hub(island: &Subset, timeline: &Timeline, bodies_inside: Vec<(Body, BodyPlan)
             inside,
         });
     }
-    let hub_island = split(vec![hub], &timeline).pop();
-    let (hub, hub_island) = hub_island.unwrap_or_else(|| unreachable!("one subset in, one out"));
+    let hub_split = split(vec![hub], &timeline).pop();
+    let (hub, hub_timeline) = hub_split.unwrap_or_else(|| unreachable!("one subset in, one out"));
     Cut {
         hub,
-        timeline: hub_island,
+        timeline: hub_timeline,
         bodies,
     }
 }

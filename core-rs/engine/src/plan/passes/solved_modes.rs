@@ -12,7 +12,7 @@ use crate::units::Rate;
 
 /// The modes of one body, with the rows that have been asked for.
 #[derive(Debug)]
-pub(in crate::plan) struct Solved {
+pub(in crate::plan) struct SolvedBody {
     network: Network,
     rate: Rate,
     rows: Vec<Row>,
@@ -30,8 +30,8 @@ struct SolvedComplex {
 /// Bodies known from an earlier plan, and those that the present plan has solved.
 #[derive(Default)]
 pub(in crate::plan) struct Memo<'a> {
-    known: &'a [Arc<Solved>],
-    solved: RefCell<Vec<Arc<Solved>>>,
+    known: &'a [Arc<SolvedBody>],
+    solved: RefCell<Vec<Arc<SolvedBody>>>,
     complex: RefCell<Vec<SolvedComplex>>,
     /// Bodies whose solution has been counted for this island. A solution known from elsewhere counts too, so that the
     /// work of an island does not depend on others.
@@ -41,7 +41,7 @@ pub(in crate::plan) struct Memo<'a> {
 }
 
 impl<'a> Memo<'a> {
-    pub(in crate::plan) fn new(known: &'a [Arc<Solved>]) -> Self {
+    pub(in crate::plan) fn new(known: &'a [Arc<SolvedBody>]) -> Self {
         Self {
             known,
             solved: RefCell::default(),
@@ -52,7 +52,7 @@ impl<'a> Memo<'a> {
     }
 
     /// The solved bodies, for the next plan.
-    pub(in crate::plan) fn into_solved(self) -> Vec<Arc<Solved>> {
+    pub(in crate::plan) fn into_solved(self) -> Vec<Arc<SolvedBody>> {
         self.solved.into_inner()
     }
 
@@ -83,13 +83,13 @@ impl<'a> Memo<'a> {
     /// The same as [`Modes::new`], bit for bit, since each row is transformed by itself.
     pub(in crate::plan) fn modes(&self, network: &Network, rows: &[Row], rate: Rate) -> Result<Modes, NoModes> {
         // Modes depend on the rate only if the discrete network is the reference.
-        let is_same_problem = |solved: &&Arc<Solved>| {
+        let is_same_problem = |solved: &&Arc<SolvedBody>| {
             (!solved.modes.is_discrete || solved.rate.hertz() == rate.hertz())
                 && solved.network.is_same_from_start(network)
         };
         let solved_in_plan = self.solved.borrow().iter().find(is_same_problem).cloned();
         let already_solved = solved_in_plan.or_else(|| self.known.iter().find(is_same_problem).cloned());
-        let row_index = |solved: &Solved, row: &Row| solved.rows.iter().position(|solved_row| solved_row == row);
+        let row_index = |solved: &SolvedBody, row: &Row| solved.rows.iter().position(|solved_row| solved_row == row);
         if let Some(solved) = &already_solved {
             let row_indices: Option<Vec<usize>> = rows.iter().map(|row| row_index(solved, row)).collect();
             if let Some(row_indices) = row_indices {
@@ -108,7 +108,7 @@ impl<'a> Memo<'a> {
         self.count(network, modes.len());
         let row_indices: Vec<usize> = (0..rows.len()).collect();
         let seen_modes = modes.seen_by(&row_indices);
-        self.keep(Arc::new(Solved {
+        self.keep(Arc::new(SolvedBody {
             network: network.clone(),
             rate,
             rows: all_rows,
@@ -148,7 +148,7 @@ impl<'a> Memo<'a> {
         }
     }
 
-    fn keep(&self, solved: Arc<Solved>) {
+    fn keep(&self, solved: Arc<SolvedBody>) {
         let mut solved_cache = self.solved.borrow_mut();
         solved_cache.retain(|other| !solved.network.is_same_from_start(&other.network));
         solved_cache.push(solved);

@@ -63,8 +63,8 @@ pub(in crate::plan) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(
             timelines[subset_index].timeline.is_open |= drive.is_heard();
             let source = match drive.source {
                 Source::Key(port) => {
-                    let here = homes_of_mat(port.key as u32).iter();
-                    let mut local_keys = here.filter(|(subset, _)| *subset == subset_index);
+                    let key_homes = homes_of_mat(port.key as u32).iter();
+                    let mut local_keys = key_homes.filter(|(subset, _)| *subset == subset_index);
                     let Some(&(_, key)) = local_keys.next() else {
                         continue;
                     };

@@ -84,11 +84,11 @@ pub(in crate::plan) fn choose(
     }
     let mut by_loudness: Vec<(f64, usize)> = mode_loudness.into_iter().zip(0..).collect();
     by_loudness.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let allowed = allowed.map(|db| pow(10.0, db / 10.0));
+    let share_allowed = allowed.map(|db| pow(10.0, db / 10.0));
     let (mut modes_kept, mut dropped_share) = (Vec::new(), 0.0);
     for (loudness, mode) in by_loudness {
         let is_inaudible = frequency(mode) > budget.highest();
-        let may_fall = allowed.is_some_and(|allowed| dropped_share + loudness <= allowed);
+        let may_fall = share_allowed.is_some_and(|share_allowed| dropped_share + loudness <= share_allowed);
         if is_inaudible || may_fall {
             // A mode above hearing may be loud: it does not count as an error.
             dropped_share += if is_inaudible { 0.0 } else { loudness };

@@ -127,7 +127,7 @@ impl Allowance {
     }
 
     /// Whether a series of trials that was played before would go the same way if it began now.
-    pub(in crate::plan) fn is_enough_for(&self, taken: &Taken) -> bool {
+    pub(in crate::plan) fn begin_replay_if_enough(&self, taken: &Taken) -> bool {
         let work_left = self.begin();
         match taken.left {
             Some(recorded_left) => recorded_left.to_bits() == work_left.to_bits(),
@@ -276,7 +276,7 @@ mod tests {
         for (other_work, is_same) in [(0.25, true), (0.375, false)] {
             let replay_allowance = Allowance::new(1, 1.0);
             replay_allowance.draw(other_work).unwrap();
-            assert_eq!(replay_allowance.is_enough_for(&taken), is_same);
+            assert_eq!(replay_allowance.begin_replay_if_enough(&taken), is_same);
             replay_allowance.replay(&taken);
             assert_eq!(replay_allowance.spent().0, other_work + 0.25);
         }
@@ -291,18 +291,18 @@ mod tests {
         let taken = first_allowance.taken(work_left);
         assert!(taken.is_refused && taken.left == Some(1.0));
         let replay_allowance = Allowance::new(1, 1.0);
-        assert!(replay_allowance.is_enough_for(&taken));
+        assert!(replay_allowance.begin_replay_if_enough(&taken));
         replay_allowance.replay(&taken);
         assert!(replay_allowance.n_refused() > 0 && replay_allowance.draw(0.01).is_err());
         let later_allowance = Allowance::new(1, 1.0);
         later_allowance.draw(0.01).unwrap();
-        assert!(!later_allowance.is_enough_for(&taken));
+        assert!(!later_allowance.begin_replay_if_enough(&taken));
         // If nothing is left, nothing is played: how much was left before does not matter.
         let work_left = replay_allowance.begin();
         assert!(replay_allowance.draw(0.01).is_err());
         let nothing_taken = replay_allowance.taken(work_left);
         let half_allowance = Allowance::new(1, 0.5);
         assert!(half_allowance.draw(2.0).is_err());
-        assert!(half_allowance.is_enough_for(&nothing_taken));
+        assert!(half_allowance.begin_replay_if_enough(&nothing_taken));
     }
 }

@@ -4,7 +4,7 @@
 use crate::integrate::MeshMethod;
 use crate::network::Error;
 use crate::plan::constants::{OVERSAMPLING_MAX, SUBSTEPS_MAX, SUBSTEPS_MIN};
-use crate::plan::passes::assemble::{Assembled, How};
+use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::Allowance;
 use crate::plan::trial::pilot_run::PilotRun;
@@ -58,8 +58,8 @@ impl Family {
     }
 
     /// How a member of the family is assembled.
-    pub(in crate::plan) fn with_steps(self, oversampling: u32) -> How<'static> {
-        How {
+    pub(in crate::plan) fn with_steps(self, oversampling: u32) -> AssemblyOptions<'static> {
+        AssemblyOptions {
             oversampling,
             bodies: self.bodies,
             is_plain: self.is_plain,
@@ -74,7 +74,7 @@ pub(in crate::plan) fn has_fine(island: &Assembled) -> bool {
 
 /// All candidates for an island, in rising order of cost. What contacts and laws cost between frames is taken from the
 /// run of the reference, in proportion to the substeps.
-pub(in crate::plan) fn candidates<F: Fn(How<'_>) -> Result<Assembled, Error>>(
+pub(in crate::plan) fn candidates<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>>(
     assemble: &F,
     reference: (&Candidate, &PilotRun),
 ) -> Vec<Candidate> {

@@ -255,10 +255,10 @@ fn changes(a: &[f64], b: &[f64], n_outputs: usize, look_interval: usize) -> Vec<
 pub(in crate::plan) fn end(island_plan: &IslandPlan) -> f64 {
     let timeline = &island_plan.timeline;
     let gestures = timeline.gestures.iter();
-    let gestures = gestures.filter_map(|gesture| gesture.points.last().map(|point| point.0));
+    let gesture_ends = gestures.filter_map(|gesture| gesture.points.last().map(|point| point.0));
     let strike_times = timeline.strikes.iter().map(|strike| strike.instant);
     let ergon_times = timeline.ergons.iter().map(|ergon| ergon.instant);
-    gestures.chain(strike_times).chain(ergon_times).fold(0.0, f64::max) + RING_SECONDS
+    gesture_ends.chain(strike_times).chain(ergon_times).fold(0.0, f64::max) + RING_SECONDS
 }
 
 #[cfg(test)]

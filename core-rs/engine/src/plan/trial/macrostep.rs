@@ -149,10 +149,10 @@ impl<'a> Map<'a> {
         for mat in body_plans().filter(has_no_map).flat_map(BodyPlan::ports) {
             is_port_mat[mat] = false;
         }
-        let playing = |slow: &&Slow| RunningSlow::new(&slow.frame_by_frame().deviation(), &body);
-        let playing: Vec<RunningSlow> = slow.iter().map(playing).collect();
+        let start_slow = |slow: &&Slow| RunningSlow::new(&slow.frame_by_frame().deviation(), &body);
+        let running_slow: Vec<RunningSlow> = slow.iter().map(start_slow).collect();
         (frames <= COMMON_FRAMES_MAX).then(|| Self {
-            slow: playing,
+            slow: running_slow,
             modes: body_plans()
                 .filter_map(|inside| match inside {
                     BodyPlan::Modal(modal) => Some(Modes {
@@ -178,8 +178,8 @@ impl<'a> Map<'a> {
     /// Size of the state.
     fn len(&self) -> usize {
         let slow_size: usize = self.slow.iter().map(RunningSlow::n_state).sum();
-        let modes: usize = self.modes.iter().map(|modes| 2 * modes.now.len()).sum();
-        2 * self.stepped.len() + slow_size + modes
+        let modes_size: usize = self.modes.iter().map(|modes| 2 * modes.now.len()).sum();
+        2 * self.stepped.len() + slow_size + modes_size
     }
 
     /// Visits each number of the state, always in the same order.
@@ -375,8 +375,8 @@ impl<'a> Map<'a> {
                 })
                 .sum()
         };
-        let modes: f64 = self.modes.iter().map(energy_of).sum();
-        slow_energy + 0.5 * (stepped_energy + link_energy + modes)
+        let modes_energy: f64 = self.modes.iter().map(energy_of).sum();
+        slow_energy + 0.5 * (stepped_energy + link_energy + modes_energy)
     }
 }
 

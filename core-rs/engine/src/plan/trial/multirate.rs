@@ -9,7 +9,7 @@ use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::constants::KEY_TURN_MAX;
 use crate::plan::cost;
-use crate::plan::passes::assemble::{Assembled, How};
+use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::slow::{RefusedSlow, slow_bodies};
 use crate::plan::passes::solved_modes::Memo;
@@ -232,7 +232,7 @@ pub(in crate::plan) fn slow_error(
 ) -> Result<Option<Measured>, Error> {
     let methods = island.mesh_methods();
     let (oversampling, contact_substeps) = (island.island_plan.oversampling, island.island_plan.contact_substeps);
-    let assembly_how = How::fine(oversampling, MethodChoice::AsBefore(&methods));
+    let assembly_how = AssemblyOptions::fine(oversampling, MethodChoice::AsBefore(&methods));
     let slow_island = Assembled::new(subset, island_timeline, budget, assembly_how, None, memo)?;
     let every_frame = Subset {
         network: subset.network.with_macrosteps(|_, macrostep| macrostep.map(|_| 1)),

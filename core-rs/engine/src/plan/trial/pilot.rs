@@ -11,7 +11,7 @@ use crate::network::Error;
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
 use crate::plan::constants::{FAINT_SHARE, OVERSAMPLING_MAX, PARTED_DB, PILOT_PARTS, SEARCH_COST, SUBSTEPS_MIN};
-use crate::plan::passes::assemble::{Assembled, How};
+use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
@@ -29,12 +29,12 @@ use crate::waveform::is_still;
 
 /// Finds the cheapest island within the budget; `assemble` puts the island together at some oversampling.
 pub(in crate::plan) fn pilot(
-    assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>,
+    assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>,
     budget: &Budget,
     allowance: &Allowance,
 ) -> Result<PilotResult, Error> {
     if let Budget::Method(_) = budget {
-        return Ok(ChosenIsland::unmeasured(assemble(How::fine(1, MethodChoice::ByBudget))?).into());
+        return Ok(ChosenIsland::unmeasured(assemble(AssemblyOptions::fine(1, MethodChoice::ByBudget))?).into());
     }
     let island = lowest_stable(assemble)?;
     let timeline = &island.island_plan.timeline;
@@ -82,7 +82,7 @@ struct Pilot<'a, F> {
     spans: Spans,
 }
 
-impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
+impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     /// Chooses what is played of an excerpt, given an island and the contact substeps of its first run; `None` if the
     /// allowance ended first.
     fn new(
@@ -255,7 +255,7 @@ impl<'a, F: Fn(How<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
     fn unmeasured(&self, first: Candidate, run: Rc<PilotRun>) -> Result<PilotOutcome, Error> {
         let (mut candidate, mut run) = (first, run);
         if run.is_lost
-            && let Ok(island) = (self.assemble)(How::fine(1, MethodChoice::Unconditional))
+            && let Ok(island) = (self.assemble)(AssemblyOptions::fine(1, MethodChoice::Unconditional))
         {
             let safe_candidate = Candidate::new(island.clone(), island.island_plan.contact_substeps, None);
             let played_plan = (&safe_candidate.island.island_plan, safe_candidate.substeps);
@@ -335,13 +335,13 @@ fn first_substeps(island: &Assembled, budget: &Budget) -> usize {
 }
 
 /// The island at the lowest oversampling at which it is stable.
-fn lowest_stable(assemble: &impl Fn(How<'_>) -> Result<Assembled, Error>) -> Result<Assembled, Error> {
-    match assemble(How::fine(1, MethodChoice::ByBudget)) {
+fn lowest_stable(assemble: &impl Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>) -> Result<Assembled, Error> {
+    match assemble(AssemblyOptions::fine(1, MethodChoice::ByBudget)) {
         // An island that diverges at this rate may be stable at a higher one.
         Err(error @ Error::Unstable { .. }) => {
             let higher_rates = [2, 4, 8, 2 * OVERSAMPLING_MAX].into_iter();
-            let mut stable_islands =
-                higher_rates.filter_map(|oversampling| assemble(How::fine(oversampling, MethodChoice::ByBudget)).ok());
+            let mut stable_islands = higher_rates
+                .filter_map(|oversampling| assemble(AssemblyOptions::fine(oversampling, MethodChoice::ByBudget)).ok());
             stable_islands.next().ok_or(error)
         }
         first_result => first_result,

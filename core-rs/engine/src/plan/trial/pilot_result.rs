@@ -5,7 +5,7 @@ use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::choice::{BodyChoice, SteppedChoice};
 use crate::plan::constants::{OVERSAMPLING_MAX, SUBSTEPS_MAX};
-use crate::plan::passes::assemble::{Assembled, How, Shape};
+use crate::plan::passes::assemble::{Assembled, AssemblyOptions, Shape};
 use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::truncate::KeptModes;
@@ -148,10 +148,10 @@ impl PilotResult {
     /// What an earlier pilot found; `None` if the record does not fit. `assemble` also takes a choice to repeat.
     pub(in crate::plan) fn recalled(
         record: &TrialRecord,
-        assemble: &impl Fn(How<'_>, Option<&SteppedChoice>) -> Result<Assembled, Error>,
+        assemble: &impl Fn(AssemblyOptions<'_>, Option<&SteppedChoice>) -> Result<Assembled, Error>,
     ) -> Option<Self> {
         let (error, left_out) = record.error()?;
-        let (how, body_counts) = record.counts.split_first()?;
+        let (head_counts, body_counts) = record.counts.split_first()?;
         let &[
             oversampling,
             contact_substeps,
@@ -161,7 +161,7 @@ impl PilotResult {
             finer_substeps,
             diverges,
             ref counted_cost @ ..,
-        ] = &how[..]
+        ] = &head_counts[..]
         else {
             return None;
         };
@@ -187,7 +187,7 @@ impl PilotResult {
             counted_cost,
             bodies: BodyChoice::all_from_numbers(body_counts)?,
         };
-        let how = How {
+        let how = AssemblyOptions {
             oversampling,
             bodies: MethodChoice::ByBudget,
             is_plain,
@@ -207,7 +207,7 @@ impl PilotResult {
         };
         let long_run = if coarse_substeps > 0 {
             let methods = island.mesh_methods();
-            let assembled = |step_count| assemble(island.again(step_count, &methods), None).ok();
+            let assembled = |oversampling| assemble(island.again(oversampling, &methods), None).ok();
             Some(LongRunPair {
                 full: assembled(oversampling)?,
                 finer: assembled(2 * oversampling)?,

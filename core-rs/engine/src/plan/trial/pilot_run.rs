@@ -183,14 +183,14 @@ fn find_length(
         }
         // Nothing touches: the first event decides instead.
     }
-    let first_event = next_event(island_plan, f64::NEG_INFINITY, rate);
-    let first_event = if first_event.is_finite() {
-        first_event.max(0.0)
+    let event_time = next_event(island_plan, f64::NEG_INFINITY, rate);
+    let event_time = if event_time.is_finite() {
+        event_time.max(0.0)
     } else {
         0.0
     };
-    let first_event = ((first_event * rate).min(1e12) as usize).saturating_sub(from);
-    let n_frames = first_event.saturating_add(frames_after);
+    let event_frame = ((event_time * rate).min(1e12) as usize).saturating_sub(from);
+    let n_frames = event_frame.saturating_add(frames_after);
     Ok(if n_frames <= longest { n_frames } else { 0 })
 }
 
@@ -234,9 +234,9 @@ fn longest(island_plan: &IslandPlan) -> usize {
 struct Meter<'a> {
     allowance: &'a Allowance,
     /// Work of a frame [s].
-    frame: f64,
+    frame_work: f64,
     /// Work of one step that a guard adds [s].
-    step: f64,
+    step_work: f64,
     /// What contacts and guards have cost so far [s].
     added: f64,
 }
@@ -249,8 +249,8 @@ impl<'a> Meter<'a> {
         let comparison = COMPARISON_SECONDS * island_plan.network.outputs().len() as f64;
         Self {
             allowance,
-            frame: frame_work + comparison,
-            step: frame_work / f64::from(island_plan.oversampling),
+            frame_work: frame_work + comparison,
+            step_work: frame_work / f64::from(island_plan.oversampling),
             added: 0.0,
         }
     }
@@ -273,10 +273,10 @@ impl<'a> Meter<'a> {
 
     fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
         let counted: f64 = cost::counted_cost(island).into_iter().sum();
-        let added_work = 1e-9 * counted + self.step * island.guard_steps() as f64;
+        let added_work = 1e-9 * counted + self.step_work * island.guard_steps() as f64;
         let more_work = added_work - self.added;
         self.added = added_work;
-        self.allowance.draw(self.frame * n_frames as f64 + more_work)
+        self.allowance.draw(self.frame_work * n_frames as f64 + more_work)
     }
 }
 

@@ -186,7 +186,9 @@ pub(in crate::plan) fn find(store: &dyn TrialStore, key: &str, allowance: &Allow
     let work_left = allowance.begin();
     [key.to_owned(), key_with_left(key, work_left)].iter().find_map(|key| {
         let taken_record = store.get(key)?.split_header()?;
-        allowance.is_enough_for(&taken_record.0).then_some(taken_record)
+        allowance
+            .begin_replay_if_enough(&taken_record.0)
+            .then_some(taken_record)
     })
 }
 

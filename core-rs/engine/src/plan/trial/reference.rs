@@ -14,7 +14,7 @@ use crate::plan::constants::{
     INAUDIBLE_ERROR_DB, OVERSAMPLING_MAX, REFERENCE_DB, REFERENCE_MARGIN_DB, REFERENCE_SHARE, REFERENCE_SUBSTEPS,
     SUBSTEPS_MAX, SUBSTEPS_MIN,
 };
-use crate::plan::passes::assemble::{Assembled, How};
+use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::audible::Audible;
 use crate::plan::trial::candidates::{Candidate, Family, has_fine};
@@ -67,7 +67,7 @@ pub(in crate::plan) struct Climb<'a, F> {
 }
 
 /// Finds the reference of an island whose first run was `first`; `None` if no two runs of one family can be played.
-pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
+pub(in crate::plan) fn reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>>(
     climb: &Climb<'_, F>,
     first: &Candidate,
     allowance: &Allowance,
@@ -106,7 +106,7 @@ pub(in crate::plan) fn reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
 }
 
 /// The reference by ear of the plain ways, from one step a frame on; `None` if it is not exact enough.
-pub(in crate::plan) fn plain_reference<F: Fn(How<'_>) -> Result<Assembled, Error>>(
+pub(in crate::plan) fn plain_reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>>(
     climb: &Climb<'_, F>,
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
@@ -147,7 +147,7 @@ pub(in crate::plan) fn is_plain_first(island: &Assembled) -> bool {
     island.may_collocate && island_plan.cost() > f64::from(OVERSAMPLING_MAX) * plain_cost
 }
 
-impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
+impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
     /// The families in the order in which they are tried.
     fn families(&self, first: &Candidate) -> [Family; Family::REFERENCE_FAMILIES.len()] {
         let mut families = Family::REFERENCE_FAMILIES;

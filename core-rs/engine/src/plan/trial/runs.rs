@@ -99,9 +99,9 @@ impl Runs {
 }
 
 fn run_key(island_plan: &IslandPlan, contact_substeps: usize) -> RunKey {
-    let body_key = |body_key: &BodyPlan| BodyKey {
-        method: body_key.mesh_method(),
-        ports: body_key.ports(),
+    let body_key = |body: &BodyPlan| BodyKey {
+        method: body.mesh_method(),
+        ports: body.ports(),
     };
     RunKey {
         cost: work(island_plan).to_bits(),

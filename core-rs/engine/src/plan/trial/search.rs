@@ -15,7 +15,7 @@ use crate::plan::constants::{
     BUDGET_MARGIN_DB, CREATED_SHARE_MAX, EQUAL_ERRORS_DB, EQUAL_ERRORS_RATIO, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX,
     SPECTRUM_NOISE, SUBSTEPS_MIN,
 };
-use crate::plan::passes::assemble::{Assembled, How};
+use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::audible::Audible;
@@ -52,7 +52,7 @@ pub(in crate::plan) struct Tried {
     pub(in crate::plan) audible: Option<Audible>,
 }
 
-impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
+impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// The cheapest candidate within the budget, or the best of those tried; without any, the reference if a plan may
     /// choose it.
     pub(in crate::plan) fn find(&self) -> Result<Option<Tried>, Error> {
@@ -77,7 +77,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// The island at one step a frame with contacts between frames, if it is within the budget and costs less than
     /// `plain`. Contacts that are open cost nothing, so its run ends where it is known to cost more.
     fn between_frames(&self, plain: &Tried) -> Result<Option<Tried>, TrialError> {
-        let Ok(island) = (self.assemble)(How::fine(1, MethodChoice::ByBudget)) else {
+        let Ok(island) = (self.assemble)(AssemblyOptions::fine(1, MethodChoice::ByBudget)) else {
             return Ok(None);
         };
         if !has_fine(&island) {
@@ -206,7 +206,7 @@ impl<F: Fn(How<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         let audible = audible.zip(reference.audible).filter(|_| parting.is_none());
         Tried {
             error: amplitude_sum([run_difference, reference.error]),
-            audible: audible.map(|(run_difference, reference_audible)| run_difference.plus(reference_audible)),
+            audible: audible.map(|(run_audible, reference_audible)| run_audible.plus(reference_audible)),
             parting,
             candidate: candidate.counted(&run),
             run,

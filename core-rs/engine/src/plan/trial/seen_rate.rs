@@ -3,7 +3,7 @@
 use crate::network::{Error, Subset};
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
-use crate::plan::passes::assemble::{Assembled, How};
+use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
@@ -40,7 +40,7 @@ pub(in crate::plan) fn error(
         Series::new(store, content)
     });
     measured(trial_series, allowance, || {
-        let assembly_how = How::fine(1, MethodChoice::ByBudget);
+        let assembly_how = AssemblyOptions::fine(1, MethodChoice::ByBudget);
         match Assembled::new(subset, island_timeline, budget, assembly_how, None, memo) {
             Ok(assembled) => compare_rates(lower_rate_plan, &assembled.island_plan, allowance),
             Err(_) => Ok(None),
@@ -74,8 +74,8 @@ fn compare_rates(
     };
     let spans = Spans::new(lower_rate_plan, excerpt.n_frames);
     let strided_frames = full_rate.sound.chunks(spans.n_out).step_by(frame_stride);
-    let full_rate: Vec<f64> = strided_frames.flatten().copied().collect();
-    let db = difference(&lower_rate_run.sound, &full_rate, &spans);
+    let full_rate_sound: Vec<f64> = strided_frames.flatten().copied().collect();
+    let db = difference(&lower_rate_run.sound, &full_rate_sound, &spans);
     Ok(db.is_finite().then_some(Measured {
         db,
         over: excerpt.end() as f64 / spans.rate,

@@ -388,7 +388,7 @@ impl<'a> Maker<'a> {
                 let place_tracks = by_place.entry(mode.place).or_default();
                 place_tracks.push((mode.mode as u32, track as u32));
             }
-            for ((point_index, place), pairs) in by_place {
+            for ((unit_index, place), pairs) in by_place {
                 let source = match place {
                     None => Source::Bank(pairs),
                     Some(place) => {
@@ -400,7 +400,7 @@ impl<'a> Maker<'a> {
                         Source::Modes(place, mode_tracks)
                     }
                 };
-                sources.push((point_index, source));
+                sources.push((unit_index, source));
             }
         }
         sources

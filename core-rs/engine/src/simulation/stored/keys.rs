@@ -59,8 +59,8 @@ impl Simulation {
             })
             .collect();
         let mut keys_by_stop = vec![start_keys; stops.len()];
-        let is_silent = plan.still.iter().map(|still| *still == 0.0).collect();
-        let mut is_silent: Vec<Vec<bool>> = vec![is_silent; stops.len()];
+        let starts_silent = plan.still.iter().map(|still| *still == 0.0).collect();
+        let mut silent_outputs: Vec<Vec<bool>> = vec![starts_silent; stops.len()];
         // Sums are rounded group by group.
         let mut last_group = vec![vec![None; plan.still.len()]; stops.len()];
         let running: Vec<&RunningUnit> = self.units().map(|(running, _)| running).collect();
@@ -83,13 +83,13 @@ impl Simulation {
                         let last_group = &mut last_group[stop_index][output];
                         let separator = if *last_group == Some(group) { '+' } else { ',' };
                         *last_group = Some(group);
-                        is_silent[stop_index][output] = false;
+                        silent_outputs[stop_index][output] = false;
                         keys_by_stop[stop_index][output] += &format!("{separator}{key_before}.{local}");
                     }
                 }
             }
         }
-        for (key, is_silent) in keys_by_stop.iter_mut().flatten().zip(is_silent.iter().flatten()) {
+        for (key, is_silent) in keys_by_stop.iter_mut().flatten().zip(silent_outputs.iter().flatten()) {
             *key = if *is_silent {
                 String::new()
             } else {

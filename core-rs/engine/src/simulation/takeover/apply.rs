@@ -20,15 +20,17 @@ impl Simulation {
         }
         self.derivatives.take_over(&old.derivatives, &takeover.outputs);
         self.sounds_in.take_over(&old.sounds_in);
-        for &(from, to) in &takeover.units {
-            match (self.playing(to), old.playing(from)) {
-                (RunningUnit::Island(running), RunningUnit::Island(old)) => running.continue_from(old),
-                (RunningUnit::Bank(running), RunningUnit::Bank(old)) => running.continue_from(old),
+        for &(old_unit, new_unit) in &takeover.units {
+            match (self.playing(new_unit), old.playing(old_unit)) {
+                (RunningUnit::Island(running), RunningUnit::Island(old_island)) => running.continue_from(old_island),
+                (RunningUnit::Bank(running), RunningUnit::Bank(old_bank)) => running.continue_from(old_bank),
                 _ => {}
             }
         }
-        for &(from, to, n) in &takeover.modes {
-            if let (RunningUnit::Bank(running), RunningUnit::Bank(old)) = (self.playing(to), old.playing(from)) {
+        for &(old_unit, new_unit, n) in &takeover.modes {
+            if let (RunningUnit::Bank(running), RunningUnit::Bank(old)) =
+                (self.playing(new_unit), old.playing(old_unit))
+            {
                 (0..n).for_each(|mode| running.copy_motion(mode, old, mode));
             }
         }
@@ -40,12 +42,14 @@ impl Simulation {
             ..
         } = takeover;
         from.iter().for_each(|body| body.read_masses(old, workspace));
-        for &(from, to) in &*mats {
-            self.pass(old, workspace, from, to);
+        for &(old_location, new_location) in &*mats {
+            self.pass(old, workspace, old_location, new_location);
         }
         to.iter_mut().for_each(|body| body.write_masses(self, workspace));
-        for (from, to, item) in &takeover.items {
-            if let (RunningUnit::Island(running), RunningUnit::Island(old)) = (self.playing(*to), old.playing(*from)) {
+        for (old_unit, new_unit, item) in &takeover.items {
+            if let (RunningUnit::Island(running), RunningUnit::Island(old)) =
+                (self.playing(*new_unit), old.playing(*old_unit))
+            {
                 running.take_over(item, old);
             }
         }
@@ -61,15 +65,15 @@ impl Simulation {
 
     /// Let live strikes that still act act on.
     fn continue_strikes(&mut self, old: &Self) {
-        let old = old.groups.iter().flat_map(|group| &group.units);
-        for old in old {
-            let RunningUnit::Island(old) = old else {
+        let old_units = old.groups.iter().flat_map(|group| &group.units);
+        for old_unit in old_units {
+            let RunningUnit::Island(old_island) = old_unit else {
                 continue;
             };
             let running_units = self.groups.iter_mut().flat_map(|group| &mut group.units);
             for unit in running_units {
                 if let RunningUnit::Island(island) = unit {
-                    island.continue_strikes(old);
+                    island.continue_strikes(old_island);
                 }
             }
         }

@@ -3,9 +3,9 @@
 use crate::interrupt;
 use crate::spectrum::vector::{add, dot};
 
-/// Eigenvectors, one a row, of the matrix whose Schur form is `h` and whose Schur vectors are the rows of `turned`; a
+/// Eigenvectors, one a row, of the matrix whose Schur form is `h` and whose Schur vectors are the rows of `schur_vectors`; a
 /// conjugate pair has two rows, the real and the imaginary part   (n, n).
-pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], turned: &[f64]) -> Vec<f64> {
+pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], schur_vectors: &[f64]) -> Vec<f64> {
     let largest_entry = h.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let mut vectors = vec![0.0; n * n];
     let (mut real_parts, mut imaginary_parts) = (vec![0.0; n], vec![0.0; n]);
@@ -29,7 +29,12 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], turned: &[f64]
                 values,
                 [&mut real_parts, &mut imaginary_parts],
             );
-            combine(&real_parts, turned, last + 1, &mut vectors[last * n..(last + 1) * n]);
+            combine(
+                &real_parts,
+                schur_vectors,
+                last + 1,
+                &mut vectors[last * n..(last + 1) * n],
+            );
         } else {
             // The last block gives (a − s) x + b = 0 and c x + (d − s) = 0; use the one with the larger of b and c.
             let first_row = last - 1;
@@ -51,13 +56,13 @@ pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], turned: &[f64]
             );
             combine(
                 &real_parts,
-                turned,
+                schur_vectors,
                 last + 1,
                 &mut vectors[first_row * n..(first_row + 1) * n],
             );
             combine(
                 &imaginary_parts,
-                turned,
+                schur_vectors,
                 last + 1,
                 &mut vectors[last * n..(last + 1) * n],
             );
@@ -71,14 +76,14 @@ fn solve(
     h: &[f64],
     n: usize,
     below: usize,
-    (s, size): ((f64, f64), f64),
+    (s, largest_entry): ((f64, f64), f64),
     values: &[(f64, f64)],
     [re, im]: [&mut [f64]; 2],
 ) {
     // A pivot that vanishes is replaced by one of the size of rounding.
     let safe_pivot = |x: (f64, f64)| {
-        if x.0.abs() + x.1.abs() <= f64::EPSILON * size {
-            (f64::EPSILON * size, 0.0)
+        if x.0.abs() + x.1.abs() <= f64::EPSILON * largest_entry {
+            (f64::EPSILON * largest_entry, 0.0)
         } else {
             x
         }
@@ -107,7 +112,7 @@ fn solve(
             let ad = times(a, d);
             let square_norm = |x: (f64, f64)| x.0 * x.0 + x.1 * x.1;
             let mut determinant = (ad.0 - b * c, ad.1);
-            let least_norm = f64::EPSILON * (size * (a.0.abs() + a.1.abs() + b.abs() + c.abs()));
+            let least_norm = f64::EPSILON * (largest_entry * (a.0.abs() + a.1.abs() + b.abs() + c.abs()));
             if square_norm(determinant) <= least_norm * least_norm {
                 determinant = (least_norm.max(f64::MIN_POSITIVE), 0.0);
             }

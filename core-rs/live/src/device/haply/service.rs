@@ -124,8 +124,8 @@ fn gone(error: &Error) -> Gone {
 /// A WebSocket connection in non-blocking mode; or a sentence on why there is none.
 fn connect(target: &str, patience: Duration) -> Result<WebSocket<TcpStream>, String> {
     let address = target.strip_prefix("ws://").unwrap_or(target);
-    let host_address = address.split('/').next().unwrap_or(address);
-    let tcp_stream = reach(host_address, patience).map_err(|error| error.to_string())?;
+    let host_and_port = address.split('/').next().unwrap_or(address);
+    let tcp_stream = reach(host_and_port, patience).map_err(|error| error.to_string())?;
     let set_result = tcp_stream
         .set_nodelay(true)
         .and_then(|()| tcp_stream.set_write_timeout(Some(patience)))
@@ -146,9 +146,9 @@ fn connect(target: &str, patience: Duration) -> Result<WebSocket<TcpStream>, Str
 }
 
 /// Connects to the first address of `host` that can be reached.
-fn reach(host: &str, patience: Duration) -> io::Result<TcpStream> {
+fn reach(host_and_port: &str, patience: Duration) -> io::Result<TcpStream> {
     let mut last_error = io::Error::from(io::ErrorKind::AddrNotAvailable);
-    for address in host.to_socket_addrs()? {
+    for address in host_and_port.to_socket_addrs()? {
         match TcpStream::connect_timeout(&address, patience) {
             Ok(stream) => return Ok(stream),
             Err(error) => last_error = error,

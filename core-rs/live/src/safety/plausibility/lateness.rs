@@ -13,12 +13,12 @@ const PAST: usize = 2_048;
 
 /// Parts of the work that may be done at once. From the first on a question is asked early; from the second on it waits
 /// until the motion of the key is known, because a swing hides answers or imitates them; at the last the force ends.
-const ASKED: f64 = 0.03;
-const MARKED: f64 = 0.1;
-const GREATEST: f64 = 0.5;
+const ASK_SHARE: f64 = 0.03;
+const SWING_SHARE: f64 = 0.1;
+const END_SHARE: f64 = 0.5;
 /// The second time within this time is no chance [s]: with a late channel the force ends again after 2 to 4 s, and
 /// under the hardest strokes of a healthy hand after more than a minute.
-const AGAIN: f64 = 10.0;
+const REPEAT_SECONDS: f64 = 10.0;
 
 /// Time after which nothing that is late by up to 300 ms comes any more [s].
 pub(super) const PASSED: f64 = 0.31;
@@ -81,22 +81,22 @@ impl Lateness {
 
     /// Whether a question is due.
     pub(super) fn is_asked(&self) -> bool {
-        self.exceeds(ASKED)
+        self.exceeds(ASK_SHARE)
     }
 
     /// Whether the key swings so much that an answer may be chance.
     pub(super) fn is_marked(&self) -> bool {
-        self.exceeds(MARKED)
+        self.exceeds(SWING_SHARE)
     }
 
     /// Whether the force has to end.
     pub(super) fn is_too_great(&self) -> bool {
-        self.exceeds(GREATEST)
+        self.exceeds(END_SHARE)
     }
 
     /// Note that the force ends because of this work. Returns whether it did so a short time before.
     pub(super) fn note_end(&mut self) -> bool {
-        let is_again = self.since_ended <= AGAIN;
+        let is_again = self.since_ended <= REPEAT_SECONDS;
         self.since_ended = 0.0;
         is_again
     }

@@ -14,12 +14,12 @@
 //! whichever way the motor pushes, since the piece computes the force from the position.
 
 /// Number of positions before the pulses that are weighted.
-const BEFORE: usize = 16;
+const LEAD_POSITIONS: usize = 16;
 /// The pulse: half a sine.
 #[allow(clippy::approx_constant)] // rounded like the others
 const PULSE: [f64; 6] = [0.2588, 0.7071, 0.9659, 0.9659, 0.7071, 0.2588];
 /// Steps from the beginning of the first pulse to that of the second, which has the opposite sign.
-const SECOND: usize = 18;
+const SECOND_PULSE_STEP: usize = 18;
 /// The weights, for the oldest position first.
 #[rustfmt::skip]
 const WEIGHTS: [f64; 56] = [
@@ -34,14 +34,14 @@ const WEIGHTS: [f64; 56] = [
 /// Number of weighted positions.
 const SPAN: usize = WEIGHTS.len();
 /// Steps of a question, from the first pulse on.
-const STEPS: usize = SPAN - BEFORE;
+const STEPS: usize = SPAN - LEAD_POSITIONS;
 /// Longest delay that a device may report and that is waited for [steps].
 const DELAY_MAX: usize = 16;
 
 /// The answer of a free mass of 1 kg to a newton [m].
 const FREE_RESPONSE: f64 = 9.3e-6;
 /// An answer this many times greater than that of the free key is no answer: a hand moves the key.
-const TOO_GREAT: f64 = 2.5;
+const ANSWER_RATIO_MAX: f64 = 2.5;
 /// The answer to a newton by a firm hand, which is expected at first, and by the firmest [m].
 const FIRM_RESPONSE: f64 = 25e-6;
 const FIRMEST_RESPONSE: f64 = 8e-6;
@@ -51,18 +51,18 @@ const FIRMEST_PATH: f64 = 2e-5;
 /// Least sum that is an answer: [m], steps of the sensor, and times the greatest sum without pulses of late.
 const FAINTEST: f64 = 2e-6;
 const SENSOR_STEPS: f64 = 1.5;
-const NOISES: f64 = 3.0;
+const NOISE_FACTOR: f64 = 3.0;
 /// Steps without a question in which that sum is taken, where the key swings: a part of a swing.
-const CALM: usize = 12;
+const CALM_STEPS: usize = 12;
 /// An answer that is late by 22 to 34 steps has the sign of one in time, but the sum is this many times greater when
 /// the window has moved by the same number of steps. For an answer in time, by three steps at most, the factor is below
 /// 1.9.
-const LATER: [usize; 2] = [22, 34];
-const LATER_FACTOR: f64 = 2.0;
+const LATE_STEPS: [usize; 2] = [22, 34];
+const LATE_FACTOR: f64 = 2.0;
 /// Time in which the greatest sum without pulses is forgotten [s].
-const FORGOTTEN: f64 = 0.25;
+const NOISE_MEMORY: f64 = 0.25;
 /// The force of a pulse is chosen for an answer this many times the least.
-const CLEAR: f64 = 2.0;
+const PULSE_FACTOR: f64 = 2.0;
 /// Least and greatest force of a pulse [N].
 const PULSE_FORCES: [f64; 2] = [0.05, 3.0];
 
@@ -136,7 +136,7 @@ impl Questions {
     pub(super) fn new(step: f64, mass: f64, resolution: f64, delay: f64) -> Self {
         Self {
             step,
-            greatest_response: TOO_GREAT * FREE_RESPONSE / mass,
+            greatest_response: ANSWER_RATIO_MAX * FREE_RESPONSE / mass,
             resolution,
             delay: ((delay / step).round() as usize).min(DELAY_MAX),
             past: [0.0; SPAN],
@@ -161,7 +161,7 @@ impl Questions {
 
     /// Whether a question may begin.
     pub(super) fn may_begin(&self) -> bool {
-        self.is_idle() && self.quiet >= BEFORE
+        self.is_idle() && self.quiet >= LEAD_POSITIONS
     }
 
     /// Whether one may begin, and the noise since the last one is known.
@@ -171,14 +171,14 @@ impl Questions {
 
     /// Whether one may begin, and the noise of a swing since the last one is known.
     pub(super) fn is_very_calm(&self) -> bool {
-        self.is_idle() && self.quiet > SPAN + CALM
+        self.is_idle() && self.quiet > SPAN + CALM_STEPS
     }
 
     /// Begin a question with at most `force` [N], if the part `passes` of a force reaches the key. Where `is_doubtful`,
     /// its sign is drawn.
     pub(super) fn begin(&mut self, force: f64, passes: f64, is_doubtful: bool) {
         let [least_pulse, greatest_pulse] = PULSE_FORCES;
-        let clear_force = (CLEAR * self.least_answer() / self.response).clamp(least_pulse, greatest_pulse);
+        let clear_force = (PULSE_FACTOR * self.least_answer() / self.response).clamp(least_pulse, greatest_pulse);
         let sign = if is_doubtful { self.drawn_sign() } else { 1.0 };
         self.asked = Some(Asked {
             sign,
@@ -203,12 +203,14 @@ impl Questions {
             return 0.0;
         };
         let pulse_at = |step: usize| PULSE.get(step).copied().unwrap_or(0.0);
-        let second_pulse = open_question.steps.checked_sub(SECOND).map_or(0.0, pulse_at);
+        let second_pulse = open_question.steps.checked_sub(SECOND_PULSE_STEP).map_or(0.0, pulse_at);
         open_question.sign * open_question.force / open_question.passes * (pulse_at(open_question.steps) - second_pulse)
     }
 
     fn least_answer(&self) -> f64 {
-        FAINTEST.max(SENSOR_STEPS * self.resolution).max(NOISES * self.noise)
+        FAINTEST
+            .max(SENSOR_STEPS * self.resolution)
+            .max(NOISE_FACTOR * self.noise)
     }
 
     /// Take the position of a step [m], and the force `sent` before it [N]; returns the answer when a question is over.
@@ -220,7 +222,7 @@ impl Questions {
         self.past.copy_within(1.., 0);
         self.past[SPAN - 1] = x;
         self.quiet = self.quiet.saturating_add(1);
-        self.noise *= 1.0 - self.step / FORGOTTEN;
+        self.noise *= 1.0 - self.step / NOISE_MEMORY;
         let Some(open_question) = &mut self.asked else {
             if self.quiet > SPAN {
                 self.noise = self.noise.max(self.sum().abs());
@@ -250,7 +252,7 @@ impl Questions {
     /// Wait until a right answer is known to be in time.
     fn wait(&mut self) -> Option<Answer> {
         let mut waiting = self.waiting?;
-        let [first_step, last_step] = LATER;
+        let [first_step, last_step] = LATE_STEPS;
         waiting.steps += 1;
         if waiting.steps >= first_step {
             waiting.later = waiting.later.max(waiting.sign * self.sum());
@@ -259,14 +261,15 @@ impl Questions {
         if self.waiting.is_some() {
             return None;
         }
-        let is_late = waiting.later > LATER_FACTOR * waiting.sum;
+        let is_late = waiting.later > LATE_FACTOR * waiting.sum;
         Some(if is_late { Answer::Hidden } else { Answer::Right })
     }
 
     fn judge(&mut self, Asked { sign, force, sent, .. }: Asked) -> Answer {
         let is_unmoved = |x: &f64| x.to_bits() == self.past[SPAN - 1].to_bits();
         let force_change = 0.5 * (sent[1] - sent[0]);
-        if force_change.min(force) * FIRMEST_PATH >= 2.0 * self.resolution && self.past[BEFORE..].iter().all(is_unmoved)
+        if force_change.min(force) * FIRMEST_PATH >= 2.0 * self.resolution
+            && self.past[LEAD_POSITIONS..].iter().all(is_unmoved)
         {
             self.response = FIRMEST_RESPONSE;
             return Answer::Unmoved;

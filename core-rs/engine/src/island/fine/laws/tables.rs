@@ -1,6 +1,6 @@
 //! Constant tables of laws between frames: the response of each law's elongation to the forces of the others.
 
-use super::{PARTS, POINTS, SMOOTH, STAGES, Square, Stages, WEIGHTS};
+use super::{DEVIATION_MAX, PARTS_PLAIN, POINTS, STAGES, Square, Stages, WEIGHTS};
 use crate::island::fine::Script;
 use crate::island::fine::basis::{Instant, POLYNOMIALS_MAX, dot};
 use crate::scheme::Kind;
@@ -71,10 +71,10 @@ impl LawScript {
             }
             stage_responses
         };
-        let part_excess = (parts_max as f64 / PARTS as f64).max(1.0);
+        let part_excess = (parts_max as f64 / PARTS_PLAIN as f64).max(1.0);
         Self {
             divisions: parts.take_while(|&parts| parts <= parts_max).map(divide).collect(),
-            smooth: SMOOTH / (part_excess * part_excess * part_excess),
+            smooth: DEVIATION_MAX / (part_excess * part_excess * part_excess),
             end: [&end_instant.value, &end_instant.slope].map(|values| script.basis.weights(values)),
             moves_end: end_pairs.iter().map(end_response).collect(),
             ahead: POINTS.map(|c| shares(1.0 + c)),

@@ -98,8 +98,8 @@ impl Fine {
             is_linear &= is_holding || !friction.by.falls();
             for stage in 0..STAGES {
                 let response_pairs = link_responses.iter().zip(&self.frictions.slides);
-                let by = response_pairs.map(|(by, other)| dot(&by[stage], &other.force));
-                let v = slide.free[stage] + by.sum::<f64>();
+                let velocity_changes = response_pairs.map(|(response, other)| dot(&response[stage], &other.force));
+                let v = slide.free[stage] + velocity_changes.sum::<f64>();
                 let row_index = STAGES * slide_index + stage;
                 let equation_row = &mut equations[row_index * row_width..(row_index + 1) * row_width];
                 let velocity_factor = if is_holding {
@@ -107,7 +107,7 @@ impl Fine {
                 } else {
                     -direction * friction.slope(v)
                 };
-                let responses = link_responses.iter().flat_map(|by| by[stage]);
+                let responses = link_responses.iter().flat_map(|slide_response| slide_response[stage]);
                 for (entry, response) in equation_row.iter_mut().zip(responses) {
                     *entry = velocity_factor * response;
                 }
@@ -201,7 +201,7 @@ impl Fine {
 fn eliminate(system: &mut [f64], n: usize) -> Option<()> {
     let row_width = n + 1;
     for column in 0..n {
-        let entry_size = |diagonal_row: &usize| system[diagonal_row * row_width + column].abs();
+        let entry_size = |row_index: &usize| system[row_index * row_width + column].abs();
         let pivot_row = (column..n).max_by(|one, other| entry_size(one).total_cmp(&entry_size(other)))?;
         if !(entry_size(&pivot_row) > 0.0 && entry_size(&pivot_row).is_finite()) {
             return None;

@@ -122,9 +122,9 @@ pub(super) fn add(
         return Err(NoModes::Inexact);
     }
     // The state at t = 0 and the effect of an impulse, in the modes: through the inverse.
-    let project = |row: usize, state: &dyn Fn(usize) -> f64| -> f64 {
+    let project = |row: usize, component_of: &dyn Fn(usize) -> f64| -> f64 {
         let left_row = &left_vectors[row * state_size..(row + 1) * state_size];
-        left_row.iter().enumerate().map(|(i, by)| by * state(i)).sum()
+        left_row.iter().enumerate().map(|(i, by)| by * component_of(i)).sum()
     };
     let held_count = state.n_held();
     let initial_state = |row_index: usize| {
@@ -157,9 +157,9 @@ pub(super) fn add(
         let decay = (-re).max(0.0);
         let is_pole_pair = im > 0.0;
         let y = |row_index: usize| {
-            let left_row = vectors[row_index * state_size + k];
+            let real_part = vectors[row_index * state_size + k];
             [
-                left_row,
+                real_part,
                 if is_pole_pair {
                     -vectors[row_index * state_size + k + 1]
                 } else {
@@ -167,10 +167,14 @@ pub(super) fn add(
                 },
             ]
         };
-        let projection = |state: &dyn Fn(usize) -> f64| {
+        let projection = |component_of: &dyn Fn(usize) -> f64| {
             [
-                project(k, state),
-                if is_pole_pair { project(k + 1, state) } else { 0.0 },
+                project(k, component_of),
+                if is_pole_pair {
+                    project(k + 1, component_of)
+                } else {
+                    0.0
+                },
             ]
         };
         let eigenvalue = [re, im];

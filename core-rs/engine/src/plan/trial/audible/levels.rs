@@ -21,10 +21,10 @@ pub(super) fn level_error(a: &[f64], b: &[f64], rate: f64) -> f64 {
     };
     let (sound_powers, reference_powers) = (spectrum(a), spectrum(b));
     let centres: Vec<f64> = bands.iter().map(|band| band.centre).collect();
-    let audible = unmasked_bands(&centres, &reference_powers);
-    let band_pairs = sound_powers.iter().zip(&reference_powers).zip(audible);
-    let audible = band_pairs.filter(|(_, is_heard)| *is_heard);
-    audible.fold(0.0, |worst, ((sound_powers, reference_powers), _)| {
+    let is_unmasked = unmasked_bands(&centres, &reference_powers);
+    let band_pairs = sound_powers.iter().zip(&reference_powers).zip(is_unmasked);
+    let unmasked_pairs = band_pairs.filter(|(_, is_heard)| *is_heard);
+    unmasked_pairs.fold(0.0, |worst, ((sound_powers, reference_powers), _)| {
         worst.max(10.0 * log10((sound_powers / reference_powers).max(MISSING_POWER_RATIO)).abs())
     })
 }

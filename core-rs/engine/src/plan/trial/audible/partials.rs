@@ -45,24 +45,24 @@ fn strongest(x: &[f64], rate: f64, upto: f64) -> Vec<f64> {
 /// Error of the pitch [cents] and of the T60, relative to itself, of the partial near `f` [Hz]; `None` if the sound is
 /// too short.
 fn compare(a: &[f64], b: &[f64], f: f64, rate: f64) -> Option<(f64, f64)> {
-    let (ours, reference_band) = (baseband(a, f, rate), baseband(b, f, rate));
+    let (sound_band, reference_band) = (baseband(a, f, rate), baseband(b, f, rate));
     if reference_band.len() < WINDOWS_MIN {
         return None;
     }
     let weights: Vec<f64> = reference_band.iter().map(|[re, im]| re * re + im * im).collect();
     // ours/theirs: its argument turns little from one window to the next.
-    let phase_ratios = ours.iter().zip(&reference_band);
+    let phase_ratios = sound_band.iter().zip(&reference_band);
     let phase_ratios: Vec<[f64; 2]> = phase_ratios.map(|(a, b)| times(*a, [b[0], -b[1]])).collect();
     let frequency_offset = slope(&unwrapped(&phase_ratios), &weights).0 / (TAU * PARTIALS_HOP);
     let log_level = |[re, im]: &[f64; 2]| 0.5 * log((re * re + im * im).max(f64::MIN_POSITIVE));
     let log_levels = |baseband_samples: &[[f64; 2]]| -> Vec<f64> { baseband_samples.iter().map(log_level).collect() };
     let (level_slope, slope_residual) = slope(&log_levels(&reference_band), &weights);
-    let (ours, _) = slope(&log_levels(&ours), &weights);
+    let (sound_slope, _) = slope(&log_levels(&sound_band), &weights);
     let pitch_error = 1200.0 * log2((1.0 + frequency_offset / f).max(f64::MIN_POSITIVE)).abs();
     let is_decay = slope_residual < DECAY_FIT_MAX && -level_slope * reference_band.len() as f64 > DECAY_FIT_MAX;
     // The ratio of the T60s, less 1.
-    let decay_error = if is_decay && ours < 0.0 {
-        (level_slope / ours - 1.0).abs()
+    let decay_error = if is_decay && sound_slope < 0.0 {
+        (level_slope / sound_slope - 1.0).abs()
     } else {
         0.0
     };

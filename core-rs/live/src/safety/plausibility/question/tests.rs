@@ -89,7 +89,7 @@ fn answer_of_all_hands_is_positive() {
                 let case_text = format!("{mass} kg, {damping} N·s/m, {stiffness} N/m, {delay} steps");
                 assert!(answer_sum > 4e-6, "{case_text}: {answer_sum}");
                 assert!(
-                    answer_sum < TOO_GREAT * FREE_RESPONSE / mass,
+                    answer_sum < ANSWER_RATIO_MAX * FREE_RESPONSE / mass,
                     "{case_text}: {answer_sum}"
                 );
             }
