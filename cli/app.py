@@ -211,14 +211,14 @@ def _command_of(arguments: list[str]) -> click.Command:
     """The command that a line begins with; the group where it names none."""
     command: click.Command = group
     for word in arguments:
-        inner = (
+        subcommand = (
             command.get_command(click.Context(command), word)
             if isinstance(command, click.Group)
             else None
         )
-        if inner is None:
+        if subcommand is None:
             break
-        command = inner
+        command = subcommand
     return command
 
 

@@ -60,6 +60,8 @@ class ScorePath(PackedPath):
         names = bundled()
         if text not in names and text == "help" and ctx is not None:
             self.fail(f"the help is shown by: {ctx.command_path} --help", param, ctx)
-        if text not in names and (near := nearest(text, names)):
-            self.fail(f"there is no file {text}; did you mean {near}, which ships?", param, ctx)
+        if text not in names and (suggestion := nearest(text, names)):
+            self.fail(
+                f"there is no file {text}; did you mean {suggestion}, which ships?", param, ctx
+            )
         return str(names.get(text, text))

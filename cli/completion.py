@@ -55,8 +55,10 @@ def _commands(group: click.Group) -> dict[str, click.Command]:
 
 def _parameters(command: click.Command) -> list[click.Parameter]:
     if isinstance(command, click.Group):
-        inner = {p.name: p for c in _commands(command).values() for p in _parameters(c)}
-        return list(inner.values())
+        subcommand_parameters = {
+            p.name: p for c in _commands(command).values() for p in _parameters(c)
+        }
+        return list(subcommand_parameters.values())
     return [p for p in command.params if not getattr(p, "hidden", False)]
 
 

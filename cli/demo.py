@@ -86,9 +86,9 @@ def _play(console: Console, path: str) -> None:
         if program is None:
             continue
         console.say(f"playing with {player}; Ctrl-C stops")
-        done = subprocess.run([program, path], check=False, capture_output=True)
-        if done.returncode == 0:
+        player_process = subprocess.run([program, path], check=False, capture_output=True)
+        if player_process.returncode == 0:
             return
-        console.detail(f"{player}: {done.stderr.decode(errors='replace').strip()}")
+        console.detail(f"{player}: {player_process.stderr.decode(errors='replace').strip()}")
     tried = ", ".join(_PLAYERS)
     console.warn(f"no sound: none of {tried} works here. Listen to {path} with any player")

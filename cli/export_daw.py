@@ -60,7 +60,7 @@ def export_daw(
         left_out = " and ".join(str(path) for path in paths if path != marks_path)
         verb = "are" if is_rendered else "is"
         console.warn(f"{error}; {left_out} {verb} left out, and the other files are written")
-    done = None
+    completed = None
     # What is small is on the disk before the sound, and gets its names after it: all or nothing.
     with file_group(force=file_options.force, inputs=loaded.inputs) as small:
         for path, content in files.items():
@@ -72,17 +72,17 @@ def export_daw(
             project_file.write(b" " * _project_room(clock, stage))
             project_file.flush()
         if prepared is not None:
-            done = write(prepared, console)
-        if project_file is not None and done is not None:
-            files[project_path] = _project(clock, piece.title, done, output)
+            completed = write(prepared, console)
+        if project_file is not None and completed is not None:
+            files[project_path] = _project(clock, piece.title, completed, output)
             project_file.seek(0)
             project_file.write(files[project_path])
             project_file.truncate()
     for path in files:
         console.wrote(path)
-    if done is not None:
-        print_rendered(console, done)
-        print_finer_steps(console, done.reports)
+    if completed is not None:
+        print_rendered(console, completed)
+        print_finer_steps(console, completed.reports)
 
 
 def _clock(
@@ -105,19 +105,19 @@ def _clock(
 def _project(
     clock: tuple[Callable[[float], float], float, list[Meter], list[Marker]],
     title: str,
-    done: Completed,
+    completed: Completed,
     output: Path,
 ) -> bytes:
     """The project of REAPER: a track for each stem, and the mix, which is muted."""
     from ergon.exchange.reaper import SoundFormat, SoundTrack, project
 
-    format = done.job.format
+    format = completed.job.format
     tracks = [
         SoundTrack(path.stem.partition("_")[2], path.relative_to(output).as_posix())
-        for path in (Path(stem.path) for stem in done.files.stems)
+        for path in (Path(stem.path) for stem in completed.files.stems)
     ]
-    mix = SoundTrack("mix", Path(done.files.mix.path).name, is_muted=bool(tracks))
-    sounds = SoundFormat(done.files.n_frames / format.rate, format.rate, format.n_channels)
+    mix = SoundTrack("mix", Path(completed.files.mix.path).name, is_muted=bool(tracks))
+    sounds = SoundFormat(completed.files.n_frames / format.rate, format.rate, format.n_channels)
     return project(*clock, title, [*tracks, mix], sounds).encode()
 
 

@@ -104,8 +104,8 @@ def _obj(path: Path) -> Content:
     lines = (line.split() for line in (text or "").splitlines())
     kinds = Counter(words[0] for words in lines if words and not words[0].startswith("#"))
     other_kinds = [kind for kind in kinds if kind not in ("v", "f", "l")]
-    passed = [f"{plural(kinds[kind], 'line')} of {kind}" for kind in sorted(other_kinds)]
-    return Content("mesh (Wavefront OBJ)", _counts(mesh), passed)
+    passed_over = [f"{plural(kinds[kind], 'line')} of {kind}" for kind in sorted(other_kinds)]
+    return Content("mesh (Wavefront OBJ)", _counts(mesh), passed_over)
 
 
 def _counts(mesh: object) -> dict[str, object]:
@@ -124,16 +124,16 @@ def _counts(mesh: object) -> dict[str, object]:
 
 def _n_bodies(n: int, edges: object) -> int:
     """How many parts no edge joins."""
-    above = list(range(n))
+    parents = list(range(n))
 
     def top(point: int) -> int:
-        while above[point] != point:
-            above[point] = above[above[point]]
-            point = above[point]
+        while parents[point] != point:
+            parents[point] = parents[parents[point]]
+            point = parents[point]
         return point
 
     for a, b in edges:  # type: ignore[attr-defined]
-        above[top(a)] = top(b)
+        parents[top(a)] = top(b)
     return len({top(point) for point in range(n)})
 
 
@@ -152,11 +152,11 @@ def _gltf(path: Path) -> Content:
         raise Refused(f"{path}: {error}") from None
     size = int.from_bytes(data[12:16], "little")
     root = json.loads(data[20 : 20 + size] if is_binary else data)
-    passed = [
+    passed_over = [
         plural(len(root[name]), name.removesuffix("s")) for name in _GLTF_OTHERS if root.get(name)
     ]
-    passed += [f"extension {name}" for name in root.get("extensionsUsed", [])]
-    return Content("mesh (glTF 2)", _counts(mesh), passed)
+    passed_over += [f"extension {name}" for name in root.get("extensionsUsed", [])]
+    return Content("mesh (glTF 2)", _counts(mesh), passed_over)
 
 
 # --- tunings ------------------------------------------------------------------------------------
@@ -167,7 +167,7 @@ def _scala(path: Path) -> Content:
 
     text = decoded(_data(path))
     comments = sum(line.startswith("!") for line in text.splitlines())
-    passed = [plural(comments, "comment")] if comments else []
+    passed_over = [plural(comments, "comment")] if comments else []
     try:
         if path.suffix.lower() == ".scl":
             scale = parse_scale(text)
@@ -176,7 +176,7 @@ def _scala(path: Path) -> Content:
                 "degrees": len(scale.ratios),
                 "repeats after": f"{scale.ratios[-1]:.9g}",
             }
-            return Content("scale (Scala)", read, passed)
+            return Content("scale (Scala)", read, passed_over)
         keys = parse_key_map(text)
     except ScalaError as error:
         raise Refused(f"{path}:{error.line}: {error.message}") from None
@@ -186,7 +186,7 @@ def _scala(path: Path) -> Content:
         "middle key": keys.middle,
         "reference": f"key {keys.reference} at {keys.frequency:g} Hz",
     }
-    return Content("keyboard map (Scala)", read, passed)
+    return Content("keyboard map (Scala)", read, passed_over)
 
 
 # --- heads and rooms ----------------------------------------------------------------------------
@@ -235,9 +235,9 @@ def _layout(path: Path) -> Content | None:
         if path.suffix.lower() == ".xml":
             return _model(path)
         raise Refused(f"{path}: {error}") from None
-    passed = [*layout.left_out, "gains, filters, names and imaginary loudspeakers"]
+    passed_over = [*layout.left_out, "gains, filters, names and imaginary loudspeakers"]
     read = {"loudspeakers": len(layout.speakers), "outputs": _numbers(layout.outputs)}
-    return Content(f"loudspeakers ({form.name})", read, passed)
+    return Content(f"loudspeakers ({form.name})", read, passed_over)
 
 
 def _yaml(path: Path) -> Content | None:
@@ -275,8 +275,10 @@ def _model(path: Path) -> Content | None:
         return None
     model = import_model(path)
     read = {"statements": model.n_statements, "to use it": f"ergon import {path}"}
-    passed = [f"input {name}, which has no file" for name in model.unfed]
-    return Content(f"model ({model.dialect})", read, [*passed, "comments and what is only shown"])
+    passed_over = [f"input {name}, which has no file" for name in model.unfed]
+    return Content(
+        f"model ({model.dialect})", read, [*passed_over, "comments and what is only shown"]
+    )
 
 
 def _gms(path: Path) -> Content:

@@ -61,26 +61,29 @@ def fold(
     check_stdout(output, is_json=console.json)
     target = output or f"{Path(source).stem}-{Path(to).stem}.wav"
     fold_options = FoldOptions(layout=layout, head=head, gain=gain, bits=bits, force=force)
-    done = fold_file(source, target, to, fold_options, report=console)
-    if gain is None and done.gain < 1.0:
+    folded = fold_file(source, target, to, fold_options, report=console)
+    if gain is None and folded.gain < 1.0:
         console.warn(
-            f"{done.path} is turned down by {-decibels(done.gain):.2f} dB, for it would clip; "
+            f"{folded.path} is turned down by {-decibels(folded.gain):.2f} dB, for it would clip; "
             "--bits float keeps its level"
         )
     if console.json:
         console.record(
             "folded",
-            file=done.path,
-            channels=done.n_channels,
-            frames=done.n_frames,
-            peak=done.peak,
-            true_peak_dbtp=decibels(done.true_peak),
-            gain_db=decibels(done.gain),
-            sha256=done.sha256,
+            file=folded.path,
+            channels=folded.n_channels,
+            frames=folded.n_frames,
+            peak=folded.peak,
+            true_peak_dbtp=decibels(folded.true_peak),
+            gain_db=decibels(folded.gain),
+            sha256=folded.sha256,
         )
     else:
-        peaks = f"peak {level(decibels(done.peak), 'dBFS')}"
-        if done.peak:
-            peaks += f", true peak {level(decibels(done.true_peak), 'dBTP')}"
-        channels, length = plural(done.n_channels, "channel"), seconds(done.n_frames / done.rate)
-        console.say(f"{done.path}: {channels}, {length}, {peaks}")
+        peaks = f"peak {level(decibels(folded.peak), 'dBFS')}"
+        if folded.peak:
+            peaks += f", true peak {level(decibels(folded.true_peak), 'dBTP')}"
+        channels, length = (
+            plural(folded.n_channels, "channel"),
+            seconds(folded.n_frames / folded.rate),
+        )
+        console.say(f"{folded.path}: {channels}, {length}, {peaks}")

@@ -71,9 +71,11 @@ def explain(code: str) -> None:
     page = pages.get(code.upper())
     if page is None or not _CODE.fullmatch(page.name):
         codes = [name for name in pages if _CODE.fullmatch(name)]
-        near = nearest(code.upper(), codes) if len(code) == len("E204") else None
-        near = near or _titled(code, pages)
-        hint = f"did you mean {near}?" if near else "`ergon help errors` lists all codes"
+        suggestion = nearest(code.upper(), codes) if len(code) == len("E204") else None
+        suggestion = suggestion or _titled(code, pages)
+        hint = (
+            f"did you mean {suggestion}?" if suggestion else "`ergon help errors` lists all codes"
+        )
         raise Refused(f"{clean(code)} is not the code of a mistake; {hint}")
     _show(page.text)
 
@@ -119,8 +121,10 @@ def _listed(pages: dict[str, manual.Page], commands: list[str]) -> str:
 
 
 def _unknown(topic: str, pages: dict[str, manual.Page], root: click.Context) -> str:
-    near = nearest(topic, (*_commands(root), *pages))
-    hint = f"did you mean '{near}'?" if near else "`ergon help` lists commands and pages"
+    suggestion = nearest(topic, (*_commands(root), *pages))
+    hint = (
+        f"did you mean '{suggestion}'?" if suggestion else "`ergon help` lists commands and pages"
+    )
     return f"no command and no page is called '{clean(topic)}'; {hint}"
 
 

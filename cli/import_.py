@@ -70,8 +70,8 @@ def import_command(
     model_options = ModelOptions(
         dialect=dialect, laws=laws, values=_pairs("--set", values), inputs=files
     )
-    beside = Path() if target == "-" else Path(target).parent
-    imported = import_model(model, model_options, beside=beside)
+    input_folder = Path() if target == "-" else Path(target).parent
+    imported = import_model(model, model_options, beside=input_folder)
     write_text(target, imported.text, force=force, inputs=read)
     if console.json:
         fields = {

@@ -72,14 +72,14 @@ def check(console: Console, name: str) -> None:
 
 def _row(quality: Quality) -> tuple[str, ...]:
     mean, least = quality.energy_length
-    off, farthest = quality.off
+    angle_off, farthest = quality.off
     low, high = quality.loudness
     return (
         quality.name,
         f"{mean:.3f}",
         f"{least:.3f}",
         f"{quality.velocity_length:.3f}",
-        f"{off:.1f}°",
+        f"{angle_off:.1f}°",
         f"{farthest:.1f}°",
         f"{round(low, 1) + 0.0:+.1f}..{round(high, 1) + 0.0:+.1f} dB",
     )

@@ -45,7 +45,7 @@ def import_layout(
     target = output or f"{path.stem}-layout.yaml"
     check_stdout(target, is_json=console.json)
     kind = form_of(path, form)
-    far = None if radius is None else _metres(radius)
+    radius_metres = None if radius is None else _metres(radius)
     data = read_bounded(path, FILE_BYTES_MAX)
     if len(data) > FILE_BYTES_MAX:
         raise Refused(f"{file} is larger than {FILE_BYTES_MAX >> 20} MB")
@@ -56,7 +56,7 @@ def import_layout(
     speakers = layout.speakers
     for note in layout.notes():
         console.warn(f"{file}: {note}")
-    text = as_yaml(speakers, path.stem, far, layout.outputs)
+    text = as_yaml(speakers, path.stem, radius_metres, layout.outputs)
     write_text(target, text, force=force, inputs=(path,))
     if console.json:
         console.record("wrote", file=target, form=kind, loudspeakers=len(speakers))

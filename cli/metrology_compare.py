@@ -103,8 +103,8 @@ def _row(difference: Difference) -> str:
         if difference.first is None or difference.other is None
         else f"{(difference.other - difference.first) * scale:.4g}"
     )
-    far = "" if difference.deviations is None else f"{difference.deviations:.3g}"
-    return f"{label + ' [' + unit + ']':16}{a}{b}{apart:>14}{far:>12}".rstrip() + "\n"
+    deviations_text = "" if difference.deviations is None else f"{difference.deviations:.3g}"
+    return f"{label + ' [' + unit + ']':16}{a}{b}{apart:>14}{deviations_text:>12}".rstrip() + "\n"
 
 
 def _judge(console: Console, compared: list[Difference], squared: float, n: int) -> None:
@@ -115,7 +115,7 @@ def _judge(console: Console, compared: list[Difference], squared: float, n: int)
         if difference.deviations is not None
     ]
     deviating = sorted((pair for pair in deviations if pair[0] > _FAR), key=lambda pair: -pair[0])
-    lacking = [
+    without_deviation = [
         _called(difference)
         for difference in compared
         if difference.first is None or difference.other is None
@@ -127,8 +127,8 @@ def _judge(console: Console, compared: list[Difference], squared: float, n: int)
         console.say(f"more than {_FAR:g} standard deviations apart: {listing}")
     elif deviations:
         console.say(f"no figure differs by more than {_FAR:g} standard deviations")
-    if lacking:
-        console.say(f"only one has {', '.join(lacking)}")
+    if without_deviation:
+        console.say(f"only one has {', '.join(without_deviation)}")
     if n:
         console.say(
             f"chi squared {squared:.3g} of {n} figures with their covariance; of one key about {n}"

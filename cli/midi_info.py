@@ -113,10 +113,10 @@ def _understood(file: MidiSurvey) -> Iterator[str]:
         yield plural(file.n_meters, "meter")
 
 
-def changes(changes: Sequence[tuple[float, str]], none: str) -> str:
+def changes(changes: Sequence[tuple[float, str]], empty_text: str) -> str:
     """What holds from where on, counted in quarter notes."""
     if not changes:
-        return none
+        return empty_text
     if len(changes) == 1 and not changes[0][0]:
         return changes[0][1]
     words = [f"{value} at {quarter:g}" for quarter, value in changes[:_CHANGES_MAX]]

@@ -23,18 +23,18 @@ def names_in(text: str) -> dict[str, list[str]]:
     section_names: list[str] | None = None
     indent = 0
     for line in text.splitlines():
-        section = _SECTION.match(line)
-        if section is not None:
-            section_names, indent = names_by_section.get(section[1]), 0
-            if section_names is not None and section[2].startswith("{"):
-                section_names.extend(_top_level(section[2]))
+        section_match = _SECTION.match(line)
+        if section_match is not None:
+            section_names, indent = names_by_section.get(section_match[1]), 0
+            if section_names is not None and section_match[2].startswith("{"):
+                section_names.extend(_top_level(section_match[2]))
             continue
-        entry = _ENTRY.match(line) if section_names is not None else None
-        if entry is None or section_names is None:
+        entry_match = _ENTRY.match(line) if section_names is not None else None
+        if entry_match is None or section_names is None:
             continue
-        indent = indent or len(entry[1])
-        if len(entry[1]) == indent:
-            section_names.append(entry[2])
+        indent = indent or len(entry_match[1])
+        if len(entry_match[1]) == indent:
+            section_names.append(entry_match[2])
     return names_by_section
 
 

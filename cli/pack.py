@@ -28,13 +28,13 @@ def pack(console: Console, score_path: str, output: str | None, force: bool, tru
     from ergon.api import packs
 
     check_stdout(output, is_json=console.json)
-    done = packs.pack(score_path, output, ReadOptions(trust=trust), force=force, report=console)
-    files = done.pack.files
+    packed = packs.pack(score_path, output, ReadOptions(trust=trust), force=force, report=console)
+    files = packed.pack.files
     if console.json:
-        fields = {"bytes": done.size, "score": done.pack.score, "files": sorted(files)}
-        console.record("packed", file=done.path, **fields)
+        fields = {"bytes": packed.size, "score": packed.pack.score, "files": sorted(files)}
+        console.record("packed", file=packed.path, **fields)
         return
     for name, data in sorted(files.items()):
         console.detail(f"{name}: {octets(len(data))}")
-    if done.path != "-":
-        console.say(f"{done.path}: {plural(len(files), 'file')}, {octets(done.size)}")
+    if packed.path != "-":
+        console.say(f"{packed.path}: {plural(len(files), 'file')}, {octets(packed.size)}")

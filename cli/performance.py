@@ -102,12 +102,12 @@ class ShownPerformance:
             self._clear()
             self._console.warn(remark)
 
-    def _doubt(self, trouble: str | None) -> None:
+    def _doubt(self, trouble_text: str | None) -> None:
         """Warn that the recording cannot be written, once for each time that this begins."""
-        if trouble and not self._troubled:
+        if trouble_text and not self._troubled:
             self._clear()
-            self._console.warn(f"the recording cannot be written: {trouble}")
-        self._troubled = trouble is not None
+            self._console.warn(f"the recording cannot be written: {trouble_text}")
+        self._troubled = trouble_text is not None
 
     def _granted(self) -> str | None:
         self._performance.wait(0.02)
@@ -143,8 +143,8 @@ class ShownPerformance:
             console.say(" | ".join(line.strip() for line in view_lines(view, 200)))
 
     def _draw(self, lines: Sequence[str]) -> None:
-        up = f"\x1b[{self._drawn}F" if self._drawn else ""
-        sys.stderr.write(up + "".join(f"\x1b[2K{clean(line)}\n" for line in lines))
+        move_up = f"\x1b[{self._drawn}F" if self._drawn else ""
+        sys.stderr.write(move_up + "".join(f"\x1b[2K{clean(line)}\n" for line in lines))
         sys.stderr.flush()
         self._drawn = len(lines)
 

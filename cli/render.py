@@ -79,9 +79,9 @@ def render(
     if Path(score_path).suffix == JOURNAL:
         if dry or watch or freeze:
             raise Refused("a journal is rendered as it was played: no -n, --watch or --freeze")
-        done = render_journal(Path(score_path), output, file_options, console)
-        _tell(console, done)
-        _refuse_silence(strict, done)
+        completed = render_journal(Path(score_path), output, file_options, console)
+        _tell(console, completed)
+        _refuse_silence(strict, completed)
     elif freeze is not None:
         from .freezing import freeze_parts
 
@@ -150,23 +150,23 @@ def _render(
     if dry:
         dry_run(console, prepared.stage, prepared.job)
         return None
-    done = write(prepared, console)
-    _tell(console, done)
-    return done
+    completed = write(prepared, console)
+    _tell(console, completed)
+    return completed
 
 
-def _refuse_silence(strict: bool, done: Completed | None) -> None:
-    if strict and done is not None and _is_silent(done):
+def _refuse_silence(strict: bool, completed: Completed | None) -> None:
+    if strict and completed is not None and _is_silent(completed):
         raise Findings  # the warning is printed already
 
 
-def _is_silent(done: Completed) -> bool:
-    return any(diagnostic.code == "W324" for diagnostic in done.faint)
+def _is_silent(completed: Completed) -> bool:
+    return any(diagnostic.code == "W324" for diagnostic in completed.faint)
 
 
-def _tell(console: Console, done: Completed) -> None:
-    print_rendered(console, done)
-    print_finer_steps(console, done.reports)
+def _tell(console: Console, completed: Completed) -> None:
+    print_rendered(console, completed)
+    print_finer_steps(console, completed.reports)
 
 
 def _watch(console: Console, path: str, output: str | None, file_options: FileOptions) -> None:

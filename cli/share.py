@@ -64,7 +64,7 @@ def share(
         shown = shown_of(
             console, source, Path(folder), sound=sound, trust=trust, check=check, until=until
         )
-        done = share_file(
+        shared = share_file(
             shown,
             target,
             Path(folder),
@@ -76,7 +76,7 @@ def share(
         )
     if console.json:
         console.record(
-            "shared", file=done.path, bytes=done.size, motion=done.motion, sound=done.sound
+            "shared", file=shared.path, bytes=shared.size, motion=shared.motion, sound=shared.sound
         )
         return
-    console.say(f"{done.path}: {done.size / 1e6:.1f} MB, opens in any browser")
+    console.say(f"{shared.path}: {shared.size / 1e6:.1f} MB, opens in any browser")

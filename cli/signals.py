@@ -102,10 +102,10 @@ def signals_as_exceptions(
 
 def _is_caused_by_signal(error: BaseException) -> bool:
     """Whether an exception was made of a signal's, or raised while that was on its way."""
-    inner: BaseException | None = error
-    while inner is not None and not isinstance(inner, (KeyboardInterrupt, Terminated)):
-        inner = inner.__cause__ or (None if inner.__suppress_context__ else inner.__context__)
-    return inner is not None
+    cause: BaseException | None = error
+    while cause is not None and not isinstance(cause, (KeyboardInterrupt, Terminated)):
+        cause = cause.__cause__ or (None if cause.__suppress_context__ else cause.__context__)
+    return cause is not None
 
 
 def until_interrupted() -> None:

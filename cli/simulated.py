@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 def simulated(console: Console, path: str, loaded: Loaded, piece: Piece) -> None:
     """Compute a score to its end, and say what keys, masses and contacts did."""
-    done = simulate(piece, f"simulating {path}", console)
-    _keys(console, piece, done.followed)
-    _swings(console, done.swings)
-    _contacts(console, piece, done.rate, done.contacts)
-    if done.left_out:
-        console.say(f"{plural(done.left_out, 'more point and contact')} not measured")
+    simulation = simulate(piece, f"simulating {path}", console)
+    _keys(console, piece, simulation.followed)
+    _swings(console, simulation.swings)
+    _contacts(console, piece, simulation.rate, simulation.contacts)
+    if simulation.left_out:
+        console.say(f"{plural(simulation.left_out, 'more point and contact')} not measured")
     rows = [
-        *never_closed_warnings(piece, done),
-        *closed_once_warnings(piece, done),
-        *never_stuck_warnings(done),
+        *never_closed_warnings(piece, simulation),
+        *closed_once_warnings(piece, simulation),
+        *never_stuck_warnings(simulation),
     ]
     score.show(console, loaded, rows)
 

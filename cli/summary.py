@@ -30,8 +30,8 @@ def print_rendered(console: Console, completed: Completed) -> None:
     stem.
     """
     # The speed counts all simulated frames: a part of a piece is cut from the whole.
-    done, rate = completed.files, completed.job.format.rate
-    speed = done.n_simulated / rate / done.wall_seconds if done.wall_seconds > 0 else 0.0
+    files, rate = completed.files, completed.job.format.rate
+    speed = files.n_simulated / rate / files.wall_seconds if files.wall_seconds > 0 else 0.0
     if console.json:
         _record_rendered(console, completed, speed)
         return
@@ -41,15 +41,15 @@ def print_rendered(console: Console, completed: Completed) -> None:
 
 def _record_rendered(console: Console, completed: Completed, speed: float) -> None:
     """The JSON records of a render, whose `speed` is a multiple of real time."""
-    done, job, network = completed.files, completed.job, completed.network
-    mix = done.mix
+    files, job, network = completed.files, completed.job, completed.network
+    mix = files.mix
     console.record(
         "rendered",
         file=mix.path,
         frames=job.n_frames,
         channels=job.format.n_channels,
         rate_hz=job.format.rate,
-        wall_s=done.wall_seconds,
+        wall_s=files.wall_seconds,
         plan_s=completed.plan_s,
         x_real_time=speed,
         peak_dbfs=decibels(mix.peak),
@@ -59,15 +59,15 @@ def _record_rendered(console: Console, completed: Completed, speed: float) -> No
         sha256=mix.sha256,
         modules=network.n_mat + network.n_lia,
         threads=job.threads,
-        recalled=done.recalled,
+        recalled=files.recalled,
     )
-    for instrument in done.instruments:
+    for instrument in files.instruments:
         peak, loudness = decibels(instrument.peak), instrument.loudness
         console.record("instrument", name=instrument.name, peak_dbfs=peak, loudness_lufs=loudness)
     if job.film is not None:
         duration = job.film.stop / job.format.rate
         console.record("motion", file=str(job.film.path), duration_s=duration)
-    for stem in done.stems:
+    for stem in files.stems:
         console.record(
             "stem",
             file=stem.path,
@@ -81,12 +81,12 @@ def _record_rendered(console: Console, completed: Completed, speed: float) -> No
 
 def _say_rendered(console: Console, completed: Completed, speed: float) -> None:
     """The lines of a render, whose `speed` is a multiple of real time, with what is unbalanced."""
-    done, job = completed.files, completed.job
-    mix, duration = done.mix, job.n_frames / job.format.rate
+    files, job = completed.files, completed.job
+    mix, duration = files.mix, job.n_frames / job.format.rate
     peak = decibels(mix.peak)
     channels = plural(job.format.n_channels, "channel")
     gain = f", gain {decibels(mix.gain):+.1f} dB" if job.level.is_levelled else ""
-    recalled = f" ({done.recalled:.0%} recalled)" if done.recalled > 0 else ""
+    recalled = f" ({files.recalled:.0%} recalled)" if files.recalled > 0 else ""
     measured = loudness_of(mix.loudness, mix.peak, duration)
     digits = mix.sha256 if console.verbose else mix.sha256[:_SHORT]
     console.say(
@@ -96,34 +96,34 @@ def _say_rendered(console: Console, completed: Completed, speed: float) -> None:
     )
     if job.start == 0 and not job.is_part:
         _say_if_quieter(console, job.level, mix)
-    for instrument in done.instruments:
+    for instrument in files.instruments:
         console.say(
             f"{instrument.name}: peak {level(decibels(instrument.peak), 'dBFS')}, "
             f"loudness {loudness_of(instrument.loudness, instrument.peak, duration)}"
         )
-    if (dominant := dominant_instrument(done.instruments)) is not None:
-        loudest, above = dominant
+    if (dominant := dominant_instrument(files.instruments)) is not None:
+        loudest, loudness_above = dominant
         console.warn(
-            f"{loudest.name} is {above:.0f} dB louder than every other instrument; "
+            f"{loudest.name} is {loudness_above:.0f} dB louder than every other instrument; "
             "lower the gain of its route, or raise the others'"
         )
     if job.film is not None:
         console.say(f"{job.film.path}: what moves, {seconds(job.film.stop / job.format.rate)}")
-    for stem in done.stems:
+    for stem in files.stems:
         console.say(f"{stem.path}: peak {level(decibels(stem.peak), 'dBFS')}")
 
 
 def _warn_of_levels(console: Console, completed: Completed) -> None:
     """Warn of stems below the mix, of silence, and of files that clip."""
-    done, mix = completed.files, completed.files.mix
-    if done.stems and done.stems[0].gain != mix.gain:
-        lower = decibels(done.stems[0].gain / mix.gain)
+    files, mix = completed.files, completed.files.mix
+    if files.stems and files.stems[0].gain != mix.gain:
+        lower = decibels(files.stems[0].gain / mix.gain)
         console.warn(f"stems are {lower:+.1f} dB against the mix, where one of them would clip")
     if mix.peak == 0 and not completed.faint:  # of a journal, which has no place in a score
         name = _name_of(mix)
         console.warn(f"{name} is silent; `ergon check --simulate` says what moves and what touches")
     if completed.job.format.bits != "float":
-        for file in (mix, *done.stems):
+        for file in (mix, *files.stems):
             if file.peak > 1:
                 clip_text = f"{file.path} clips: its peak is {decibels(file.peak):+.1f} dBFS"
                 console.warn(
@@ -139,10 +139,11 @@ def _say_if_quieter(console: Console, level_asked: Level, mix: RenderedFile) -> 
     """Say why the file of a whole piece is not as loud as its master asks."""
     if level_asked.loudness is None or mix.loudness == -math.inf:
         return
-    below = level_asked.loudness - mix.loudness
-    if below >= _QUIETER and level_asked.limit is None:
+    loudness_below = level_asked.loudness - mix.loudness
+    if loudness_below >= _QUIETER and level_asked.limit is None:
         console.say(
-            f"{mix.path} is {below:.1f} dB below the {level_asked.loudness:g} LUFS of its master, "
+            f"{mix.path} is {loudness_below:.1f} dB below the {level_asked.loudness:g} LUFS of "
+            "its master, "
             "since "
             f"the highest peak of the piece is at {TRUE_PEAK_MAX:g} dBTP; `limit: -2dB` in the "
             "master lets it be louder"

@@ -83,13 +83,15 @@ def record(
 def _until_over(console: Console, performance: _core.Performance) -> None:
     reported = False
     while not performance.wait(_LOOK):
-        trouble = performance.recording_trouble()
-        if trouble and not reported:
-            console.warn(f"the recording cannot be written: {trouble}")
-        reported = trouble is not None
+        recording_trouble = performance.recording_trouble()
+        if recording_trouble and not reported:
+            console.warn(f"the recording cannot be written: {recording_trouble}")
+        reported = recording_trouble is not None
         # Without its device a hand does not move: there is nothing more to record of it.
-        gone = [event_kind for _, event_kind, _ in performance.events() if event_kind == "gone"]
-        if gone:
+        gone_events = [
+            event_kind for _, event_kind, _ in performance.events() if event_kind == "gone"
+        ]
+        if gone_events:
             console.warn("the device is gone; the recording up to there is kept")
             return
 

@@ -112,21 +112,22 @@ def _lines(tuned: Tuned) -> str:
     return f"{text}\n{table(values)}"
 
 
-def _cents(off: float) -> str:
-    return "0 cents" if abs(off) <= REACHED else f"{off:+.4g} cents"
+def _cents(cents: float) -> str:
+    return "0 cents" if abs(cents) <= REACHED else f"{cents:+.4g} cents"
 
 
 def _unreached(tuned: Tuned) -> str:
     """Which targets were not reached, and why."""
-    off = tuned.cents
-    worst = max(range(len(off)), key=lambda i: abs(off[i]))
-    side = "above" if off[worst] > 0 else "below"
-    by = f"{plural(len(tuned.values), 'value')} that may change"
+    cents_off = tuned.cents
+    worst = max(range(len(cents_off)), key=lambda i: abs(cents_off[i]))
+    side = "above" if cents_off[worst] > 0 else "below"
+    value_count = f"{plural(len(tuned.values), 'value')} that may change"
     independent_ways = "1 independent way" if tuned.rank == 1 else f"{tuned.rank} independent ways"
     return (
         f"the targets cannot be reached together: mode {tuned.modes[worst]} stays "
-        f"{abs(off[worst]):.4g} cents {side} its target. The {by} move the "
-        f"{plural(len(off), 'mode')} in {independent_ways}; tune by other values, or fewer modes"
+        f"{abs(cents_off[worst]):.4g} cents {side} its target. The {value_count} move the "
+        f"{plural(len(cents_off), 'mode')} in {independent_ways}; tune by other values, or fewer "
+        "modes"
     )
 
 

@@ -50,8 +50,10 @@ def _check(piece: Piece, option: str, names: Collection[str]) -> None:
     part_names = [*piece.instruments, *piece.families]
     for name in names:
         if name not in part_names:
-            near = nearest(name, part_names)
+            suggestion = nearest(name, part_names)
             advice = (
-                f"; did you mean {near}?" if near else f"; the instruments: {', '.join(part_names)}"
+                f"; did you mean {suggestion}?"
+                if suggestion
+                else f"; the instruments: {', '.join(part_names)}"
             )
             raise OptionError(option, f"no instrument is called so{advice}", value=name)

@@ -88,7 +88,7 @@ def return_job(job: Job) -> Job:
 
 def stretch(job: Job, request: Request) -> Answer:
     """Compute a stretch of some islands of a job."""
-    begun = time.perf_counter()
+    start_time = time.perf_counter()
     answer = Answer(
         worker=f"{socket.gethostname()}:{os.getpid()}", seconds=0.0, sounds=[], states=[]
     )
@@ -105,7 +105,7 @@ def stretch(job: Job, request: Request) -> Answer:
             answer["refused"] = str(error)
         if "diverged" in answer or "refused" in answer:
             answer["sounds"], answer["states"] = [], []
-    answer["seconds"] = time.perf_counter() - begun
+    answer["seconds"] = time.perf_counter() - start_time
     return answer
 
 

@@ -185,7 +185,7 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
     except NotFrozenError as error:
         raise OptionError("frozen", str(error)) from None
     source = frozen.source
-    again = f"ergon render SCORE --freeze {','.join(frozen.parts)} -o {folder}"
+    freeze_command = f"ergon render SCORE --freeze {','.join(frozen.parts)} -o {folder}"
     seed = piece.seed if seed is None else seed
 
     def refused(reason: str) -> OptionError:
@@ -193,17 +193,18 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
 
     if source.score != digest_of(piece):
         raise refused(
-            f"the score has changed since its parts were frozen; `{again}` freezes them again"
+            f"the score has changed since its parts were frozen; `{freeze_command}` freezes them "
+            "again"
         )
     if source.seed != seed:
         raise refused(
             f"the parts were frozen with seed {source.seed}, and this performance has seed {seed}; "
-            f"--seed {source.seed} plays them, `{again} --seed {seed}` freezes them again"
+            f"--seed {source.seed} plays them, `{freeze_command} --seed {seed}` freezes them again"
         )
     if source.rate != piece.rate:
         raise refused(
             f"the parts were frozen at {source.rate:g} Hz, and the score has {piece.rate:g} Hz; "
-            f"`{again}` freezes them again"
+            f"`{freeze_command}` freezes them again"
         )
     if source.version != _core.__version__:
         report.warn(
@@ -227,5 +228,5 @@ def verified(stage: Stage, frozen: Frozen, folder: Path) -> list[VerifiedStem]:
         return check(frozen, taps, stage.n_frames)
     except NotFrozenError as error:
         parts = ",".join(frozen.parts)
-        again = f"`ergon render SCORE --freeze {parts} -o {folder}` freezes the parts again"
-        raise OptionError("frozen", f"{error}; {again}", value=str(folder)) from None
+        freeze_advice = f"`ergon render SCORE --freeze {parts} -o {folder}` freezes the parts again"
+        raise OptionError("frozen", f"{error}; {freeze_advice}", value=str(folder)) from None

@@ -61,14 +61,14 @@ def _wait(hands: LedHands, seconds: float, report: Report) -> None:
     """Wait until each input has been measured, or has sent nothing for long."""
     leads = [board.lead for board in hands.boards if board.lead is not None]
     report.say(f"move each input for {seconds:g} s")
-    begun: dict[str, float] = {}
+    start_by_hand: dict[str, float] = {}
     end = time.monotonic() + _WAIT
     while time.monotonic() < end:
         now = time.monotonic()
         for lead in leads:
-            if lead.name not in begun and lead.tally["taken"]:
-                begun[lead.name] = now
+            if lead.name not in start_by_hand and lead.tally["taken"]:
+                start_by_hand[lead.name] = now
             lead.discard()  # no performance reads them
-        if len(begun) == len(leads) and now >= max(begun.values()) + seconds:
+        if len(start_by_hand) == len(leads) and now >= max(start_by_hand.values()) + seconds:
             return
         time.sleep(_LOOK)

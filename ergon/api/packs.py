@@ -128,20 +128,22 @@ def _check_same(pack: Pack, loaded: Loaded) -> None:
     from ergon.scores.reading.load import load
 
     with _unpacked(pack) as score:
-        again = load(score)
+        loaded_again = load(score)
         inside = os.path.realpath(score)[: -len(pack.score)]
-        for path in again.inputs:
+        for path in loaded_again.inputs:
             if not os.path.realpath(path).startswith(inside):
                 raise PackError(f"{path} would be read from outside the pack")
-        if again.piece is None:
-            problem = next(mistake for mistake in again.diagnostics if mistake.severity == "error")
+        if loaded_again.piece is None:
+            problem = next(
+                mistake for mistake in loaded_again.diagnostics if mistake.severity == "error"
+            )
             line_number = problem.place.line
             raise PackError(
                 f"{pack.score}:{line_number}: {problem.message}; in a pack files are named "
                 "relative to "
                 "the file that names them"
             )
-        if digest_of(again.piece) != digest_of(scores.piece_of(loaded)):
+        if digest_of(loaded_again.piece) != digest_of(scores.piece_of(loaded)):
             raise PackError("the pack would be another piece: a file changed while it was packed")
 
 

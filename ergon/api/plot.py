@@ -132,8 +132,8 @@ def _staged(
     if not piece.keys:
         raise ErgonError("this piece has no key that could play it")
     with scores.staging(lambda: loaded, report):
-        alone = solo(piece, name, key or next(iter(piece.keys)))
-    return alone, alone.gestures
+        piece_alone = solo(piece, name, key or next(iter(piece.keys)))
+    return piece_alone, piece_alone.gestures
 
 
 def _nearest(word: str, names: Iterable[str]) -> str:

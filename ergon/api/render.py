@@ -148,8 +148,8 @@ def render(
         _shared(prepared, job, report) as job,
         _render_progress(prepared, "rendering", report) as progress,
     ):
-        frames, done, prepared.stage.reports = render_array(prepared.stage, job, progress)
-    levels = done.peak, done.loudness, done.gain, done.true_peak
+        frames, outcome, prepared.stage.reports = render_array(prepared.stage, job, progress)
+    levels = outcome.peak, outcome.loudness, outcome.gain, outcome.true_peak
     return Render(frames, prepared.stage.rate, *levels)
 
 
@@ -204,13 +204,13 @@ def write(prepared: PreparedRender, report: Report, cluster: Cluster | None = No
         _shared(prepared, job, report, cluster) as job,
         _render_progress(prepared, task, report) as progress,
     ):
-        done = render(stage, job, progress)
-        stage.reports = done.outcome
-    job = replace(job, stop=job.start + done.n_frames)
-    faint = tuple(faint_diagnostics(stage.piece, job.format.bits, done.mix.peak))
+        rendered = render(stage, job, progress)
+        stage.reports = rendered.outcome
+    job = replace(job, stop=job.start + rendered.n_frames)
+    faint = tuple(faint_diagnostics(stage.piece, job.format.bits, rendered.mix.peak))
     scores.show(report, prepared.loaded, faint)
     reports = stage.simulation if stage.reports is None else stage.reports
-    return Completed(done, job, prepared.plan_s, stage.network, reports, faint)
+    return Completed(rendered, job, prepared.plan_s, stage.network, reports, faint)
 
 
 def check_shared(options: RenderOptions) -> None:
@@ -234,15 +234,19 @@ def _shared(
     prepared: PreparedRender, job: RenderJob, report: Report, cluster: Cluster | None = None
 ) -> Iterator[RenderJob]:
     """The job, with the processes that share its work if there are any."""
-    on = prepared.options.on
-    if on is None:
+    cluster_address = prepared.options.on
+    if cluster_address is None:
         yield job
         return
     from .cluster import job_of, open_cluster, share_work
 
     options = prepared.options
     sent = job_of(prepared.loaded, prepared.stage, options.rate, options.seed)
-    with open_cluster(on, report) if cluster is None else nullcontext(cluster) as workers:
+    with (
+        open_cluster(cluster_address, report)
+        if cluster is None
+        else nullcontext(cluster) as workers
+    ):
         yield replace(job, workers=share_work(workers, sent))
 
 

@@ -59,24 +59,26 @@ def render_journal(
     with _played(path):
         replay = read_journal(path, trust=options.trust)
         with scores.staging(replay.start.texts.load, report):
-            again = ReplayedSession(replay)
-    for warning in again.warnings:
+            replayed = ReplayedSession(replay)
+    for warning in replayed.warnings:
         report.warn(warning)
-    if not again.n_frames:
+    if not replayed.n_frames:
         raise ErgonError(f"{path}: the session played nothing")
-    opening, running = replay.start, again.running
+    opening, running = replay.start, replayed.running
     piece, plan = running.version.piece, running.stage.plan
     job = RenderJob(
         target=str(out) if out is not None else path.with_suffix(".wav").name,
-        format=WaveFormat(scores.integer_rate(again.rate), again.n_channels, options.bits or 24),
+        format=WaveFormat(
+            scores.integer_rate(replayed.rate), replayed.n_channels, options.bits or 24
+        ),
         start=0,
-        stop=again.n_frames,
+        stop=replayed.n_frames,
         level=Level(None, opening.limit, opening.highpass, opening.gain, opening.reference),
         stamp=Stamp(
             piece.title,
             digest_of(piece),
             plan.hash if plan else "",
-            chunks_of_layout(piece.mix.layout, again.n_channels, piece.title),
+            chunks_of_layout(piece.mix.layout, replayed.n_channels, piece.title),
         ),
         block=options.block,
         threads=options.threads,
@@ -91,11 +93,11 @@ def render_journal(
     )
     with (
         _played(path),
-        report.progress(f"rendering {path.name}", again.n_frames, again.rate) as progress,
+        report.progress(f"rendering {path.name}", replayed.n_frames, replayed.rate) as progress,
     ):
-        done = render(again, job, progress.update)
-    stage = again.running.stage
-    return Completed(done, job, 0.0, stage.network, stage.simulation)
+        rendered = render(replayed, job, progress.update)
+    stage = replayed.running.stage
+    return Completed(rendered, job, 0.0, stage.network, stage.simulation)
 
 
 @contextmanager

@@ -58,11 +58,11 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     return Simulated(fidelities, moved, closed, stage.rate, points.left_out, bows, stage)
 
 
-def never_stuck_warnings(done: Simulated) -> list[Diagnostic]:
+def never_stuck_warnings(simulated: Simulated) -> list[Diagnostic]:
     """W323 for each bow that slipped and did not stick again."""
     warnings = []
-    stuck = {bow.rubbing.full_name for bow in done.bows if bow.has_stuck}
-    for bow in done.bows:
+    stuck = {bow.rubbing.full_name for bow in simulated.bows if bow.has_stuck}
+    for bow in simulated.bows:
         rubbing = bow.rubbing
         if rubbing.full_name in stuck or not bow.has_slipped:
             continue
@@ -82,7 +82,7 @@ def shared_name(full_name: str, families: Mapping[str, str]) -> str:
     return f"{families.get(part, part)}.{name}"
 
 
-def never_closed_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
+def never_closed_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic]:
     """W320 for each contact that closed neither here nor at another note of its instrument.
 
     A contact over a range closes if one of its points does; else the nearest of them counts.
@@ -90,11 +90,11 @@ def never_closed_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
     families = piece.note_families()
     closed = {
         shared_name(closing.contact.full_name, families)
-        for closing in done.contacts
+        for closing in simulated.contacts
         if closing.times
     }
     nearest_of: dict[str, ContactClosings] = {}
-    for closing in done.contacts:
+    for closing in simulated.contacts:
         nearest_before = nearest_of.get(closing.contact.full_name)
         if nearest_before is None or closing.deepest > nearest_before.deepest:
             nearest_of[closing.contact.full_name] = closing
@@ -102,7 +102,7 @@ def never_closed_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
     for closing in nearest_of.values():
         if shared_name(closing.contact.full_name, families) in closed:
             continue
-        contact, nearest = closing.contact, scores.where(piece, closing.deepest_at / done.rate)
+        contact, nearest = closing.contact, scores.where(piece, closing.deepest_at / simulated.rate)
         message = (
             f"contact {quote(contact.full_name)} never closes: {contact.a.name} comes within "
             f"{-1e3 * closing.deepest:.3g} mm of touching {contact.b.name}, at {nearest}"

@@ -43,7 +43,7 @@ class _Player(NamedTuple):
     strokes: Iterable[_Stroke]
 
 
-def closed_once_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
+def closed_once_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic]:
     """W334 for each contact that does not close again, though later strokes go as far or are as
     strong.
 
@@ -55,11 +55,11 @@ def closed_once_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
     kinds = {(part, module.name): module.kind for part, module in piece.modules()}
     warnings: dict[str, list[Diagnostic | None]] = {}
     for full_name, points in groupby(
-        done.contacts, lambda contact_point: contact_point.contact.full_name
+        simulated.contacts, lambda contact_point: contact_point.contact.full_name
     ):
         point_list = list(points)
         if any(contact_point.first is not None for contact_point in point_list):
-            contact_diagnostic = _contact_warning(piece, done, point_list, kinds)
+            contact_diagnostic = _contact_warning(piece, simulated, point_list, kinds)
             warnings.setdefault(shared_name(full_name, families), []).append(contact_diagnostic)
     return [
         contact_diagnostic[0]
@@ -69,7 +69,7 @@ def closed_once_warnings(piece: Piece, done: Simulated) -> list[Diagnostic]:
 
 
 def _contact_warning(
-    piece: Piece, done: Simulated, points: list[ContactClosings], kinds: _Kinds
+    piece: Piece, simulated: Simulated, points: list[ContactClosings], kinds: _Kinds
 ) -> Diagnostic | None:
     """The warning for a contact that closed, of one point or of several; None if there is none."""
     contact = points[0].contact
@@ -77,14 +77,16 @@ def _contact_warning(
     last_closed = max(one.last for one in points if one.last is not None)
     if any(one.is_closed for one in points):
         return None
-    for player in _players(piece, done, contact.module, kinds):
+    for player in _players(piece, simulated, contact.module, kinds):
         strokes = sorted(player.strokes)
         # No stroke closed a contact that is closed from the beginning.
         strokes_before = [
-            one for one in strokes if one.begins <= (first_closed or last_closed) / done.rate
+            one for one in strokes if one.begins <= (first_closed or last_closed) / simulated.rate
         ]
         later_strokes = [
-            one for one in strokes[len(strokes_before) :] if one.begins > last_closed / done.rate
+            one
+            for one in strokes[len(strokes_before) :]
+            if one.begins > last_closed / simulated.rate
         ]
         if (first_closed and not strokes_before) or len(strokes_before) + len(later_strokes) < len(
             strokes
@@ -93,7 +95,7 @@ def _contact_warning(
         least = strokes_before[-1].reach * (1 - _SAME) if first_closed else 0.0
         n_as_far = sum(one.reach >= least and one.reach > 0.0 for one in later_strokes)
         if n_as_far:
-            when = scores.where(piece, first_closed / done.rate)
+            when = scores.where(piece, first_closed / simulated.rate)
             message = f"contact {quote(contact.full_name)} closes at {when} only, "
             message += f"though {n_as_far} later {player.more if n_as_far > 1 else player.singular}"
             help = "`ergon check --simulate` lists how far masses swing; the mass that is struck "
@@ -102,12 +104,14 @@ def _contact_warning(
     return None
 
 
-def _players(piece: Piece, done: Simulated, contact: Module, kinds: _Kinds) -> Iterator[_Player]:
+def _players(
+    piece: Piece, simulated: Simulated, contact: Module, kinds: _Kinds
+) -> Iterator[_Player]:
     """Keys that close a contact, and strikes on one of its ends."""
     for key, direction in _keys(piece, contact, kinds):
-        strokes = (s for g in done.gestures if g.key == key for s in _strokes(g, direction))
+        strokes = (s for g in simulated.gestures if g.key == key for s in _strokes(g, direction))
         yield _Player(f"stroke of {key} goes as far", f"strokes of {key} go as far", strokes)
-    timeline, mats = done.stage.timeline, done.stage.built.assembly.mats
+    timeline, mats = simulated.stage.timeline, simulated.stage.built.assembly.mats
     if timeline is None:
         return
     for end in contact.fields["between"]:

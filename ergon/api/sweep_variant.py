@@ -74,10 +74,10 @@ def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, by
     prepared = prepare(loaded, name or "-", options, Report())
     stage = prepared.stage
     job = replace(prepared.job, format=replace(prepared.job.format, bits="double"), stretches=None)
-    begun, cpu = time.perf_counter(), time.process_time()
+    start_time, cpu = time.perf_counter(), time.process_time()
     with scores.computing(stage, loaded, Report()):
-        frames, done, _ = render_array(stage, job, lambda _: None)
-    cpu, wall = time.process_time() - cpu, time.perf_counter() - begun
+        frames, outcome, _ = render_array(stage, job, lambda _: None)
+    cpu, wall = time.process_time() - cpu, time.perf_counter() - start_time
     sound_measures = measures(frames, stage.rate)
     rows = stage.plan.rows() if stage.plan is not None else []
     errors = [row.error_db for row in rows if row.error_db is not None]
@@ -85,8 +85,8 @@ def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, by
     cents = [abs(difference.cents) for difference in audible if difference.cents is not None]
     figures: Figures = {
         "seconds": len(frames) / stage.rate,
-        "loudness_lufs": done.loudness,
-        "peak_db": _decibels(done.peak),
+        "loudness_lufs": outcome.loudness,
+        "peak_db": _decibels(outcome.peak),
         "centroid_hz": sound_measures.centroid,
         "pitch_hz": sound_measures.pitch,
         "partial_hz": sound_measures.partial,

@@ -154,7 +154,7 @@ def tune(
         for old, new in zip(search.values, tuned_values, strict=True)
         if old.number != new.number
     ]
-    texts, trouble = _edited(score, options, loaded, tuned_part, [new for _, new in changed])
+    texts, edit_trouble = _edited(score, options, loaded, tuned_part, [new for _, new in changed])
     frequencies = search.frequencies({value.field_key: value.number for value in tuned_values})
     if texts is not None and (tuned_piece := texts.load().piece) is not None:
         frequencies = _Search(
@@ -173,7 +173,7 @@ def tune(
         ),
         search.rank,
         None if texts is None else texts.text,
-        trouble,
+        edit_trouble,
         tuple(loaded.inputs),
     )
 
@@ -239,14 +239,14 @@ def _ratio(word: str) -> float:
     return ratio
 
 
-def _chosen(part: TunablePart, by: Sequence[str]) -> list[Value]:
-    """The values that `by` names. Raises OptionError."""
+def _chosen(part: TunablePart, targets: Sequence[str]) -> list[Value]:
+    """The values that `targets` names. Raises OptionError."""
     from ergon.notation.text.spelling import nearest
 
     part_values = list(part.values())
     if not part_values:
         raise OptionError("part", f"{part.name} has no value above 0 that moves its modes")
-    if not by:
+    if not targets:
         return part_values
     names: dict[str, list[Value]] = {}
     for value in part_values:
@@ -256,7 +256,7 @@ def _chosen(part: TunablePart, by: Sequence[str]) -> list[Value]:
         for name in dict.fromkeys(words):
             names.setdefault(name, []).append(value)
     chosen_values: dict[Value, None] = {}
-    for word in by:
+    for word in targets:
         matches = names.get(_WORDS.get(word, word))
         if matches is None:
             words = [word for word, field in _WORDS.items() if field in names]
@@ -449,11 +449,11 @@ class _Search:
             return network.elements([self.part.name])
 
         try:
-            up, down = elements_at(math.exp(_NUDGE)), elements_at(math.exp(-_NUDGE))
+            modes_above, modes_below = elements_at(math.exp(_NUDGE)), elements_at(math.exp(-_NUDGE))
         except _core.EngineError:  # at the limit of its range, the value stays
             return np.zeros(len(poles))
         dm, dk, dz = (
-            (getattr(up, name) - getattr(down, name)) / (2 * _NUDGE)
+            (getattr(modes_above, name) - getattr(modes_below, name)) / (2 * _NUDGE)
             for name in ("masses", "stiffness", "damping")
         )
         is_contact = np.array([kind == "BUT" for kind in elements.kinds])

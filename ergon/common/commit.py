@@ -12,9 +12,9 @@ def commit_of(root: Path) -> str:
     """
     command = ["git", "-C", str(root), "describe", "--always", "--exclude=*", "--abbrev=8"]
     try:
-        done = subprocess.run(
+        git_process = subprocess.run(
             [*command, "--dirty=+"], capture_output=True, text=True, check=True, timeout=5
         )
     except (OSError, subprocess.SubprocessError):
         return ""
-    return done.stdout.strip()
+    return git_process.stdout.strip()

@@ -128,11 +128,11 @@ def renamed(**new_names: str) -> Callable[[type[T]], type[T]]:
 
         @wraps(construct)
         def constructed(self: T, *values: Any, **keywords: Any) -> None:
-            for earlier, present in new_names.items():
-                if earlier in keywords and present not in keywords:
-                    message = f"{options.__name__}: `{earlier}` is called `{present}` now"
+            for earlier_name, present_name in new_names.items():
+                if earlier_name in keywords and present_name not in keywords:
+                    message = f"{options.__name__}: `{earlier_name}` is called `{present_name}` now"
                     warn(message, DeprecationWarning, stacklevel=2)
-                    keywords[present] = keywords.pop(earlier)
+                    keywords[present_name] = keywords.pop(earlier_name)
             construct(self, *values, **keywords)
 
         setattr(options, "__init__", constructed)  # noqa: B010

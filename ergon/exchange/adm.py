@@ -212,7 +212,7 @@ def _speakers(
 ) -> ChannelLayout | None:
     """The loudspeakers of definitions in the file, or of labels of common ones."""
     packs = (pack.get("absoluteDistance") for pack in root.iter("audioPackFormat"))
-    far = next((_number(pack) for pack in packs if pack), 1.0)
+    radius = next((_number(pack) for pack in packs if pack), 1.0)
     speakers: list[Angles] = []
     effects = []
     for channel, pack in enumerate(channels):
@@ -221,7 +221,7 @@ def _speakers(
             if common is None:
                 effects.append(channel)
             else:
-                speakers.append((*common[:2], far))
+                speakers.append((*common[:2], radius))
             continue
         block = pack.find("audioBlockFormat")
         if block is None:
@@ -231,7 +231,7 @@ def _speakers(
         }
         if not {"azimuth", "elevation"} <= place.keys():
             return None
-        distance = _number(place.get("distance") or "1") * far
+        distance = _number(place.get("distance") or "1") * radius
         azimuth, elevation = _number(place["azimuth"]), _number(place["elevation"])
         if not (
             abs(azimuth) <= 360.0 and abs(elevation) <= 90.0 and 0.0 <= distance <= _DISTANCE_MAX

@@ -190,8 +190,8 @@ def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> l
 def _verified(stem: Stem, frozen: Frozen) -> VerifiedStem:
     try:
         info = read_info(stem.path)
-        same = WaveFormat(int(frozen.source.rate), len(stem.taps), "double")
-        if info.format != same or info.n_frames != frozen.n_frames:
+        expected_format = WaveFormat(int(frozen.source.rate), len(stem.taps), "double")
+        if info.format != expected_format or info.n_frames != frozen.n_frames:
             raise NotFrozenError(f"{stem.path} is not the file that was frozen")
         if hash_samples(stem.path) != stem.sha256:
             raise NotFrozenError(f"{stem.path} is not the file that was frozen: its samples differ")

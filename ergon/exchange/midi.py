@@ -128,8 +128,8 @@ class Ruler:
                 raise ValueError(f"MIDI has no meter {n_beats}/{unit}")
         self._beats = [meter.beat for meter in self.meters]
         self._starts = [0.0]
-        for meter, later in zip(self.meters, self.meters[1:], strict=False):
-            n_quarters = (later.beat - meter.beat) * 4 / meter.unit
+        for meter, next_meter in zip(self.meters, self.meters[1:], strict=False):
+            n_quarters = (next_meter.beat - meter.beat) * 4 / meter.unit
             self._starts.append(self._starts[-1] + n_quarters)
 
     def quarters(self, beat: float) -> float:

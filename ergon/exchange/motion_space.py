@@ -71,14 +71,14 @@ def points_in_space(table: object, names: Sequence[str]) -> list[SpacePoint]:
     points: list[SpacePoint] = []
     if not isinstance(table, list):
         raise NotMotionError("its table of points in space is not a list")
-    taken: set[int] = set()
+    taken_tracks: set[int] = set()
     for axes in table:
         is_point = isinstance(axes, list) and len(axes) in _ALONG
         if not is_point or not all(_is_point(p, len(names)) for p in axes):
             raise NotMotionError(f"its table of points in space names no such points: {axes!r:.60}")
-        if len(taken.union(axes)) != len(taken) + len(axes):
+        if len(taken_tracks.union(axes)) != len(taken_tracks) + len(axes):
             raise NotMotionError(f"its table of points in space names a point twice: {axes!r:.60}")
-        taken.update(axes)
+        taken_tracks.update(axes)
         points.append(SpacePoint(names[axes[0]].removesuffix(".x"), tuple(axes)))
     return points
 

@@ -183,8 +183,8 @@ def _check_names(names: Iterable[str]) -> None:
         _check_name(name)
         key = _key(name)
         if key in name_by_key:
-            both = f"{_quoted(name_by_key[key])} and {_quoted(name)}"
-            raise PackError(f"{both} are one file on some systems; rename one")
+            both_names = f"{_quoted(name_by_key[key])} and {_quoted(name)}"
+            raise PackError(f"{both_names} are one file on some systems; rename one")
         name_by_key[key] = name
     for name in names:
         for folder in map(_key, map(str, PurePosixPath(name).parents)):

@@ -37,8 +37,8 @@ _READERS: Mapping[str, _Reader] = {"wave": wave, "flac": flac, "aiff": aiff}
 
 def check_ending(target: str) -> None:
     """Raise FileRefusedError if the ending of a name is not that of a sound file."""
-    if (wrong := wrong_ending(target)) is not None:
-        raise FileRefusedError(f"{wrong}; write {with_ending(target)}")
+    if (ending_mistake := wrong_ending(target)) is not None:
+        raise FileRefusedError(f"{ending_mistake}; write {with_ending(target)}")
 
 
 def check_format(target: str, format: WaveFormat) -> None:

@@ -124,7 +124,7 @@ def boards(devices_by_player: Mapping[str, str], urls_by_name: Mapping[str, str]
         if ":" not in text and (name_match := _DEVICE_NAME.match(text)):
             names.setdefault(url, name_match["name"])
         axes = axes_by_device.setdefault(url, [])
-        if any(axis == taken for taken, _ in axes):
+        if any(axis == taken_axis for taken_axis, _ in axes):
             raise BoardError(
                 f"axis {axis} of {url} is given to two players; a device with several axes has "
                 f"{url}#{axis + 1} too (`ergon emulate frame --axes 2` emulates one)"

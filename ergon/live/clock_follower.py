@@ -74,11 +74,13 @@ class ClockFollower:
 
     def _move_to(self, clocks: int) -> None:
         """Continue counting from another position; the estimate of the tempo is kept."""
-        by = clocks - self._next
-        moved = [(number + by, instant) for number, instant in self._clocks]
+        n_clocks = clocks - self._next
+        moved = [(number + n_clocks, instant) for number, instant in self._clocks]
         self._clocks.clear()
         self._clocks.extend(moved)
-        self._stray_clocks = [(number + by, instant) for number, instant in self._stray_clocks]
+        self._stray_clocks = [
+            (number + n_clocks, instant) for number, instant in self._stray_clocks
+        ]
         self._next = clocks
         self.is_placed = True
 

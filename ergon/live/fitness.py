@@ -230,11 +230,11 @@ def _force_delay(url: str, trips: NDArray[np.float64], *, lockstep: bool) -> Fin
     """The delay from the position of a hand to the force that answers it."""
     structural = STRUCTURAL_TICKS * TICK_SECONDS
     usual, mostly = (structural + quantile(trips, part) for part in (0.5, 0.99))
-    how = "in emulated time (lockstep)" if lockstep else f"p99 {duration_text(mostly)}"
+    delay_text = "in emulated time (lockstep)" if lockstep else f"p99 {duration_text(mostly)}"
     sentence = (
         f"{url}: {duration_text(usual)} from a position to its force, which is {STRUCTURAL_TICKS} "
         f"tick of {duration_text(TICK_SECONDS)} and a round trip of "
-        f"{duration_text(usual - structural)}; {how}"
+        f"{duration_text(usual - structural)}; {delay_text}"
     )
     numbers: dict[str, object] = {
         "url": url,

@@ -23,12 +23,12 @@ def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
     """What came for a key: rate, jitter, time on the way, and the delay of the path that fits."""
     address = parse_led_address(board.url)
     tally = lead.tally
-    taken = int(tally["taken"])
+    n_taken = int(tally["taken"])
     gaps, waits, needs = zip(*(lead.arrival_times(part) for part in (0.5, 0.99, 1.0)), strict=True)
     _, _, needed = lead.arrival_times(_USUALLY)
     numbers: dict[str, object] = {
         "url": board.url,
-        "taken": taken,
+        "taken": n_taken,
         "refused": int(tally["refused"]),
         "misdated": int(tally["misdated"]),
         "gap_s": tally["gap"],
@@ -41,8 +41,8 @@ def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
         "delay_s": address.delay,
     }
     name = board.display_name
-    if taken < _ENOUGH:
-        sentence = f"{name}: {taken} positions came, and {_ENOUGH} are needed to measure"
+    if n_taken < _ENOUGH:
+        sentence = f"{name}: {n_taken} positions came, and {_ENOUGH} are needed to measure"
         return Finding("hands", sentence, "move it all the time while it is measured", numbers)
     rate = 1.0 / tally["gap"] if tally["gap"] else 0.0
     sentence = (

@@ -59,8 +59,10 @@ class MidiValues:
             return self._controller_share(message, controller)
         if isinstance(message, Wheel) and self._address.what == "bend":
             # The middle is exactly the middle, though there are more values below it than above.
-            below = message.value - _HALF
-            return 0.5 + 0.5 * below / (_HALF if below < 0 else _TOP - _HALF)
+            value_from_middle = message.value - _HALF
+            return 0.5 + 0.5 * value_from_middle / (
+                _HALF if value_from_middle < 0 else _TOP - _HALF
+            )
         if isinstance(message, Pressure) and self._address.what == "pressure":
             return message.value / _COARSE_TOP
         return None

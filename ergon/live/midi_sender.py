@@ -82,10 +82,10 @@ def _run(come: int, send: Callable[[bytes], None]) -> None:
     while True:
         seconds_left = (waiting[0][0] - time.monotonic_ns()) / 1e9 if waiting else 1.0
         if select.select([come], [], [], max(0.0, min(seconds_left, 1.0)))[0]:
-            got = os.read(come, 1 << 16)
-            if not got:
+            bytes_read = os.read(come, 1 << 16)
+            if not bytes_read:
                 return
-            *lines, unfinished_line = (unfinished_line + got).split(b"\n")
+            *lines, unfinished_line = (unfinished_line + bytes_read).split(b"\n")
             for line in lines:
                 instant, _, data = line.partition(b" ")
                 heapq.heappush(waiting, (int(instant), next(numbers), bytes.fromhex(data.decode())))

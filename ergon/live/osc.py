@@ -170,11 +170,11 @@ class OscServer:
         return remarks
 
     def _run(self) -> None:
-        due = time.monotonic()
+        check_time = time.monotonic()
         while not self._over.is_set():
-            self._receive(due - time.monotonic())
-            if time.monotonic() >= due:
-                due = max(due + _CHECK_PERIOD, time.monotonic())
+            self._receive(check_time - time.monotonic())
+            if time.monotonic() >= check_time:
+                check_time = max(check_time + _CHECK_PERIOD, time.monotonic())
                 self._send_messages()
                 if self._input_values is not None:
                     with contextlib.suppress(_core.EngineError):

@@ -104,14 +104,14 @@ def exclusive_instruments(piece: Piece, parts: Sequence[str]) -> dict[str, list[
 
 def _reachable_instruments(piece: Piece, key: str) -> set[str]:
     """Instruments that links connect with a key, without passing through another key."""
-    near: dict[str, set[str]] = {}
+    neighbours: dict[str, set[str]] = {}
     for joined_parts in _joined_parts(piece):
         for end in joined_parts:
-            near.setdefault(end, set()).update(joined_parts)
+            neighbours.setdefault(end, set()).update(joined_parts)
     instruments: set[str] = set()
     visited = [key]
     while visited:
-        for part in near.get(visited.pop(), set()) - instruments - piece.keys.keys():
+        for part in neighbours.get(visited.pop(), set()) - instruments - piece.keys.keys():
             instruments.add(part)
             visited.append(part)
     return instruments

@@ -22,11 +22,11 @@ def ahead(source: Iterator[T]) -> Generator[T, None, None]:
     # An entry is a list with one item, an empty list at the end, or the exception that ended the
     # source.
     waiting: queue.Queue[list[T] | BaseException] = queue.Queue(_QUEUE_BLOCKS)
-    gone = threading.Event()
+    has_ended = threading.Event()
     computing = Work()
 
     def put(entry: list[T] | BaseException) -> bool:
-        while not gone.is_set():
+        while not has_ended.is_set():
             try:
                 waiting.put(entry, timeout=_PATIENCE)
                 return True
@@ -52,6 +52,6 @@ def ahead(source: Iterator[T]) -> Generator[T, None, None]:
                 raise entry
             yield from entry
     finally:
-        gone.set()
+        has_ended.set()
         computing.cancel()  # a block may take minutes
         thread.join()

@@ -131,5 +131,5 @@ def dominant_instrument(levels: Sequence[InstrumentLevel]) -> tuple[InstrumentLe
     if len(audible) < 2:
         return None
     loudest = audible[-1]
-    above = loudest.loudness - audible[-2].loudness
-    return (loudest, above) if above > DOMINANCE_LU else None
+    loudness_above = loudest.loudness - audible[-2].loudness
+    return (loudest, loudness_above) if loudness_above > DOMINANCE_LU else None

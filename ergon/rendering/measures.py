@@ -94,10 +94,10 @@ def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> f
     normal = np.ones(longest)
     np.divide(difference[1:] * np.arange(1, longest), total, out=normal[1:], where=total > 0.0)
     first_lag = max(2, int(rate / _HIGHEST))
-    below = np.flatnonzero(normal[first_lag:-1] < _APERIODIC)
-    if not len(below):
+    periodic_lags = np.flatnonzero(normal[first_lag:-1] < _APERIODIC)
+    if not len(periodic_lags):
         return None
-    lag = first_lag + int(below[0])
+    lag = first_lag + int(periodic_lags[0])
     while lag + 1 < longest - 1 and normal[lag + 1] < normal[lag]:
         lag += 1
     return rate / _parabola_peak(-difference[lag - 1 : lag + 2], lag)

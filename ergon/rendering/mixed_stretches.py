@@ -138,8 +138,8 @@ class MixedStretches:
         if stop < known_stop and not has_ended:
             # What happened within the stretch may have happened after `stop`.
             if outcome_before is None:
-                earlier = self._read(first_index - 1)
-                outcome_before = None if earlier is None else earlier.outcome
+                earlier_stretch = self._read(first_index - 1)
+                outcome_before = None if earlier_stretch is None else earlier_stretch.outcome
             if outcome_before != last_stretch.outcome:
                 return None
         frames = [stretch.frames for stretch in known_stretches]

@@ -141,10 +141,10 @@ def prepared(
     filters, lates = [], []
     for towards in directions_wanted:
         weights = _weights(directions, towards)
-        near = np.flatnonzero(weights)
-        shape = np.exp(np.tensordot(weights[near], np.log(level[near]), 1))
+        near_directions = np.flatnonzero(weights)
+        shape = np.exp(np.tensordot(weights[near_directions], np.log(level[near_directions]), 1))
         filters.append([_minimum_phase(response, size)[:TAPS] * _fade() for response in shape])
-        lates.append(np.tensordot(weights[near], delays[near], 1))
+        lates.append(np.tensordot(weights[near_directions], delays[near_directions], 1))
     late = np.array(lates)
     return Head(rate, directions_wanted, np.array(filters), late - late.min())
 
@@ -155,8 +155,8 @@ def _diffuse(
     """Root of the mean power over all directions and both ears, by frequency, smoothed."""
     # A direction is weighted by the area around it: the squared mean angle to its five neighbours.
     rows = np.argsort(directions @ directions.T, 1)[:, -6:-1]
-    near = np.take_along_axis(directions @ directions.T, rows, 1)
-    area = np.arccos(np.clip(near, -1.0, 1.0)).mean(1) ** 2
+    near_cosines = np.take_along_axis(directions @ directions.T, rows, 1)
+    area = np.arccos(np.clip(near_cosines, -1.0, 1.0)).mean(1) ** 2
     power = np.tensordot(area / area.sum(), magnitude**2, 1).mean(0)
     frequency = np.fft.rfftfreq(2 * (len(power) - 1), 1.0 / rate)
     low, high = np.searchsorted(frequency, _BAND)
@@ -184,13 +184,13 @@ def _smooth(power: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _weights(directions: NDArray[np.float64], towards: NDArray[np.float64]) -> NDArray[np.float64]:
-    away = np.arccos(np.clip(directions @ towards, -1.0, 1.0))
+    angles = np.arccos(np.clip(directions @ towards, -1.0, 1.0))
     weights = np.zeros(len(directions))
-    near = np.argsort(away)[:_AROUND]
-    if away[near[0]] < np.radians(0.5):
-        weights[near[0]] = 1.0
+    nearest_rows = np.argsort(angles)[:_AROUND]
+    if angles[nearest_rows[0]] < np.radians(0.5):
+        weights[nearest_rows[0]] = 1.0
     else:
-        weights[near] = 1.0 / away[near] ** 2
+        weights[nearest_rows] = 1.0 / angles[nearest_rows] ** 2
     weights /= weights.sum()
     return weights
 

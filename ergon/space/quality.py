@@ -84,13 +84,13 @@ def quality(
     velocity, vector, energy = energy_vectors(gains, array)
     length = np.linalg.norm(vector, axis=1)
     towards = vector / np.where(length == 0.0, 1.0, length)[:, None]
-    off = np.degrees(np.arccos(np.clip((towards * sources).sum(1), -1.0, 1.0)))
+    angles_off = np.degrees(np.arccos(np.clip((towards * sources).sum(1), -1.0, 1.0)))
     level = 10.0 * np.log10(np.maximum(energy, 1e-12) / energy.mean())
     return Quality(
         name,
         (float(length.mean()), float(length.min())),
         float(np.linalg.norm(velocity, axis=1).mean()),
-        (float(off.mean()), float(off.max())),
+        (float(angles_off.mean()), float(angles_off.max())),
         (float(level.min()), float(level.max())),
     )
 

@@ -111,7 +111,7 @@ def _frequencies(low: float, high: float) -> Axis:
     low, high = (low, high) if high > low else (0.9 * low, 1.1 * high)
     decades = range(floor(log10(low)), ceil(log10(high)) + 1)
     for factors in ((1, 2, 5), (1, 2, 3, 4, 5, 6, 7, 8, 9)):
-        ticks = [by * 10.0**power for power in decades for by in factors]
+        ticks = [factor * 10.0**power for power in decades for factor in factors]
         ticks = [f for f in ticks if low * (1 - 1e-9) <= f <= high * (1 + 1e-9)]
         if len(ticks) >= 3:
             break

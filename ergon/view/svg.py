@@ -67,9 +67,9 @@ def panels(rows: Sequence[tuple[str, Sequence[Curve]]], *, title: str, width: in
     t_axis = axis([t for _, curves in rows for curve in curves for t in curve.t], 8, tight=True)
     parts = [text(64, 20, short(title), weight="bold")]
     for row, (label, curves) in enumerate(rows):
-        above = top + row * (high + between)
+        panel_top = top + row * (high + between)
         x_axis = axis([x for curve in curves for x in curve.x], 5)
-        frame = Frame(64, above, width - 16, above + high, t_axis, x_axis)
+        frame = Frame(64, panel_top, width - 16, panel_top + high, t_axis, x_axis)
         parts += [axes(frame, "time [s]" if row == len(rows) - 1 else "", label)]
         parts += [lines(curves, frame), _legend(curves, frame)]
     return document(width, top + len(rows) * (high + between), title, parts)

@@ -185,9 +185,9 @@ def _set_pitch(texts: Texts, instrument: Instrument, value: str) -> Texts:
         )
         is_moved = values.written("transpose")
         return texts.remove((*path, "transpose"), file=file) if is_moved else texts
-    begun = named_pitch(values)  # the written pitch, which `transpose` moves
-    assert begun is not None
-    step = between(begun, pitch_asked)
+    written_pitch = named_pitch(values)  # the written pitch, which `transpose` moves
+    assert written_pitch is not None
+    step = between(written_pitch, pitch_asked)
     if step.ratio == 1.0:
         is_moved = values.written("transpose")
         return texts.remove((*path, "transpose"), file=file) if is_moved else texts

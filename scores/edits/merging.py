@@ -63,9 +63,9 @@ def merged(texts_before: Texts, texts_now: Texts, typed: Texts) -> tuple[Texts, 
 def changed(texts_before: Texts, texts_after: Texts) -> Iterator[Spot]:
     """The places at which two texts differ."""
     for file in (texts_after.path, *texts_after.overlay):
-        old, new = _text(texts_before, file), _text(texts_after, file)
-        if old != new:
-            paths = _differing(_tree(old, file), _tree(new, file), ())
+        text_before, text_after = _text(texts_before, file), _text(texts_after, file)
+        if text_before != text_after:
+            paths = _differing(_tree(text_before, file), _tree(text_after, file), ())
             yield from (Spot(file, path) for path in paths)
 
 
@@ -160,21 +160,28 @@ def _tree(text: str | None, file: str) -> Tree:
     return None if text is None else edit.tree(edit.read(text, file).root)
 
 
-def _differing(old: _Value, new: _Value, path: edit.Path) -> Iterator[edit.Path]:
-    if old == new:
+def _differing(value_before: _Value, value_after: _Value, path: edit.Path) -> Iterator[edit.Path]:
+    if value_before == value_after:
         return
-    if isinstance(new, Missing) and path:  # something removed is removed as a whole
+    if isinstance(value_after, Missing) and path:  # something removed is removed as a whole
         yield path
         return
-    mappings = [tree_value for tree_value in (old, new) if isinstance(tree_value, dict)]
-    if not mappings or any(isinstance(tree_value, (str, list)) for tree_value in (old, new)):
+    mappings = [
+        tree_value for tree_value in (value_before, value_after) if isinstance(tree_value, dict)
+    ]
+    if not mappings or any(
+        isinstance(tree_value, (str, list)) for tree_value in (value_before, value_after)
+    ):
         yield path
         return
     names = dict.fromkeys(
-        name for tree_value in (new, old) if isinstance(tree_value, dict) for name in tree_value
+        name
+        for tree_value in (value_after, value_before)
+        if isinstance(tree_value, dict)
+        for name in tree_value
     )
     for name in names:
-        yield from _differing(_entry(old, name), _entry(new, name), (*path, name))
+        yield from _differing(_entry(value_before, name), _entry(value_after, name), (*path, name))
 
 
 def _value_of(texts: Texts, spot: Spot) -> _Value:

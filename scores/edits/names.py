@@ -12,14 +12,14 @@ from ergon.notation.text.edit import EditError
 from ergon.scores.edits.texts import Texts
 
 
-def free_name(name: str, taken: Container[str], *, is_numbered: bool = False) -> str:
+def free_name(name: str, taken_names: Container[str], *, is_numbered: bool = False) -> str:
     """The first of `name`, `name-2`, `name-3` … that is not taken; if numbered, of `name-1`,
     `name-2` …
     """
-    if name not in taken and not is_numbered:
+    if name not in taken_names and not is_numbered:
         return name
     numbers = count(1 if is_numbered else 2)
-    return next(free for number in numbers if (free := f"{name}-{number}") not in taken)
+    return next(free for number in numbers if (free := f"{name}-{number}") not in taken_names)
 
 
 def define(texts: Texts, name: str, notation: str) -> Texts:

@@ -69,16 +69,18 @@ def _rest_of(
 ) -> entries.Entry:
     """The part of a line that is left from a beat on, with the fields of `entry`."""
     starts = line.starts or ()
-    done = line.count_before(beat)
-    if isinstance(starts, Steps) and done < len(starts):
-        first_part = replace(line, entry=entry).part(done, len(starts), partial(written, piece))
+    n_done = line.count_before(beat)
+    if isinstance(starts, Steps) and n_done < len(starts):
+        first_part = replace(line, entry=entry).part(n_done, len(starts), partial(written, piece))
         until = None if "times" in entry.fields else entry.fields.get("until")
         return first_part if until is None else first_part.with_fields(until=until)
-    later_entry = entry.with_fields(at=written(piece, starts[done] if done < len(starts) else beat))
-    if done and any(map(is_turn, entry.do)):  # a pattern now, whose rounds go on counting
-        return later_entry.with_fields(skip=str(done))
-    if done < len(starts) and "times" in later_entry.fields:
-        later_entry = later_entry.with_fields(times=str(len(starts) - done))
+    later_entry = entry.with_fields(
+        at=written(piece, starts[n_done] if n_done < len(starts) else beat)
+    )
+    if n_done and any(map(is_turn, entry.do)):  # a pattern now, whose rounds go on counting
+        return later_entry.with_fields(skip=str(n_done))
+    if n_done < len(starts) and "times" in later_entry.fields:
+        later_entry = later_entry.with_fields(times=str(len(starts) - n_done))
     return later_entry
 
 
@@ -98,8 +100,8 @@ def ending(
     """The edit that ends the part of a player at a beat, and adds new entries."""
     lines = entries.lines(texts, piece, player, beat)
     closed = [line for line in lines if line.is_open(beat, piece)]
-    later = [line for line in lines if line.begin >= beat - SAME]
-    return PartEdit(player, written(piece, beat), closed, later, new)
+    later_lines = [line for line in lines if line.begin >= beat - SAME]
+    return PartEdit(player, written(piece, beat), closed, later_lines, new)
 
 
 def hush(texts: Texts, piece: Piece, beat: float) -> Texts:

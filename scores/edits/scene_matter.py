@@ -36,10 +36,10 @@ def with_matter(texts: Texts, piece: Piece, scene: Scene) -> Texts:
     """
     needed = _played(scene.piece)
     names_here = {*piece.keys, *piece.instruments, *piece.families, *piece.players}
-    lacking = needed - names_here
-    if not lacking:
+    missing_names = needed - names_here
+    if not missing_names:
         return texts
-    _check_keys(piece, scene, lacking)
+    _check_keys(piece, scene, missing_names)
     scene_entries = {section: _entries(scene.texts, section) for section in _SECTIONS}
     entry_names_here = {section: _entries(texts, section).keys() for section in _SECTIONS}
     missing_entries = {
@@ -50,7 +50,7 @@ def with_matter(texts: Texts, piece: Piece, scene: Scene) -> Texts:
         }
         for section in _SECTIONS
     }
-    names = _with_parts_of(lacking, missing_entries)
+    names = _with_parts_of(missing_names, missing_entries)
     texts_now = replace(texts, overlay={**scene.texts.overlay, **texts.overlay})
     texts_now = _with_files(texts_now, scene)
     for section in _SECTIONS:
@@ -83,10 +83,10 @@ def _ends(module: Module) -> Iterator[str]:
         yield end.part
 
 
-def _check_keys(piece: Piece, scene: Scene, lacking: Iterable[str]) -> None:
+def _check_keys(piece: Piece, scene: Scene, missing_names: Iterable[str]) -> None:
     """Refuse a player whose key another one plays here. Raises EditError."""
     players = {player.key: player.name for player in piece.players.values()}
-    for name in lacking:
+    for name in missing_names:
         if name in scene.piece.players and (key := scene.piece.players[name].key) in players:
             message = f"this score has no player {name}, who plays {key} in the scene, and {key} is"
             raise EditError(f"{message} played by {players[key]}")

@@ -184,13 +184,13 @@ def _defined(texts: Texts, names_here: Names | None, scene: Scene) -> Texts:
     return texts
 
 
-def _parameters(now: Piece, then: Piece) -> Iterator[tuple[str, str]]:
+def _parameters(piece_now: Piece, scene_piece: Piece) -> Iterator[tuple[str, str]]:
     """The parameters that differ between two pieces, each with its value in the second."""
     pairs: list[tuple[Key | Instrument, Key | Instrument | None]] = [
-        *((key, now.keys.get(key.name)) for key in then.keys.values()),
+        *((key, piece_now.keys.get(key.name)) for key in scene_piece.keys.values()),
         *(
-            (instrument, now.instruments.get(instrument.name))
-            for instrument in then.instruments.values()
+            (instrument, piece_now.instruments.get(instrument.name))
+            for instrument in scene_piece.instruments.values()
         ),
     ]
     for part, module_owner in pairs:
@@ -351,5 +351,5 @@ def _melody(
 def _free(texts: Texts, name: str, section: str = "strikes") -> str:
     """A name that is free in a section: `rain`, `rain-2`, …"""
     section_tree = edit.tree(texts.section(section))
-    taken = section_tree if isinstance(section_tree, dict) else {}
-    return free_name(name, taken)
+    taken_names = section_tree if isinstance(section_tree, dict) else {}
+    return free_name(name, taken_names)

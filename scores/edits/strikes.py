@@ -101,21 +101,23 @@ def cut(texts: Texts, piece: Piece, strikes: Strikes, instant: float) -> Texts:
     tempo = piece.tempo_map
     if not strikes.hits or strikes.length is None:
         return end(texts, piece, strikes, instant)
-    begun = [beat for beat in strikes.rounds(tempo) if beat < instant - SAME]
-    if not begun:
+    begun_rounds = [beat for beat in strikes.rounds(tempo) if beat < instant - SAME]
+    if not begun_rounds:
         return texts.remove(("strikes", strikes.name))
-    falling = [(beat, hit) for beat, _, hit in strikes.falls(piece) if beat >= begun[-1] - SAME]
+    falling = [
+        (beat, hit) for beat, _, hit in strikes.falls(piece) if beat >= begun_rounds[-1] - SAME
+    ]
     last_round = falling[: len(strikes.hits)]
     played = [(beat, hit) for beat, hit in last_round if beat < instant - SAME]
     if len(played) == len(last_round):
         return end(texts, piece, strikes, instant)
-    if len(begun) == 1:
+    if len(begun_rounds) == 1:
         texts = texts.remove(("strikes", strikes.name))
     else:
         for bound, value in (("times", strikes.times), ("for", strikes.span)):
             if value is not None:
                 texts = texts.remove(("strikes", strikes.name, bound))
-        texts = texts.put(("strikes", strikes.name, "until"), written(piece, begun[-1]))
+        texts = texts.put(("strikes", strikes.name, "until"), written(piece, begun_rounds[-1]))
     if not played:
         return texts
     name = free_name(strikes.name, {other_strikes.name for other_strikes in piece.strikes})

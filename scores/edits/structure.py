@@ -88,8 +88,8 @@ def player(texts: Texts, piece: Piece, name: str, key: str) -> Texts:
 def link(texts: Texts, kind: str, end_paths: Sequence[str], fields: Fields) -> tuple[Texts, str]:
     """Join two modules by a link of a kind; returns the link's name too. Raises EditError."""
     links_node = _node(texts, ("instruments", LINKS, "modules"))
-    taken = links_node.entries if isinstance(links_node, document.Mapping) else {}
-    name = free_name(kind.lower(), taken, is_numbered=True)
+    taken_names = links_node.entries if isinstance(links_node, document.Mapping) else {}
+    name = free_name(kind.lower(), taken_names, is_numbered=True)
     body: dict[str, edit.Tree] = {kind: {"between": [*end_paths], **fields}}
     path = ("instruments", LINKS, "modules", name)
     return texts.put(path, edit.flow(body)), f"{LINKS}.{name}"

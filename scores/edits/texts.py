@@ -168,15 +168,19 @@ class Texts:
         """The text with a missing section added; None if its place is not between two sections."""
         section_lines = names(self.text)
         rank = SECTIONS.index(section)
-        above = [i for i, (name, *_) in enumerate(section_lines[:-1]) if name in SECTIONS[:rank]]
-        if not above:
+        lines_above = [
+            i for i, (name, *_) in enumerate(section_lines[:-1]) if name in SECTIONS[:rank]
+        ]
+        if not lines_above:
             return None
-        _, first, end = section_lines[above[-1]]
-        below = f"{section_lines[above[-1] + 1][0]}:\n"  # marks the end of the lines above
-        text = change(edit.read(self.text[first:end] + below, self.path))
-        if not text.endswith(below):
+        _, first, end = section_lines[lines_above[-1]]
+        line_below = (
+            f"{section_lines[lines_above[-1] + 1][0]}:\n"  # marks the end of the lines above
+        )
+        text = change(edit.read(self.text[first:end] + line_below, self.path))
+        if not text.endswith(line_below):
             return None
-        return self.text[:first] + text.removesuffix(below) + self.text[end:]
+        return self.text[:first] + text.removesuffix(line_below) + self.text[end:]
 
     def edited_lists(self, edits: Sequence[ListEdit], file: str | None = None) -> Texts:
         """Edit lists of one section; only the items that change are parsed.

@@ -23,7 +23,7 @@ def change(texts: Texts, piece: Piece, beat: float, bpm: str, over: str | None =
     EditError.
     """
     over = None if over is None else _over(piece, beat, over)
-    texts, below = _without_later(texts, piece, beat, "bpm", "over")
+    texts, number_below = _without_later(texts, piece, beat, "bpm", "over")
     number_here: int | None = None  # the entry that sets the tempo at this beat
     for number, begin in _until(piece, beat):
         entry = piece.tempo[number]
@@ -40,7 +40,7 @@ def change(texts: Texts, piece: Piece, beat: float, bpm: str, over: str | None =
     line: dict[str, edit.Tree] = {"at": written(piece, beat), "bpm": bpm, **ramp}
     if beat <= SAME and piece.tempo and piece.tempo[0].tempos:
         return texts.put(place(texts, "tempo", 0), edit.flow(line))
-    return _inserted(texts, below, line)
+    return _inserted(texts, number_below, line)
 
 
 def change_meter(texts: Texts, piece: Piece, beat: float, meter: str) -> Texts:
@@ -52,13 +52,13 @@ def change_meter(texts: Texts, piece: Piece, beat: float, meter: str) -> Texts:
     tempo = piece.tempo_map
     if abs(tempo.bar_beat(beat)[1] - 1.0) > SAME:
         raise EditError(f"a meter begins with a bar: write meter {meter} at {tempo.written(beat)}")
-    texts, below = _without_later(texts, piece, beat, "meter")
+    texts, number_below = _without_later(texts, piece, beat, "meter")
     if beat <= SAME and piece.file_meters:
         texts = texts.remove(("meter",))
     for number, begin in _until(piece, beat):
         if begin >= beat - SAME and not piece.tempo[number].tempos:
             return texts.put((*place(texts, "tempo", number), "meter"), meter)
-    return _inserted(texts, below, {"at": written(piece, beat), "meter": meter})
+    return _inserted(texts, number_below, {"at": written(piece, beat), "meter": meter})
 
 
 def _until(piece: Piece, beat: float) -> Iterator[tuple[int, float]]:
@@ -77,7 +77,7 @@ def _without_later(
     """Remove fields from the entries after a beat, and the entries that have nothing else; returns
     the number of the first later entry that stays too.
     """
-    below: int | None = None
+    number_below: int | None = None
     for number in reversed(range(len(piece.tempo))):
         entry = piece.tempo[number]
         if piece.tempo_map.resolve(entry.at) <= beat + SAME:
@@ -85,23 +85,25 @@ def _without_later(
         values: dict[str, object] = {"bpm": entry.bpm, "meter": entry.meter}
         if values.pop(fields[0]) is not None and not any(values.values()):
             texts = dropped(texts, "tempo", number)
-            below = None if below is None else below - 1
+            number_below = None if number_below is None else number_below - 1
             continue
-        below = number
+        number_below = number
         for name in fields:
             texts = _without(texts, number, name)
-    return texts, below
+    return texts, number_below
 
 
-def _inserted(texts: Texts, below: int | None, entry: Mapping[str, edit.Tree]) -> Texts:
+def _inserted(texts: Texts, number_below: int | None, entry: Mapping[str, edit.Tree]) -> Texts:
     """A new entry above the one of a number, or after all others."""
     text = edit.flow(dict(entry))
-    if below is None:
+    if number_below is None:
         return texts.append(("tempo",), text)
-    path = place(texts, "tempo", below)
+    path = place(texts, "tempo", number_below)
     if path == ("tempo",):  # a lone entry becomes a list, then the new one goes above it
         texts = texts.put(path, f"[{edit.flow(edit.tree(items(texts, 'tempo')[0]))}]")
-    return texts.edited("tempo", lambda document: edit.insert(document, ("tempo", below), text))
+    return texts.edited(
+        "tempo", lambda document: edit.insert(document, ("tempo", number_below), text)
+    )
 
 
 def mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:

@@ -31,7 +31,7 @@ def transform(texts: Texts, piece: Piece, name: str, beat: float, do: str) -> Te
     """
     tempo, changed = piece.tempo_map, False
     section = edit.tree(texts.section("strikes"))
-    taken = {strikes.name for strikes in piece.strikes}
+    taken_names = {strikes.name for strikes in piece.strikes}
     for strikes in edits.named(piece, name):
         stop = strikes.stop(tempo)
         if stop is not None and stop <= beat + SAME:
@@ -42,22 +42,22 @@ def transform(texts: Texts, piece: Piece, name: str, beat: float, do: str) -> Te
         rhythm, body = _as_rhythm(texts, strikes, body)
         times = strikes.times if strikes.times is not None or "times" not in body else 1
         begin = tempo.resolve(strikes.at)
-        passed = rhythm.count(tempo, begin, beat) if beat > begin else 0
-        if times is not None and passed >= times:
+        n_passed_cycles = rhythm.count(tempo, begin, beat) if beat > begin else 0
+        if times is not None and n_passed_cycles >= times:
             continue
-        turn_beat = rhythm.begin(tempo, begin, passed)
+        turn_beat = rhythm.begin(tempo, begin, n_passed_cycles)
         texts = edits.end(texts, piece, strikes, turn_beat)
         body = {**body, "at": written(piece, turn_beat), **_transforms(body, do)}
-        if first_cycle := rhythm.first + passed:
+        if first_cycle := rhythm.first + n_passed_cycles:
             body["skip"] = str(first_cycle)
         if times is not None:
-            body["times"] = str(times - passed)
+            body["times"] = str(times - n_passed_cycles)
         if strikes.span is not None and stop is not None:
             body = {**body, "for": "", "until": written(piece, stop)}
         for field in [field for field, value in body.items() if value == ""]:
             del body[field]
-        new = strikes.name if turn_beat <= begin + SAME else free_name(name, taken)
-        taken.add(new)
+        new = strikes.name if turn_beat <= begin + SAME else free_name(name, taken_names)
+        taken_names.add(new)
         texts = texts.put(("strikes", new), edit.flow(_in_order(body)))
         changed = True
     if not changed:

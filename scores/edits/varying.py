@@ -85,9 +85,9 @@ def variants(
 
     Raises EditError if a target cannot be set.
     """
-    begun = texts.load()
+    loaded_base = texts.load()
     for variant_values in values:
-        edited, loaded = texts, begun
+        edited, loaded = texts, loaded_base
         for target, value in zip(targets, variant_values, strict=True):
             if loaded.piece is None:
                 break

@@ -123,8 +123,8 @@ def read(path: Path) -> Motion:
     if n_there > n:
         note = f"the file says {n:,} frames, and {n_there - n:,} more follow, which are not read"
     names = unique_names([joint.name for joint in joints])
-    passed = ("rotations, but for where they put the joints",)
-    return judged(Motion(names, n, rate, None, blocks, note, passed), path)
+    passed_over = ("rotations, but for where they put the joints",)
+    return judged(Motion(names, n, rate, None, blocks, note, passed_over), path)
 
 
 def _open(path: Path) -> io.TextIOWrapper:
@@ -136,23 +136,23 @@ def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:
     if words.word().upper() != "HIERARCHY":
         raise words.wrong("this is not a BVH file")
     joints: list[_Joint] = []
-    above: list[int] = []  # joints whose braces are open
+    open_joints: list[int] = []  # joints whose braces are open
     n_channels = 0
     while (word := words.word().upper()) != "MOTION":
         match word:
-            case "ROOT" | "JOINT" if (word == "ROOT") == (not above):
-                joints.append(_Joint(_name(words), above[-1] if above else None))
-                above.append(len(joints) - 1)
-            case "END" if above:
+            case "ROOT" | "JOINT" if (word == "ROOT") == (not open_joints):
+                joints.append(_Joint(_name(words), open_joints[-1] if open_joints else None))
+                open_joints.append(len(joints) - 1)
+            case "END" if open_joints:
                 _name(words)
-                joints.append(_Joint(f"{joints[above[-1]].name} end", above[-1]))
-                above.append(len(joints) - 1)
-            case "}" if above:
-                above.pop()
-            case "OFFSET" if above:
-                joints[above[-1]].offset = words.numbers(3, "an offset")
-            case "CHANNELS" if above:
-                channels = joints[above[-1]].channels
+                joints.append(_Joint(f"{joints[open_joints[-1]].name} end", open_joints[-1]))
+                open_joints.append(len(joints) - 1)
+            case "}" if open_joints:
+                open_joints.pop()
+            case "OFFSET" if open_joints:
+                joints[open_joints[-1]].offset = words.numbers(3, "an offset")
+            case "CHANNELS" if open_joints:
+                channels = joints[open_joints[-1]].channels
                 channel_columns = _channels(words)
                 channels += [(kind, n_channels + i) for i, kind in enumerate(channel_columns)]
                 n_channels += len(channel_columns)
@@ -160,7 +160,7 @@ def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:
                 raise words.wrong("this line is out of place in a BVH file")
         if len(joints) > MAX_CHANNELS or n_channels > 6 * MAX_CHANNELS:
             raise words.wrong(f"the file has more than {MAX_CHANNELS:,} points")
-    if above:
+    if open_joints:
         raise words.wrong("a brace is not closed before MOTION")
     return joints, n_channels
 

@@ -188,10 +188,10 @@ def read(path: Path) -> Motion:
                 yield _places(data, len(data) // frame, n_points, numbers, is_real) * factor
 
     labels = _labels(values, n_points)
-    passed = [f"{layout.n_analog:,} analog values a frame"] if layout.n_analog else []
+    passed_over = [f"{layout.n_analog:,} analog values a frame"] if layout.n_analog else []
     if groups := sorted({group for group, _ in values if group} - _READ):
-        passed.append(f"parameters of {', '.join(groups)}")
-    motion = Motion(labels, n, rate if is_rate else None, metres, blocks, None, tuple(passed))
+        passed_over.append(f"parameters of {', '.join(groups)}")
+    motion = Motion(labels, n, rate if is_rate else None, metres, blocks, None, tuple(passed_over))
     return judged(motion, path)
 
 

@@ -89,8 +89,8 @@ class Wheels:
     def cents(self, channel: int) -> float:
         """How far the notes of a channel are from their pitch."""
         master = self._masters.get(channel)
-        both = (channel,) if master is None else (channel, master)
-        return sum(self._wheels[c].value * self._wheels[c].range for c in both)
+        channels = (channel,) if master is None else (channel, master)
+        return sum(self._wheels[c].value * self._wheels[c].range for c in channels)
 
     def is_in_zone(self, channel: int) -> bool:
         """Whether a channel belongs to a zone, as its master or not."""

@@ -73,11 +73,11 @@ def judged(motion: Motion, path: Path) -> Motion:
 
 def unique_names(names: Sequence[str]) -> tuple[str, ...]:
     """The names; a name that is empty or taken gets its number, from 1."""
-    taken: set[str] = set()
+    taken_names: set[str] = set()
     unique = []
     for i, name in enumerate(names, 1):
-        unique.append(f"{name} {i}".strip() if not name or name in taken else name)
-        taken.add(unique[-1])
+        unique.append(f"{name} {i}".strip() if not name or name in taken_names else name)
+        taken_names.add(unique[-1])
     return tuple(unique)
 
 
@@ -237,5 +237,9 @@ def _direction(places: Floats, point: str, path: Path) -> Floats:
             field="channel",
         )
     line: Floats = vectors[:, -1]
-    along = spread @ line
-    return line if along.max() - along[0] >= along[0] - along.min() else -line
+    positions_along = spread @ line
+    return (
+        line
+        if positions_along.max() - positions_along[0] >= positions_along[0] - positions_along.min()
+        else -line
+    )

@@ -71,8 +71,8 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStat
     smooth, v = smooth[_EDGE:-_EDGE], v[_EDGE // 2 : -_EDGE // 2]
     centre, bandwidth = _spread(v, rate)
     turns = _reversals(smooth)
-    near = max(1, round(_NEAR * rate))
-    peaks = [float(np.abs(a[max(0, i - near) : i + near + 1]).max()) for i in turns]
+    near_frames = max(1, round(_NEAR * rate))
+    peaks = [float(np.abs(a[max(0, i - near_frames) : i + near_frames + 1]).max()) for i in turns]
     a_rms = _rms(a)
     strokes = [
         spectral_arc_length(np.abs(v[i : j + 1]), rate)

@@ -97,9 +97,9 @@ def _score(root: Element) -> XmlScore:
         for score_part in root.iterfind("part-list/score-part")
     }
     columns = _columns(root)
-    passed: Counter[str] = Counter()
+    skipped_counts: Counter[str] = Counter()
     meters: list[tuple[int, str]] = []  # index of the measure, text
-    read = _measures(columns, {name: XmlNotes(passed) for name in ids}, meters)
+    read = _measures(columns, {name: XmlNotes(skipped_counts) for name in ids}, meters)
     order = played(turns([list(column.measures.values()) for column in columns]))
     starts, end, texts = _bars(columns, order, meters)
     voices: dict[str, list[tuple[Fraction, Event]]] = {name: [] for name in ids}
@@ -121,7 +121,7 @@ def _score(root: Element) -> XmlScore:
         tuple(XmlPart(name, names.get(name, ""), tuple(_notes(voices[name]))) for name in ids),
         tuple((float(quarter), tempo) for quarter, tempo in changes.items()),
         tuple((float(quarter), meter) for quarter, meter in texts),
-        dict(passed),
+        dict(skipped_counts),
     )
 
 

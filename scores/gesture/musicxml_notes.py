@@ -279,8 +279,8 @@ def _dynamics(direction: Element) -> Event | None:
             if word in _STROKES:
                 return Event(Fraction(0), is_accented=True)
             if word in ("fp", "pf"):
-                level_before, then = (DYNAMICS.index(sign) * _STEP for sign in word)
-                return Event(Fraction(0), level=level_before, then=then)
+                level_before, level_after = (DYNAMICS.index(sign) * _STEP for sign in word)
+                return Event(Fraction(0), level=level_before, then=level_after)
             if set(word) <= {"p"} or set(word) <= {"f"}:
                 word = word[:3]
             if word in DYNAMICS:
@@ -310,13 +310,13 @@ class Loudness:
         self._levels = [(beat, event) for beat, event in marks if event.level is not None]
         self._instants = [beat for beat, _ in self._levels]
         self._swells: list[tuple[Fraction, Fraction, float, float]] = []
-        begun: tuple[Fraction, int] | None = None
+        open_swell: tuple[Fraction, int] | None = None
         for beat, event in marks:
             if event.swells:
-                begun = beat, event.swells
-            elif event.swells == 0 and begun is not None:
-                self._add(*begun, beat)
-                begun = None
+                open_swell = beat, event.swells
+            elif event.swells == 0 and open_swell is not None:
+                self._add(*open_swell, beat)
+                open_swell = None
         self._begins = [begin for begin, *_ in self._swells]
 
     def _add(self, begin: Fraction, direction: int, end: Fraction) -> None:

@@ -77,8 +77,10 @@ class Npz:
             raise TakeError("the members of the archive have more bytes than the file", path)
         for name, member in zip(self.names, self._members, strict=True):
             if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                how = "must be stored or compressed by deflate, as numpy.savez_compressed does"
-                raise TakeError(f"'{name[:40]}' {how}", path)
+                storage_rule = (
+                    "must be stored or compressed by deflate, as numpy.savez_compressed does"
+                )
+                raise TakeError(f"'{name[:40]}' {storage_rule}", path)
             if member.file_size > _RATIO_MAX * member.compress_size:
                 raise TakeError(f"'{name[:40]}' has an impossible size", path)
 

@@ -91,23 +91,23 @@ def _frames(rows: _Rows) -> Iterator[tuple[str, int]]:
 
 
 def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
-    above: list[list[str]] = []
+    header_rows: list[list[str]] = []
     with _text(path) as file:
         for number, line in lines(file, path):
             cells = [cell.strip() for cell in _cells(line, path, number)]
-            if above and cells[0] == "Frame":
+            if header_rows and cells[0] == "Frame":
                 break
-            above.append(cells)
-            if len(above) > _HEADER_MAX:
+            header_rows.append(cells)
+            if len(header_rows) > _HEADER_MAX:
                 raise TakeError("this file of Motive has no line that begins with Frame", path)
         else:
             raise TakeError("this file of Motive has no line that begins with Frame", path)
-    first_row = above[0]
+    first_row = header_rows[0]
     header = dict(zip(first_row[::2], first_row[1::2], strict=False))
     width = len(cells)
-    if len(above) < 3 or any(len(row) > width for row in above[1:]):
+    if len(header_rows) < 3 or any(len(row) > width for row in header_rows[1:]):
         raise TakeError("this file of Motive has no rows of names above Frame", path, number)
-    wide = [row + [""] * (width - len(row)) for row in above[1:]]
+    wide = [row + [""] * (width - len(row)) for row in header_rows[1:]]
     # Older files have no labels before their header rows: the first is the kind, the second the
     # name.
     names = next((row for row in wide if "Name" in row[:2]), wide[min(1, len(wide) - 1)])

@@ -119,13 +119,13 @@ def _added(columns: Sequence[Column], block: list[list[float]]) -> int:
 
 def _npz(path: Path) -> Table:
     """The number arrays of an npz file; other arrays cannot be played and are left out."""
-    columns, passed = [], []
+    columns, passed_over = [], []
     n_rows = 0
     with npz(path) as arrays:
         for index in range(len(arrays.names)):
             row = arrays.row(index)
             if row is None or not row.length:
-                passed.append(f"array {arrays.names[index]}, which is not a row of numbers")
+                passed_over.append(f"array {arrays.names[index]}, which is not a row of numbers")
                 continue
             column = Column(row.name)
             for block in arrays.blocks(row):
@@ -134,7 +134,7 @@ def _npz(path: Path) -> Table:
                 column.add(block)
             columns.append(column)
             n_rows = max(n_rows, row.length)
-    return Table(n_rows, tuple(columns), None, tuple(passed))
+    return Table(n_rows, tuple(columns), None, tuple(passed_over))
 
 
 def _tsv(path: Path) -> Table:

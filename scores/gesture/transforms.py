@@ -182,9 +182,9 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
         shift = Time(shift.beats * longer, shift.seconds * longer)
         reverse ^= transform.word in ("reverse", "rev")
         if transform.word == "from":
-            into = (time.beats - shift.beats) * beat + time.seconds - shift.seconds
-            left_out[reverse] += max(0.0, into) / stretch
-            shift = Time(0.0, max(0.0, -into))
+            seconds_into_take = (time.beats - shift.beats) * beat + time.seconds - shift.seconds
+            left_out[reverse] += max(0.0, seconds_into_take) / stretch
+            shift = Time(0.0, max(0.0, -seconds_into_take))
             continue
         shift = Time(shift.beats + time.beats, shift.seconds + time.seconds)
     return TakeTransform(scale, stretch, reverse, shift, *left_out)
@@ -220,8 +220,10 @@ def _from(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _T
     The first point that is left gets the curve of the gesture's first point.
     """
     start = t.time.beats * beat + t.time.seconds
-    later = (i for i, p in enumerate(points) if p.at.beats * beat + p.at.seconds >= start - SAME)
-    first_time = next(later, None)
+    later_indices = (
+        i for i, p in enumerate(points) if p.at.beats * beat + p.at.seconds >= start - SAME
+    )
+    first_time = next(later_indices, None)
     if first_time is None:
         end = _moved(points[-1], NOW, points[-1].x)
         return _TransformResult(

@@ -104,8 +104,8 @@ class ChainParser(ABC, Generic[T]):
         return match.group() if match else ""
 
     def mistake(
-        self, message: str, place: int, length: int = 1, near: str | None = None
+        self, message: str, place: int, length: int = 1, suggestion: str | None = None
     ) -> TextError:
         """A mistake at a place of the text."""
         offset = self.start + place
-        return TextError(message, offset=offset, length=max(1, length), suggestion=near)
+        return TextError(message, offset=offset, length=max(1, length), suggestion=suggestion)

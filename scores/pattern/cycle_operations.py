@@ -83,9 +83,17 @@ def rev(part: Cycles[V]) -> Cycles[V]:
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         result = []
         for cycle, low, high in by_cycle(begin, end):
-            both = 2 * cycle + 1
-            for first, last, start, stop, value in part.query(both - high, both - low, chance):
-                mirrored = Fragment(both - last, both - first, both - stop, both - start, value)
+            mirror_sum = 2 * cycle + 1
+            for first, last, start, stop, value in part.query(
+                mirror_sum - high, mirror_sum - low, chance
+            ):
+                mirrored = Fragment(
+                    mirror_sum - last,
+                    mirror_sum - first,
+                    mirror_sum - stop,
+                    mirror_sum - start,
+                    value,
+                )
                 result.append(mirrored)
         return result
 

@@ -94,9 +94,9 @@ class _Parser(ChainParser[CycleTransform]):
         if form.takes_change:
             inner = self.inner(form, begin, word)
         length = len(self.text[begin : self.place].rstrip())
-        wrong = form.check(*values)
-        if wrong is not None:
-            raise self.mistake(wrong, begin, length)
+        mistake = form.check(*values)
+        if mistake is not None:
+            raise self.mistake(mistake, begin, length)
         return CycleTransform(word, form, number, values, inner, self.start + begin, length)
 
     def rhythm(self, form: Form, begin: int, word: str, number: int) -> Cycles[bool]:

@@ -89,10 +89,10 @@ def parse(text: str, called: Called | None = None) -> Group:
     at fault.
     """
     called = called or name_of
-    alone = text.strip()
-    if alone in WAYS:  # the name of a gesture
-        called_name = called(alone, text.index(alone))
-        return plain(called_name if isinstance(called_name, str) else alone)
+    stripped_text = text.strip()
+    if stripped_text in WAYS:  # the name of a gesture
+        called_name = called(stripped_text, text.index(stripped_text))
+        return plain(called_name if isinstance(called_name, str) else stripped_text)
     stack = [_Open(0, ["in turn"], [])]
     for token in _TOKEN.finditer(text):
         opened, word, count, star = token.groups()

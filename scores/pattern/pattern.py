@@ -92,17 +92,17 @@ class PlaceSequence:
         """The step of the line in which a place is, and how far into the step."""
         turn, number = divmod(place + self.pattern.skip, self.pattern.order.places)
         steady = self._steady
-        step, into = steady[number] if steady is not None else self._steps(turn)[number]
-        return turn * self.pattern.order.steps + step, into
+        step, share_into = steady[number] if steady is not None else self._steps(turn)[number]
+        return turn * self.pattern.order.steps + step, share_into
 
     def position(self, place: int) -> float:
         """Where a place begins, in steps from the beginning of the pattern, swing included."""
-        step, into = self.step(place)
+        step, share_into = self.step(place)
         euclid = self.pattern.euclid
         if euclid is not None:
             cycle, pulse = divmod(step, euclid.pulses)
             step = cycle * euclid.steps + euclid.positions()[pulse]
-        return swung(step, into, self.pattern.swing)
+        return swung(step, share_into, self.pattern.swing)
 
     def round(self, place: int) -> int:
         """The round in which a place is: of the Euclidean rhythm if there is one, else of the
@@ -153,11 +153,11 @@ class PlaceSequence:
 
     def _share(self, place: int) -> float:
         """How much of its round is over where a place begins, from 0 to 1."""
-        step, into = self.step(place)
+        step, share_into = self.step(place)
         euclid = self.pattern.euclid
         if euclid is not None:
             return euclid.positions()[step % euclid.pulses] / euclid.steps
-        return (step % self.pattern.order.steps + into) / self.pattern.order.steps
+        return (step % self.pattern.order.steps + share_into) / self.pattern.order.steps
 
     def _named(self, turn: int) -> Sequence[str | None]:
         return tuple(_names(self.pattern.order, self.draws, turn))

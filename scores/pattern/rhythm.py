@@ -62,16 +62,16 @@ def parse_swing(text: str) -> float:
     return share
 
 
-def swung(step: int, into: float, share: float) -> float:
+def swung(step: int, share_into: float, share: float) -> float:
     """Where a point of a step is, if the first of every two steps takes the share `share` of
     both.
     """
     if share == EVEN:
-        return step + into
+        return step + share_into
     pair_start = step - step % 2
     if step % 2:
-        return pair_start + 2.0 * share + into * (2.0 - 2.0 * share)
-    return pair_start + into * 2.0 * share
+        return pair_start + 2.0 * share + share_into * (2.0 - 2.0 * share)
+    return pair_start + share_into * 2.0 * share
 
 
 @lru_cache(maxsize=64)

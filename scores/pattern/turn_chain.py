@@ -194,8 +194,8 @@ class _Parser(ChainParser[Change]):
             words = [*_WORD.finditer(text)]
             count = 1 + ARGUMENTS.get(words[0].group(), 0) if words else 0
             value_words = takewhile(self.is_value, words[1:count])
-            taken = [*words[:1], *value_words]
-            text = text[: taken[-1].end()] if taken else ""
+            words_taken = [*words[:1], *value_words]
+            text = text[: words_taken[-1].end()] if words_taken else ""
         begin = self.place
         self.place += len(text)
         return parse_do(text, self.start + begin, _KNOWN)

@@ -233,8 +233,8 @@ def _value(
         while [value.text for value in values[count : count + 1]] == ["->"]:
             count += 3
     values = values[:count]
-    bad = next((v for v in values if v.text in (*examples_by_word, *_KNOWN, ",")), None)
-    if len(values) < count or bad is not None:
+    misplaced = next((v for v in values if v.text in (*examples_by_word, *_KNOWN, ",")), None)
+    if len(values) < count or misplaced is not None:
         example = f"{word} {examples_by_word[word]}"
         example += " rotate 2" if word == "euclid" and count == 4 else ""
         message = f"'{word}' needs a value: {example}"

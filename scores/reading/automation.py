@@ -269,10 +269,10 @@ def _moves(
     shares_after = [(quarter - start, share) for quarter, share in course if quarter > start]
     return tuple(
         (
-            Length(quarters=later),
+            Length(quarters=quarters_later),
             Amount(low.value + (high.value - low.value) * share, low.is_factor),
         )
-        for later, share in (*((0.0, share) for share in shares_before), *shares_after)
+        for quarters_later, share in (*((0.0, share) for share in shares_before), *shares_after)
     )
 
 

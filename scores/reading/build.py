@@ -559,7 +559,9 @@ def render(values: Values | None, files: Files) -> RenderSpec:
         folder, place = values.nodes["file"].document.folder, values.place_of("file")
         label = f"{values.context.label('file')}: "
         files.target(values["file"], folder, place, label)
-        if (wrong := wrong_ending(values["file"])) is not None:
-            values.error("E201", f"{label}{wrong}", "file", suggestion=with_ending(values["file"]))
+        if (ending_mistake := wrong_ending(values["file"])) is not None:
+            values.error(
+                "E201", f"{label}{ending_mistake}", "file", suggestion=with_ending(values["file"])
+            )
     bits = _BITS[values["bits"]]
     return RenderSpec(values["file"], bits, values["tail"], values["channels"], values.place)

@@ -188,7 +188,7 @@ class Checker:
         if self.uses.is_full or not self.names.included:
             return included
         n_lines = 0
-        taken = {v.context.name: None for v in self._section_values("strikes")}
+        taken_names = {v.context.name: None for v in self._section_values("strikes")}
         owners: dict[str, Player | None] = {
             v.context.name: None for v in self._section_values("players")
         }
@@ -210,7 +210,7 @@ class Checker:
                 self.collector.error("E105", message, include_entry.place)
                 break
             clashes = [
-                f"strikes {quote(s.name)}" for s in played_include.strikes if s.name in taken
+                f"strikes {quote(s.name)}" for s in played_include.strikes if s.name in taken_names
             ]
             clashes += [
                 f"player {quote(name)}"
@@ -222,7 +222,7 @@ class Checker:
                 self.collector.error(
                     "E303", message, include_entry.place, help="include: {file: x, as: v2}"
                 )
-            taken |= {s.name: None for s in played_include.strikes}
+            taken_names |= {s.name: None for s in played_include.strikes}
             owners |= played_include.players
             self._reach_included(piece, include_entry.prefix)
             included.append((include_entry, played_include))
@@ -400,8 +400,8 @@ class Checker:
         """Strikes on points along a direction: each coordinate gets its share; None if an error was
         reported.
         """
-        along = values["along"]
-        length = math.hypot(*along)
+        direction = values["along"]
+        length = math.hypot(*direction)
         if length == 0.0:
             message = (
                 f"{values.context.label('along')}: it has no direction; write one number above 0"
@@ -418,11 +418,11 @@ class Checker:
         points = [t for name in names for t in self.part_names.targets(name, "points", label)]
         for target in points:
             axes = self.part_names.parts[target.part].axes
-            if axes != len(along):
+            if axes != len(direction):
                 message = (
                     f"{values.context.label('along')}: {quote(target.text)} has {axes} axes, not "
                 )
-                values.error("E106", f"{message}{len(along)}", "along")
+                values.error("E106", f"{message}{len(direction)}", "along")
                 return None
             if self.part_names.parts[target.part].modules[target.module].kind == "SURFACE":
                 message = f"{label}: {quote(target.text)} moves along one axis; strike its masses"
@@ -437,10 +437,12 @@ class Checker:
             return None
         coordinates = tuple(
             replace(point, first=int(point.first) + axis * point.points, points=0)
-            for axis in range(len(along))
+            for axis in range(len(direction))
             for point in points
         )
-        return replace(strikes_built, to=coordinates, along=tuple(part / length for part in along))
+        return replace(
+            strikes_built, to=coordinates, along=tuple(part / length for part in direction)
+        )
 
     def _phrases(self) -> dict[str, Any]:
         """Phrases, and takes that are MIDI files."""

@@ -139,16 +139,18 @@ def _chunks(value: Any) -> Iterator[bytes]:
         skipped = _NOT_VALUES.get(type(value), ())
         yield b"{" + _HASHED_AS.get(type(value), type(value).__name__).encode()
         for f in fields(value):
-            inner = getattr(value, f.name)
-            is_omitted = (f.metadata.get("hash_omits_empty") and not inner) or (
-                f.metadata.get("hash_omits_none") and inner is None
+            field_chunks = getattr(value, f.name)
+            is_omitted = (f.metadata.get("hash_omits_empty") and not field_chunks) or (
+                f.metadata.get("hash_omits_none") and field_chunks is None
             )
             if f.name not in skipped and not is_omitted:
                 field_name = _HASHED_FIELDS.get((type(value), f.name))
                 yield f".{field_name or f.name}=".encode()
                 if field_name:
-                    inner = _hashed(inner)
-                yield from _chunks(_earlier(inner) if isinstance(value, Module) else inner)
+                    field_chunks = _hashed(field_chunks)
+                yield from _chunks(
+                    _earlier(field_chunks) if isinstance(value, Module) else field_chunks
+                )
         yield b"}"
     elif isinstance(value, Mapping):
         yield b"m%d" % len(value)

@@ -232,8 +232,8 @@ def _moved(start: Position, tempo: TempoMap) -> Callable[[Position], Position]:
         seconds = position.plus.seconds
         beats = tempo.resolve(replace(position, plus=replace(position.plus, seconds=0.0)))
         plus = start.plus
-        later = Length(plus.bars, plus.beats + beats, plus.seconds + seconds)
-        return replace(start, plus=later, text=position.text)
+        moved_length = Length(plus.bars, plus.beats + beats, plus.seconds + seconds)
+        return replace(start, plus=moved_length, text=position.text)
 
     return moved
 

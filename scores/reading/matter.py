@@ -238,13 +238,13 @@ class PartsReader:
         """Look up the names in all parts that belong to the piece, and in those they lead to."""
         todo = [n for n, (entry, _) in self._written.items() if entry.brought is None]
         todo += sorted(self._part_names.reached - set(todo))
-        done: set[str] = set()
+        parts_done: set[str] = set()
         total = 0
         while todo:
             name = todo.pop(0)
-            if name in done or name not in self._written:
+            if name in parts_done or name not in self._written:
                 continue
-            done.add(name)
+            parts_done.add(name)
             _, values = self._written[name]
             part_built = self.by_name[name]
             part = self._part_names.parts[name]
@@ -270,7 +270,7 @@ class PartsReader:
                         part_built, modules=modules, outputs=outputs, every=step_frames, acts=acts
                     )
                 )
-            todo += sorted(self._part_names.reached - done)
+            todo += sorted(self._part_names.reached - parts_done)
             if total > MAX_MATS:
                 message = f"the piece has more than {MAX_MATS:,} masses"
                 self._collector.error("E105", message, part_built.place)

@@ -339,11 +339,11 @@ def _reverse(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     if sum(any(unit) for unit in zip(*lengths, strict=True)) > 1:
         message = "'reverse' needs entries in one unit: all in beats, in bars or in seconds"
         raise TextError(message, offset=t.offset, length=t.length)
-    both = [low + high for low, high in zip(min(lengths), max(lengths), strict=True)]
+    start_and_end = [low + high for low, high in zip(min(lengths), max(lengths), strict=True)]
     for row, length in sorted(
         zip(rows, lengths, strict=True), key=lambda pair: pair[1], reverse=True
     ):
-        yield replace(row, at=Length(*(a - b for a, b in zip(both, length, strict=True))))
+        yield replace(row, at=Length(*(a - b for a, b in zip(start_and_end, length, strict=True))))
 
 
 def _quantise(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
@@ -360,9 +360,9 @@ def _from(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     already.
     """
     for row in rows:
-        later = _length_after(_length(row), t)
-        if min(later.beats, later.seconds) >= 0.0:
-            yield replace(row, at=later)
+        later_length = _length_after(_length(row), t)
+        if min(later_length.beats, later_length.seconds) >= 0.0:
+            yield replace(row, at=later_length)
 
 
 def _length_after(length: Length, t: Transform) -> Length:

@@ -26,8 +26,10 @@ def _channels(text: str) -> Any:
     if text.strip()[:1].isalpha() and text != "nearest":
         message = f"{quote(text)} is not a channel: channels are numbers from 1 (1 and 2 are left "
         message += "and right of two), or `nearest`"
-        near = {"left": "1", "right": "2", "both": "[1, 2]", "stereo": "[1, 2]"}.get(text.strip())
-        raise TextError(message, length=len(text), suggestion=near, code="E201")
+        suggestion = {"left": "1", "right": "2", "both": "[1, 2]", "stereo": "[1, 2]"}.get(
+            text.strip()
+        )
+        raise TextError(message, length=len(text), suggestion=suggestion, code="E201")
     return "nearest" if text == "nearest" else (CHANNEL.parse(text),)
 
 

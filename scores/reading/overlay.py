@@ -116,9 +116,13 @@ def _hidden(member: Values, field_name: str) -> set[str]:
 def _modules(base: Mapping[str, Any], member_modules: Mapping[str, Any]) -> dict[str, Any]:
     merged = dict(base)
     for name, body in member_modules.items():
-        below = base.get(name)
-        if isinstance(body, Values) and isinstance(below, Values) and body.kind == below.kind:
-            fields = _fields(body.kind, below.by_name.get(body.kind), body.by_name[body.kind])
+        base_module = base.get(name)
+        if (
+            isinstance(body, Values)
+            and isinstance(base_module, Values)
+            and body.kind == base_module.kind
+        ):
+            fields = _fields(body.kind, base_module.by_name.get(body.kind), body.by_name[body.kind])
             body = replace(body, by_name={body.kind: fields})
         merged[name] = body
     return merged

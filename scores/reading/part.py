@@ -62,8 +62,8 @@ def _entry(
     do, turns = as_turns(fields.get("do", ()))
     fields = {**fields, "nth": numbered((*fields.get("nth", ()), *turns))} if turns else fields
     pattern = pattern_of(fields, played.order or plain(played.text))
-    if wrong := iteration_mistake(pattern):
-        context.error("E305", f"{quote(played.text)}: {wrong}", played.place)
+    if mistake := iteration_mistake(pattern):
+        context.error("E305", f"{quote(played.text)}: {mistake}", played.place)
     only = next(pattern.leaves(), None) if pattern.is_plain else None
     return Play(
         player=context.name,

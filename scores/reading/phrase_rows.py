@@ -21,12 +21,12 @@ def phrase_rows(
     phrases: Mapping[str, Any],
     voices: NoteTargets,
     levels: Levels | None = None,
-    above: tuple[str, ...] = (),
+    phrases_above: tuple[str, ...] = (),
 ) -> tuple[tuple[Row, ...], Length] | None:
     """The strikes of a phrase after its own transformations, and its length; None if an error was
     reported.
 
-    `levels` are those of entries that say none; `above` the names of phrases that it is in.
+    `levels` are those of entries that say none; `phrases_above` the names of phrases that it is in.
     """
     entries: Sequence[Row] | None = phrase["entries"]
     if entries is None:  # a mistake in them was reported
@@ -41,7 +41,7 @@ def phrase_rows(
         if not isinstance(phrase_values, Values) or phrase_values.record is not phrase.record:
             rows.append(row)
             continue
-        path = (*above, phrase.context.name, str(name))
+        path = (*phrases_above, phrase.context.name, str(name))
         if name in path[:-1]:
             circle = ", which plays ".join(path)
             message = (
@@ -57,9 +57,9 @@ def phrase_rows(
         named_rows = phrase_rows(phrase_values, phrases, voices, entry_levels, path[:-1])
         if named_rows is None:
             return None
-        inner, length = named_rows
+        inner_rows, length = named_rows
         assert isinstance(row.at, Length)
-        rows += (_moved(inner_row, row.at, phrase_values, voices) for inner_row in inner)
+        rows += (_moved(inner_row, row.at, phrase_values, voices) for inner_row in inner_rows)
         inner_end = _later(inner_end, row.at, length)
         if len(rows) > MAX_ROWS:
             message = f"{phrase.context.label('')} has more than {MAX_ROWS:,} strikes"

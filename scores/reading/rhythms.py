@@ -153,9 +153,9 @@ def _levels(events: Sequence[_CycleEvent], levels: Levels) -> Iterator[Level]:
     for number, (*_, struck) in enumerate(events):
         main = number
         if struck.part_of is not None:
-            same = by_word.get(struck.offset) or mains or [number]
-            place = bisect(same, number) - (struck.part_of == "before")
-            main = same[min(max(0, place), len(same) - 1)]
+            numbers_of_word = by_word.get(struck.offset) or mains or [number]
+            place = bisect(numbers_of_word, number) - (struck.part_of == "before")
+            main = numbers_of_word[min(max(0, place), len(numbers_of_word) - 1)]
         loud = level_of(struck) or levels.step(turns.get(main, 0), len(mains))
         yield loud.scaled(struck.factor) if struck.factor != 1.0 else loud
 

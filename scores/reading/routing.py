@@ -101,9 +101,11 @@ def _check_route(
             message = f"route: no room is called {quote(name)}"
             part_names.collector.error("E301", message, name.place, word=name, names=room_names)
     outputs_routed = [out for out in instrument.outputs if route.out in (None, out.name)]
-    wrong = next((out for out in outputs_routed if not out.traits.radiates), None)
-    if route.radiation is not None and wrong is not None:
-        message = f"route: `radiate` takes an acceleration, and {route.part} gives {wrong.kind}"
+    silent_output = next((out for out in outputs_routed if not out.traits.radiates), None)
+    if route.radiation is not None and silent_output is not None:
+        message = (
+            f"route: `radiate` takes an acceleration, and {route.part} gives {silent_output.kind}"
+        )
         help = "listen by SOA: the pressure of a small source is proportional to its acceleration"
         part_names.collector.error("E304", message, route.place, help=help)
     force_kinds = [out.kind for out in outputs_routed if not out.traits.is_movement]

@@ -271,8 +271,11 @@ def _check_bar_lines(
             beats = tempo.beats(tempo.instant(start, check.at))
             _, beat = tempo.bar_beat(beats)
             if abs(beat - 1.0) > 1e-6:
-                on = tempo.written(beats)
-                message = f"'|' in gesture {quote(gesture.name)} is not on a bar line, but at {on}"
+                position_text = tempo.written(beats)
+                message = (
+                    f"'|' in gesture {quote(gesture.name)} is not on a bar line, but at "
+                    f"{position_text}"
+                )
                 collector.error("W311", message, _check_place(gesture, check))
 
 

@@ -54,9 +54,9 @@ class SoundingNames:
     def _name_for(self, part_name: str) -> str:
         if part_name in self.names:
             return self.names[part_name]
-        taken = self.names.values()
+        taken_names = self.names.values()
         number, unique_name = 2, part_name
-        while unique_name in taken:
+        while unique_name in taken_names:
             number, unique_name = number + 1, f"{part_name}-{number}"
         return unique_name
 

@@ -67,17 +67,17 @@ class Times:
     def _map(self) -> TempoMap | None:
         """The map; None if an error was reported."""
         positions = {mark.name: mark.at for mark in self.marks}
-        good = True
+        is_valid = True
         for mark in self.marks:
-            good &= self._mark_exists(mark.at, mark.place)
-        for number, (values, entry) in enumerate(self._lines):
+            is_valid &= self._mark_exists(mark.at, mark.place)
+        for line_number, (values, tempo_entry) in enumerate(self._lines):
             if values.written("from"):
-                good &= self._is_alone(values, number)
-            good &= self._mark_exists(entry.at, values.place_of("at"))
-            good &= all(
+                is_valid &= self._is_alone(values, line_number)
+            is_valid &= self._mark_exists(tempo_entry.at, values.place_of("at"))
+            is_valid &= all(
                 name in values.by_name for name in values.nodes
             )  # a missing one was reported
-        if not good or len(positions) != len(self._known):
+        if not is_valid or len(positions) != len(self._known):
             return None
         entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for _, e in self._lines]
         try:

@@ -24,14 +24,14 @@ def sounds_in(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str,
             place = take.places.get("highpass", take.place)
             takes.collector.error("E308", message, place)
         elif (samples := takes.sound(name)) is not None:
-            how = {"gain": sound_input.gain, "clamp": sound_input.clamp}
+            settings = {"gain": sound_input.gain, "clamp": sound_input.clamp}
             if sound_input.channel is None:
                 number, glide = input_number(name), sound_input.glide or 0.0
-                index = timeline.controlled_input(number, samples, **how, glide=glide)
+                index = timeline.controlled_input(number, samples, **settings, glide=glide)
             else:
                 highpass = sound_input.highpass
                 index = timeline.sound_in(
-                    sound_input.channel - 1, samples, **how, highpass=highpass
+                    sound_input.channel - 1, samples, **settings, highpass=highpass
                 )
             sounds_by_name[name] = index, len(samples) / piece.rate
     return sounds_by_name

@@ -17,13 +17,13 @@ def joined(piece: Piece, part: str) -> set[str]:
 
     Links to fixed points count too: a larger group than needed does no harm.
     """
-    near: dict[str, set[str]] = {}
+    neighbours: dict[str, set[str]] = {}
     for first_part, second_part in _pairs(piece):
-        near.setdefault(first_part, set()).add(second_part)
-        near.setdefault(second_part, set()).add(first_part)
+        neighbours.setdefault(first_part, set()).add(second_part)
+        neighbours.setdefault(second_part, set()).add(first_part)
     connected, unvisited = {part}, [part]
     while unvisited:
-        further = near.get(unvisited.pop(), set()) - connected
+        further = neighbours.get(unvisited.pop(), set()) - connected
         connected |= further
         unvisited += further
     return connected

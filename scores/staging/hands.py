@@ -244,7 +244,7 @@ class Hands:
             return
         first_place, stop_place = n_before(places, since), n_before(places, until)
         plays_by_key: dict[tuple[str, tuple[Transform, ...]], Play] = {}
-        due: list[tuple[Play, float, int]] = []
+        plays_due: list[tuple[Play, float, int]] = []
         for place in range(first_place, stop_place):
             if not place % 1024:
                 _core.poll(_PLACE_STEPS * 1024)
@@ -254,13 +254,13 @@ class Hands:
                     plays_by_key[key] = replace(
                         play, what=name, do=(*play.do, *key[1]), pattern=None
                     )
-                due.append((plays_by_key[key], places[place], place))
+                plays_due.append((plays_by_key[key], places[place], place))
         for play_due in plays_by_key.values():
-            begins = [start for play_of_place, start, _ in due if play_of_place is play_due]
+            begins = [start for play_of_place, start, _ in plays_due if play_of_place is play_due]
             gesture = self.piece.gestures.get(play_due.what)
             if not self._room(play_due, begins, len(gesture.points) if gesture else 1) and begins:
                 return
-        for play_due, start, place in due:
+        for play_due, start, place in plays_due:
             if (gesture := self.piece.gestures.get(play_due.what)) is not None:
                 chain = (*gesture.do, *play_due.do)
                 chance = course.draws.transforms(place + course.pattern.skip)

@@ -128,8 +128,8 @@ def _enough(mode: HighestMode) -> str:
     # the square of it.
     side = sqrt(factor_needed) if fields["bending"] is not None else factor_needed
     if fields["shape"] == "rectangle":
-        across, up = (ceil(count * side) for count in fields["sides"])
-        return f"{across * up:,} masses ({across} by {up})"
+        n_across, n_up = (ceil(count * side) for count in fields["sides"])
+        return f"{n_across * n_up:,} masses ({n_across} by {n_up})"
     radius = ceil(fields["radius"] * side)
     if radius > _RADIUS_MAX:
         return f"more than the {_RADIUS_MAX} rings that a plate may have"

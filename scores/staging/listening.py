@@ -210,7 +210,7 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
         silent=silent,
     )
     taps: dict[tuple[str, str], list[int]] = {}
-    alone = Counter(route for route, *_ in all_heard)
+    n_outputs_heard = Counter(route for route, *_ in all_heard)
     position: dict[Route, int] = {}
     for route, instrument, output in all_heard:
         index = position[route] = position.get(route, -1) + 1
@@ -222,7 +222,7 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
                 taps[name] = _taps(listening, assembly, name, output)
             # With as many outputs as channels, each output has one channel, in order; else each
             # goes to all channels.
-            is_one_each = alone[route] == len(route.to) and not route.is_panned
+            is_one_each = n_outputs_heard[route] == len(route.to) and not route.is_panned
             channels = route.to[index : index + 1] if is_one_each else route.to
             for tap in taps[name]:
                 _ways(listening, piece, tap, [c - 1 for c in channels], route, output)
@@ -273,8 +273,8 @@ def _ways(
         listening.ways.append(replace(path, channel=channel, share=share, pan=pan))
     rooms = [room.name for room in piece.mix.rooms]
     for name, share in route.sends:
-        room = rooms.index(name)
-        listening.ways.append(replace(path, room=room, share=share))
+        room_index = rooms.index(name)
+        listening.ways.append(replace(path, room=room_index, share=share))
 
 
 def fades(piece: Piece) -> list[Curve]:
@@ -383,18 +383,20 @@ def _nearest(
     room = output.nearest or piece.mix.layout
     assert room is not None
     ears = Loudspeakers(room, instrument.placing)
-    near: dict[int, list[_Range]] = {}
+    ranges_by_speaker: dict[int, list[_Range]] = {}
     for target in targets_of(instrument, output):
         for mat in assembly.members(target):
-            ranges = near.setdefault(ears.nearest(assembly.network.position_of(mat)), [])
+            ranges = ranges_by_speaker.setdefault(
+                ears.nearest(assembly.network.position_of(mat)), []
+            )
             if ranges and ranges[-1][0] + ranges[-1][1] == mat:
                 ranges[-1] = ranges[-1][0], ranges[-1][1] + 1, 1.0
             else:
                 ranges.append((mat, 1, 1.0))
-    for speaker in sorted(near):
+    for speaker in sorted(ranges_by_speaker):
         channel = room.channels[speaker]
         name = ".".join(filter(None, (instrument.name, output.name, str(channel + 1))))
-        ranges = near[speaker] if instrument.name not in listening.silent else []
+        ranges = ranges_by_speaker[speaker] if instrument.name not in listening.silent else []
         listened = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
         listening.outputs.append(name)
         tap = assembly.network.listen(name, **listened, order=output.traits.order)

@@ -219,10 +219,10 @@ def standin(
 
 def played_alone(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Network, Hands]:
     """The network of a player's key, its position as output, and the part or stand-in on it."""
-    alone = _alone(piece, player)
-    network, hands = _key(alone, player, collector)
-    hands.play_parts(alone)
-    if not alone.parts and player.standin:
+    piece_alone = _alone(piece, player)
+    network, hands = _key(piece_alone, player, collector)
+    hands.play_parts(piece_alone)
+    if not piece_alone.parts and player.standin:
         hands.standin(player)
     return network, hands
 
@@ -248,10 +248,10 @@ def leading(
     for piece_of_span, window in spans:
         if name not in piece_of_span.players:
             continue
-        alone = _alone(piece_of_span, piece_of_span.players[name])
+        piece_alone = _alone(piece_of_span, piece_of_span.players[name])
         until = min(window.until, piece_of_span.tempo_map.beats(end) + SAME)
-        span_hands = hands.other(alone, window._replace(until=until, after=settling_start))
-        span_hands.play_parts(alone)
+        span_hands = hands.other(piece_alone, window._replace(until=until, after=settling_start))
+        span_hands.play_parts(piece_alone)
     start = settling_tick * tick_frames
     simulation = _core.Simulation(
         network, hands.timeline, start=start, record=forces is not None, on_fault="mute"

@@ -203,8 +203,10 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
         times, spacing = _places(piece, curve, start_instant, stop_instant)
         times = times[max(0, bisect_right(times, begins) - 1) :]
         # Points near a corner are not corrected for curvature.
-        near = spacing * (1.0 + SAME)
-        curve.within.update(t for t in times if all(abs(t - corner) > near for corner in instants))
+        corner_reach = spacing * (1.0 + SAME)
+        curve.within.update(
+            t for t in times if all(abs(t - corner) > corner_reach for corner in instants)
+        )
         for t, value in zip(times, _core.path_values(path, times), strict=True):
             curve.to(t, from_scale(value))
     (end,) = _core.path_values(path, [stop_instant])
@@ -248,12 +250,12 @@ def swing_beats(tempo: TempoMap, entry: Entry, swing: Swing) -> Callable[[int], 
     if not period.bars:
         return lambda number: begin + beats * (number / PIECES)
     (bar, beat), n_bars, start = tempo.bar_beat(begin), period.bars, tempo.bars.start
-    into = beat - 1.0
+    beats_into_bar = beat - 1.0
 
     def beat_of(number: int) -> float:
         share = number / PIECES
         # Nothing is added in number 0, as `after` adds no bars then.
-        base = start(bar + n_bars * share) + into if number else begin
+        base = start(bar + n_bars * share) + beats_into_bar if number else begin
         return base + beats * share
 
     return beat_of

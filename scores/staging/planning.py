@@ -120,11 +120,11 @@ class _Planner:
 
     def plan(self, wished: Accuracy, share: float = 1.0) -> _core.Plan:
         """A plan whose trials take a share of the work."""
-        how = _budget(wished)
+        budget = _budget(wished)
         store, earlier_plan, watched = self._store, self._like, self._watched
         return _core.Plan(
             *self._network_and_timeline,
-            **how,
+            **budget,
             **watched,
             store=store,
             like=earlier_plan,
@@ -198,8 +198,8 @@ def make(
         else f"the cheapest plan takes {_percent(cost_factor * cost(cheapest))}"
     )
     allowed = _percent(accuracy.cpu)
-    taken = _percent(cost_factor * cost(plan_made))
-    excess = f"the plan takes {taken} of a core, above the {allowed} allowed; {hint}"
+    cost_text = _percent(cost_factor * cost(plan_made))
+    excess = f"the plan takes {cost_text} of a core, above the {allowed} allowed; {hint}"
     notes_with_cost = (*notes, ("W402", excess))
     chosen = (cheapest, its_accuracy) if is_free else (plan_made, accuracy)
     return Planned(*chosen, notes_with_cost, planner.finish())

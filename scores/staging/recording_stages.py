@@ -112,5 +112,7 @@ def solo(
         begin_place=gesture_or_take.place,
         until_place=None,
     )
-    alone = replace(piece, parts=(play,), starts=((0.0,),), players={hand.name: hand}, strikes=())
-    return stage_or_plan(alone)
+    piece_alone = replace(
+        piece, parts=(play,), starts=((0.0,),), players={hand.name: hand}, strikes=()
+    )
+    return stage_or_plan(piece_alone)

@@ -89,29 +89,31 @@ def _pitches(network: _core.Network, parts: Sequence[str], mats: Sequence[int]) 
 def _by_path(path: tuple[Point, ...], width: float, places: _Floats) -> list[Visit]:
     """Every pass of a member within half the width of the moving point, at its nearest approach."""
     x, y = places[:, 0], places[:, 1]
-    square = float((x * x + y * y).max())
-    scale = 1.0 / sqrt(square) if square > 0.0 else 1.0
+    radius_squared = float((x * x + y * y).max())
+    scale = 1.0 / sqrt(radius_squared) if radius_squared > 0.0 else 1.0
     x, y = x * scale, y * scale
-    reach = width * width / 4.0
+    reach_squared = width * width / 4.0
     visits_found: list[Visit] = []
     is_near = np.zeros(len(places), bool)
-    least = np.full(len(places), np.inf)
+    nearest_squared = np.full(len(places), np.inf)
     share = np.zeros(len(places))
     for (t0, x0, y0), (t1, x1, y1) in pairwise(_corners(path)):
         _core.poll(_MEMBER_STEPS * len(places))
         dx, dy = x1 - x0, y1 - y0
         length = dx * dx + dy * dy
-        s = ((x - x0) * dx + (y - y0) * dy) / length if length > 0.0 else np.zeros(len(places))
-        s = np.minimum(np.maximum(s, 0.0), 1.0)
-        away_x, away_y = x - (x0 + s * dx), y - (y0 + s * dy)
-        away = away_x * away_x + away_y * away_y
-        is_near_now = away <= reach
+        chord_share = (
+            ((x - x0) * dx + (y - y0) * dy) / length if length > 0.0 else np.zeros(len(places))
+        )
+        chord_share = np.minimum(np.maximum(chord_share, 0.0), 1.0)
+        away_x, away_y = x - (x0 + chord_share * dx), y - (y0 + chord_share * dy)
+        distance_squared = away_x * away_x + away_y * away_y
+        is_near_now = distance_squared <= reach_squared
         for member in np.flatnonzero(is_near & ~is_near_now):
             visits_found.append((float(share[member]), int(member)))
-        least[~is_near_now] = np.inf
-        nearer = is_near_now & (away < least)
-        least[nearer] = away[nearer]
-        share[nearer] = (t0 + s * (t1 - t0))[nearer]
+        nearest_squared[~is_near_now] = np.inf
+        nearer = is_near_now & (distance_squared < nearest_squared)
+        nearest_squared[nearer] = distance_squared[nearer]
+        share[nearer] = (t0 + chord_share * (t1 - t0))[nearer]
         is_near = is_near_now
     visits_found += [(float(share[member]), int(member)) for member in np.flatnonzero(is_near)]
     return sorted(visits_found)

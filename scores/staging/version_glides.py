@@ -143,15 +143,15 @@ def leaving_links(
     piece_before: Piece,
     piece_after: Piece,
     running: Iterable[Glide],
-    earlier: Iterable[LeavingLink],
+    earlier_links: Iterable[LeavingLink],
     start: float,
 ) -> tuple[LeavingLink, ...]:
-    """Links that fade out from `start` [s] on if both their ends stay, and `earlier` ones that
-    still do.
+    """Links that fade out from `start` [s] on if both their ends stay, and `earlier_links` ones
+    that still do.
     """
     staying = _links(piece_after, piece_before)
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
-    leaving = [link for link in earlier if link.glide.stop > start]
+    leaving = [link for link in earlier_links if link.glide.stop > start]
     gone_links = {
         module_key: link
         for module_key, link in _links(piece_before, piece_after).items()
@@ -192,11 +192,11 @@ def _changed(piece: Piece, other_piece: Piece) -> Iterator[tuple[Key | Instrumen
         part_before = other_piece.keys.get(part.name) or other_piece.instruments.get(part.name)
         if part_before is part:
             continue
-        same: set[int] = set()
+        unchanged_ids: set[int] = set()
         if part_before is not None and _setting(part_before) == _setting(part):
-            same = {id(module) for module in part_before.modules}
+            unchanged_ids = {id(module) for module in part_before.modules}
         for module in part.modules:
-            if id(module) not in same:
+            if id(module) not in unchanged_ids:
                 yield part, module
 
 

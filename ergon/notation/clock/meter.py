@@ -82,9 +82,9 @@ class Bars:
         """(bar, beat) of a beat of the piece; before the start, bars go on 0, -1, ..."""
         i = max(0, bisect_right(self._starts, beats + SAME) - 1)
         per_bar = self._meters[i].beats
-        into = beats - self._starts[i]
-        n_bars = int((into + SAME) // per_bar)
-        return self._bars[i] + n_bars, max(0.0, into - n_bars * per_bar) + 1.0
+        beats_into_meter = beats - self._starts[i]
+        n_bars = int((beats_into_meter + SAME) // per_bar)
+        return self._bars[i] + n_bars, max(0.0, beats_into_meter - n_bars * per_bar) + 1.0
 
     def start(self, bar: float) -> float:
         """The beat of the piece on which `bar` begins; bar 2.5 begins halfway through bar 2."""

@@ -215,8 +215,8 @@ class _Reader:
             raise self._error(message, start, len(word[0]))
         if word is not None:
             message = f"{quote(word[0])} is not {self.expected}"
-            near = nearest(word[0], self.names)
-            raise self._error(message, start, len(word[0]), near)
+            suggestion = nearest(word[0], self.names)
+            raise self._error(message, start, len(word[0]), suggestion)
         if start >= len(self.text):
             raise self._error("a value is missing at the end", max(0, start - 1), 1)
         raise self._error(f"{quote(self.text[start])} cannot begin a value", start, 1)
@@ -473,25 +473,27 @@ def position(text: str, document: Document, parse: Callable[[str], _T]) -> _T:
     Raises TextError.
     """
     names = named_amounts(document).names
-    begun = _BEGUN.fullmatch(text)
+    prefix_match = _BEGUN.fullmatch(text)
     try:
         parsed = parse(text)
         if getattr(parsed, "mark", None) not in names or _is_mark(text, document):
             return parsed
     except TextError:
-        is_name_meant = names and begun is not None and begun[3].lstrip()[:1].isalpha()
+        is_name_meant = (
+            names and prefix_match is not None and prefix_match[3].lstrip()[:1].isalpha()
+        )
         if not (has_name(text, document) or is_name_meant or re.search(r"[*(]", text)):
             raise
-    if begun is None or (begun[1] in names and not _is_mark(text, document)):
+    if prefix_match is None or (prefix_match[1] in names and not _is_mark(text, document)):
         literal = evaluate(text, names).literal
     else:
         try:
-            length = evaluate(begun[3], names)
+            length = evaluate(prefix_match[3], names)
         except TextError as error:
-            error.offset += begun.start(3)
+            error.offset += prefix_match.start(3)
             raise
-        sign = "+" if (begun[2] == "+") == (length.number >= 0) else "-"
-        literal = f"{begun[1]}{sign}{Amount(abs(length.number), length.unit).literal}"
+        sign = "+" if (prefix_match[2] == "+") == (length.number >= 0) else "-"
+        literal = f"{prefix_match[1]}{sign}{Amount(abs(length.number), length.unit).literal}"
     try:
         return parse(literal)
     except TextError as error:
@@ -501,13 +503,13 @@ def position(text: str, document: Document, parse: Callable[[str], _T]) -> _T:
 
 def _is_mark(text: str, source: Document) -> bool:
     """Whether a position begins with a mark of its own file."""
-    root, begun = source.root, _MARKED.match(text)
+    root, mark_match = source.root, _MARKED.match(text)
     marks = root.entries.get("marks") if isinstance(root, document.Mapping) else None
     known_marks = marks[1] if marks is not None else None
     return (
-        begun is not None
+        mark_match is not None
         and isinstance(known_marks, document.Mapping)
-        and begun[1] in known_marks.entries
+        and mark_match[1] in known_marks.entries
     )
 
 

@@ -193,11 +193,11 @@ class Record(Shape):
         values.nodes[word] = child
         values.by_name[word] = self.kinds[word].read(child, word, values.context)
 
-    def _is_lost(self, above: str, word: str) -> bool:
+    def _is_lost(self, owner_name: str, word: str) -> bool:
         """Whether a name, which means nothing here, was to be indented below an empty field."""
-        if above not in self.by_name or self.free is not None or not NAME.fullmatch(word):
+        if owner_name not in self.by_name or self.free is not None or not NAME.fullmatch(word):
             return False
-        if word in self.by_name[above].shape.field_names():
+        if word in self.by_name[owner_name].shape.field_names():
             return word not in self.field_names()
         other_names = (*self.refused, *self.foreign, *self.meant, *self.elsewhere)
         is_misspelt = len(word) > _SHORT and nearest(word, self.field_names()) is not None
@@ -230,8 +230,8 @@ class Record(Shape):
             if word in self.elsewhere:
                 context.error("E101", message, key.place, help=self.elsewhere[word])
                 return
-            if near := nearest(word, names):
-                values.misspelt.add(near)
+            if suggestion := nearest(word, names):
+                values.misspelt.add(suggestion)
             if (help := name_help(word)) is not None:  # name and value in one word
                 values.misspelt.add(word.partition(":")[0])
             elif noun == "section" and isinstance(child, document.Mapping) and values.nodes:

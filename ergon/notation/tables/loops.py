@@ -178,16 +178,16 @@ class _Writer:
 
     def named(self, section: document.Mapping, names: Names) -> Names:
         """The values of a `let` below a loop, beside those that have names already."""
-        inner = NamedAmounts(names.new_child(), [])
+        inner_amounts = NamedAmounts(names.new_child(), [])
         for number, (word, (key, node)) in enumerate(section.entries.items()):
             if word in names:
                 message = f"{quote(word)} is named already; give this value a name of its own"
                 self.collector.error("E102", message, key.place)
                 continue
-            add_named(inner, number, word, key, node, section.entries)
-        for scalar, error in inner.wrong:
+            add_named(inner_amounts, number, word, key, node, section.entries)
+        for scalar, error in inner_amounts.wrong:
             self.report(error, scalar)
-        return ChainMap(inner.names)
+        return ChainMap(inner_amounts.names)
 
     def count(self, node: Node) -> None:
         """Count a node that is written out, and the length of its text."""

@@ -261,9 +261,9 @@ def _spelled_range(low: str, high: str, scale: str) -> list[str]:
 def _scale(scale: str, offset: int) -> tuple[int, ...]:
     if scale not in SCALES:
         message = f"{quote(scale)} is not the name of a scale or a chord"
-        near = nearest(scale, SCALES)
+        suggestion = nearest(scale, SCALES)
         length = max(1, len(scale))
-        raise TextError(message, offset=offset, length=length, suggestion=near, code="E206")
+        raise TextError(message, offset=offset, length=length, suggestion=suggestion, code="E206")
     return SCALES[scale]
 
 

@@ -237,9 +237,9 @@ def _power(unit: str, word: str, offset: int, dimension: Dimension) -> int:
         raise TextError(message, offset=offset, length=length, code="E203")
     measures = next((name for of_dimension, name in _ALL_UNITS if of_dimension == unit), None)
     if measures is None:
-        near = _likely(unit, dimension)
+        likely_unit = _likely(unit, dimension)
         message = f"unknown unit {quote(unit)} ({with_article(dimension.name)} has {units})"
-        raise TextError(message, offset=offset, length=length, suggestion=near, code="E203")
+        raise TextError(message, offset=offset, length=length, suggestion=likely_unit, code="E203")
     message = f"unit {quote(unit)} does not measure {dimension.name} (use {units})"
     raise TextError(message, offset=offset, length=length, code="E203")
 

@@ -136,12 +136,12 @@ def _pitch(line: str, number: int) -> float:
     if match is None or sign_after.isalnum() or sign_after in {"/", "."}:
         message = f"{quote(line[:40])} is no pitch; write cents with a period, or a ratio as 3/2"
         raise ScalaError(message, number, line)
-    above, below = int(match[1]), int(match[2] or 1)
-    if below == 0 or above * below <= 0:
+    numerator, denominator = int(match[1]), int(match[2] or 1)
+    if denominator == 0 or numerator * denominator <= 0:
         raise ScalaError(f"{quote(match[0])} is not a ratio above 0", number, line)
-    if abs(math.log2(abs(above)) - math.log2(abs(below))) > math.log2(_MAX_RATIO):
+    if abs(math.log2(abs(numerator)) - math.log2(abs(denominator))) > math.log2(_MAX_RATIO):
         raise ScalaError(f"{quote(match[0][:40])} is more than 100 octaves", number, line)
-    return float(Fraction(above, below))
+    return float(Fraction(numerator, denominator))
 
 
 def parse_key_map(text: str) -> KeyMap:

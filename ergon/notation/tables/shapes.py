@@ -507,11 +507,11 @@ class NamesOf(Shape):
                 message += "a name has letters, digits, '-' and '_', and begins with a letter"
                 context.error("E110", message, key.place, help=name_help(word))
                 continue
-            inner = context.inside(self.noun, word, key.place)
+            inner_context = context.inside(self.noun, word, key.place)
             if line is not None:
                 child.document.let, child.document.lets = let, node.document.lets
             n_reported = context.collector.n_reports
-            value = result[word] = self.item.read(child, "", inner)
+            value = result[word] = self.item.read(child, "", inner_context)
             if context.collector.n_reports > n_reported:
                 continue
             if line is not None:
@@ -562,18 +562,20 @@ def lost_indentation(
     """The first empty name, and the name after it, which was to be indented below it; None if there
     is none. `is_lost` returns whether the second name means nothing beside the first.
     """
-    for (above, (name, child)), (word, (key, _)) in pairwise(entries.items()):
+    for (name_above, (name, child)), (word, (key, _)) in pairwise(entries.items()):
         is_empty = isinstance(child, Scalar) and child.is_empty
         is_beside = key.place.column == name.place.column and key.place.line > name.place.line
-        if is_empty and is_beside and is_lost(above, word):
-            return above, word
+        if is_empty and is_beside and is_lost(name_above, word):
+            return name_above, word
     return None
 
 
-def report_lost(context: Context, above: str, word: str, key: Scalar) -> None:
+def report_lost(context: Context, name_above: str, word: str, key: Scalar) -> None:
     """Report a name that is beside an empty one, instead of below it."""
-    message = f"nothing is written below {quote(above)}, and {quote(word)} is beside it"
-    help = f"put two more spaces before {quote(word)} and the lines that belong to {quote(above)}"
+    message = f"nothing is written below {quote(name_above)}, and {quote(word)} is beside it"
+    help = (
+        f"put two more spaces before {quote(word)} and the lines that belong to {quote(name_above)}"
+    )
     context.error("E101", message, key.place, help=help)
 
 

@@ -184,8 +184,8 @@ def _end(word: str) -> Level:
         return Level(_FORTE, _FORTE, is_strength=True, factor=q.gain(word))
     if word[:1].isalpha():
         message = f"{quote(word)} is neither an impulse such as 2mNs nor a strength such as mf"
-        near = _ITALIAN.get(word.lower()) or nearest(word, DYNAMICS)
-        raise TextError(message, length=max(1, len(word)), suggestion=near, code="E201")
+        suggestion = _ITALIAN.get(word.lower()) or nearest(word, DYNAMICS)
+        raise TextError(message, length=max(1, len(word)), suggestion=suggestion, code="E201")
     if _PLAIN_NUMBER.fullmatch(word) and float(word.partition("/")[0]) != 0.0:
         message = f"{quote(word)} has no unit: write {word}mNs or {word}Ns; a strength is a number "
         message += "from 0 to 1, or a word from ppp to fff"

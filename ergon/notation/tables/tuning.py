@@ -104,10 +104,10 @@ class Tuning:
             letter, signs, octave, cents = match.groups()
             return self._note(word, letter, _SIGNS[signs], int(octave), _number(cents or "0"))
         if match := _RATIO.fullmatch(word):
-            above, below = int(match[1]), int(match[2])
-            if not above or not below:
+            numerator, denominator = int(match[1]), int(match[2])
+            if not numerator or not denominator:
                 raise TextError(f"{quote(word)} is not a ratio above 0", length=len(word))
-            return self._root() * float(Fraction(above, below))
+            return self._root() * float(Fraction(numerator, denominator))
         if match := _DEGREE.fullmatch(word):
             step, count = int(match[1]), int(match[2])
             if not 1 <= count <= MAX_EDO:
@@ -226,8 +226,8 @@ def hertz_word(hertz: float) -> str:
 
 def nearby(parts: Mapping[float, str], height: float) -> str | None:
     """What has a pitch [semitones], within the 0.001 cents to which pitches are rounded."""
-    near = (height, round(height + 1e-5, 5), round(height - 1e-5, 5))
-    return next((parts[pitch] for pitch in near if pitch in parts), None)
+    near_heights = (height, round(height + 1e-5, 5), round(height - 1e-5, 5))
+    return next((parts[pitch] for pitch in near_heights if pitch in parts), None)
 
 
 def tuning_of_path(

@@ -65,9 +65,9 @@ def parse_curve(text: str) -> Curve:
     velocities: list[int] = []
     shares: list[Fraction] = []
     for word, place in words:
-        match = _POINT.fullmatch(word)
-        share = Fraction(match[1]) if match else None
-        velocity = int(match[2]) if match else 0
+        point_match = _POINT.fullmatch(word)
+        share = Fraction(point_match[1]) if point_match else None
+        velocity = int(point_match[2]) if point_match else 0
         if share is None or share > 1 or not 1 <= velocity <= HARDEST:
             message = f"{quote(word)} is neither {', '.join(LAWS)} nor a point: a strength from 0 "
             message += "to 1 at a velocity from 1 to 127, such as 0.6@64"

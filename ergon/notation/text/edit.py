@@ -122,11 +122,11 @@ def remove(document: Document, *paths: Path) -> str:
         number = chain[-2].index(path[-1])
         assert number is not None
         cuts.append((chain[-2], number))
-    gone = {number for _, number in cuts}  # all of one parent
+    removed_numbers = {number for _, number in cuts}  # all of one parent
     for parent, number in cuts:
         changes = edit.changes
         splices += (
-            changes.cut_flow(parent, number, gone)
+            changes.cut_flow(parent, number, removed_numbers)
             if parent.is_flow
             else changes.cut_block(parent, number)
         )

@@ -38,12 +38,12 @@ def elided(text: str, names: Container[str]) -> Elided | None:
         return None
     pieces: list[str] = []
     runs: list[tuple[str, str]] = []
-    done = 0
+    copied_until = 0
     for start, end, indentation, is_mapping in find_runs(text):
         if indentation is None:
             continue  # items in one line
-        pieces.append(text[done:start])
-        done = end
+        pieces.append(text[copied_until:start])
+        copied_until = end
         lines = text[start:end].splitlines(keepends=True)
         for is_named, group in groupby(lines, lambda line: _name(line) in names):
             run = [*group]
@@ -54,7 +54,7 @@ def elided(text: str, names: Container[str]) -> Elided | None:
             line = f"{indentation}{name}: {{}}\n" if is_mapping else f"{indentation}- {name}\n"
             pieces.append(line)
             runs.append((line, "".join(run)))
-    return Elided("".join((*pieces, text[done:])), tuple(runs)) if runs else None
+    return Elided("".join((*pieces, text[copied_until:])), tuple(runs)) if runs else None
 
 
 def _name(line: str) -> str:

@@ -260,9 +260,9 @@ def _advice(path: Path) -> str:
     folder = path if path.is_dir() else path.parent
     names = [file.name for pattern in ("*.yaml", "*.yml") for file in sorted(folder.glob(pattern))]
     names = names[:_NAMES_MAX]
-    near = names[0] if path.is_dir() and names else nearest(path.name, names)
-    if near:
-        return f"did you mean {folder / near}?"
+    suggestion = names[0] if path.is_dir() and names else nearest(path.name, names)
+    if suggestion:
+        return f"did you mean {folder / suggestion}?"
     return "`ergon new NAME` makes a score, `ergon demo --list` names those that ship"
 
 

@@ -195,13 +195,13 @@ def _trimmed(text: str) -> str:
     """Take away spaces at ends of lines, where they are not text, and end with one newline."""
     blocks = [(block.start, block.end) for block in _texts(text) if not block.columns]
     pieces: list[str] = []
-    done = i = 0
+    copied_until = i = 0
     for match in re.finditer(r"(?<![ \t])[ \t]+(?=\r?$)", text, re.MULTILINE):
         while i < len(blocks) and blocks[i][1] <= match.start():
             i += 1
         if i == len(blocks) or match.end() <= blocks[i][0]:
-            pieces.append(text[done : match.start()])
-            done = match.end()
-    trimmed = "".join((*pieces, text[done:]))
+            pieces.append(text[copied_until : match.start()])
+            copied_until = match.end()
+    trimmed = "".join((*pieces, text[copied_until:]))
     ended = trimmed.rstrip("\r\n") + ("\r\n" if "\r\n" in trimmed else "\n")
     return ended if _meaning(ended) == _meaning(trimmed) else trimmed

@@ -135,11 +135,11 @@ def compose_by_lines(
 
 def _shortened(text: str) -> tuple[str, list[_Run]]:
     """The text with one value in place of each run, and the runs."""
-    short, done = "", 0
+    short, copied_until = "", 0
     runs: list[_Run] = []
     for start, end, indentation, is_mapping in find_runs(text):
-        short += text[done:start]
-        first_length, done, name, gap = len(short), end, _NAME, 0
+        short += text[copied_until:start]
+        first_length, copied_until, name, gap = len(short), end, _NAME, 0
         if indentation is None:
             words, item, gap = text[start + 1 : end - 1].split("}, {"), first_length, len("}, {")
             short += name
@@ -154,7 +154,7 @@ def _shortened(text: str) -> tuple[str, list[_Run]]:
             )
             short += f"{indentation}- {name}\n"
         runs.append(_Run(start, end, first_length, item, len(short), words, gap, name))
-    return short + text[done:], runs
+    return short + text[copied_until:], runs
 
 
 def _line(text: str, file: str, row: int, is_mapping: bool) -> Line | None:
@@ -215,8 +215,8 @@ def _nodes(root: Node) -> Iterator[Node]:
 
 def _full_index(index: int, runs: list[_Run]) -> int:
     """Index in the text of an index of the shortened text."""
-    above = [run for run in runs if run.short_first <= index]
-    return above[-1].full_index(index) if above else index
+    runs_before = [run for run in runs if run.short_first <= index]
+    return runs_before[-1].full_index(index) if runs_before else index
 
 
 def _fill(sequence: Sequence, fills: Iterable[_Run | bool | None]) -> int:

@@ -70,8 +70,12 @@ class Changes:
         `end`.
         """
         lay = self.layout
-        below = lay.next_line(start)
-        return [Splice(*lay.full_lines(below, end), "")] if below <= end and below > start else []
+        next_line = lay.next_line(start)
+        return (
+            [Splice(*lay.full_lines(next_line, end), "")]
+            if next_line <= end and next_line > start
+            else []
+        )
 
     def added(
         self, chain: list[Span], path: Path, text: str, order: Sequence[str], is_item: bool
@@ -140,9 +144,9 @@ class Changes:
             start = root.keys[0].start
             return [Splice(start, start, "".join(line + lay.newline for line in lines))]
         end = root.items[sections_before[-1]].end
-        below = lay.next_line(end)
-        is_spaced = lay.is_blank(below)
-        if below == len(lay.text):
+        next_line = lay.next_line(end)
+        is_spaced = lay.is_blank(next_line)
+        if next_line == len(lay.text):
             is_spaced = lay.newline * 2 in lay.text
         return [self.below(end, ["", *lines] if is_spaced and len(lines) > 1 else lines)]
 
@@ -229,9 +233,9 @@ class Changes:
             cut_start = lay.line_start(cut_start - 1)
         return [Splice(*lay.with_break(cut_start, cut_end), "")]
 
-    def cut_flow(self, parent: Span, number: int, gone: Collection[int]) -> list[Splice]:
-        """Remove an item with its comma, when the items `gone` are removed too. If it has lines of
-        its own, these are removed.
+    def cut_flow(self, parent: Span, number: int, removed_numbers: Collection[int]) -> list[Splice]:
+        """Remove an item with its comma, when the items `removed_numbers` are removed too. If it
+        has lines of its own, these are removed.
         """
         lay = self.layout
         start, end = lay.child_start(parent, number), parent.items[number].end
@@ -239,7 +243,9 @@ class Changes:
             end = max(end, parent.keys[number].end)
         comma = lay.next_token(end)
         stop = comma + 1 if lay.text[comma : comma + 1] == "," else end
-        is_last = all(later in gone for later in range(number + 1, len(parent.items)))
+        is_last = all(
+            later_number in removed_numbers for later_number in range(number + 1, len(parent.items))
+        )
         cut_start = parent.items[number - 1].end if number else start
         if parent.keys and number:
             cut_start = max(cut_start, parent.keys[number - 1].end)

@@ -53,12 +53,12 @@ def last_items(
         entry = _entry(node, word)
         if entry is None or head_text is None or entry[2]:
             return None
-        name, below, _ = entry
+        name, value_below, _ = entry
         if text[node.start] == "{":
-            head_text, tail = _head_within(text, name, below), "}" + tail
+            head_text, tail = _head_within(text, name, value_below), "}" + tail
         else:
-            head_text = _head(text, name, below)
-        head_text, node = None if head_text is None else head_text + head_text, below
+            head_text = _head(text, name, value_below)
+        head_text, node = None if head_text is None else head_text + head_text, value_below
     if head_text is None or not isinstance(node, document.Sequence):
         return None
     first = len(node.items) - 1 if first is None else max(first, 0)

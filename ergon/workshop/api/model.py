@@ -129,8 +129,8 @@ def _unfed(inputs: Mapping[str, Input], port_names: Sequence[str]) -> tuple[str,
     """
     for name in inputs:
         if name not in port_names:
-            near = nearest(name, port_names)
-            meant = f"; did you mean {near}?" if near else ""
+            suggestion = nearest(name, port_names)
+            meant = f"; did you mean {suggestion}?" if suggestion else ""
             raise OptionError("input", f"the model has no input {quote(name)}{meant}")
     return tuple(name for name in port_names if name not in inputs)
 
@@ -205,9 +205,9 @@ def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
         raise refused[farthest]
     if len(set(read.values())) > 1:
         message = f"both {' and '.join(NAMES.values())} read it, and it sounds otherwise in each; "
-        both = DialectError(message + "write --dialect v1 or --dialect v2")
-        both.file = str(path)
-        raise both
+        dialect_error = DialectError(message + "write --dialect v1 or --dialect v2")
+        dialect_error.file = str(path)
+        raise dialect_error
     return "v2" if "v2" in read else "v1"
 
 

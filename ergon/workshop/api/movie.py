@@ -193,7 +193,9 @@ def _stops(text: str) -> list[tuple[int, float]]:
             raise OptionError("camera", reason, value=text)
         stops.append((int(match[1]), float(match[2] or 0.0)))
     times = [when for _, when in stops]
-    if not stops or any(later <= earlier for earlier, later in pairwise(times)):
+    if not stops or any(
+        instant_after <= instant_before for instant_before, instant_after in pairwise(times)
+    ):
         raise OptionError(
             "camera", "each view must be reached later than the one before it", value=text
         )

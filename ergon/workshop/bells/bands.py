@@ -41,8 +41,8 @@ class Bands:
         rate = m * self.rate / self.n
         centre = round(0.5 * (low + high) * self.n / self.rate)
         offset = np.arange(-(m // 2), m - m // 2)
-        away = np.abs(offset * self.rate / self.n)
-        slope = np.clip((0.5 * rate - away) / (0.5 * (rate - width)), 0.0, 1.0)
+        distance = np.abs(offset * self.rate / self.n)
+        slope = np.clip((0.5 * rate - distance) / (0.5 * (rate - width)), 0.0, 1.0)
         weight = np.sin(0.5 * np.pi * slope) ** 2
         source = centre + offset
         is_there = (source > 0) & (source < self.spectrum.size)

@@ -126,7 +126,7 @@ def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tupl
     ]
     groups: list[list[tuple[float, float, float, float, int]]] = []
     for row in sorted(rows):
-        near = [
+        near_groups = [
             group
             for group in groups[-4:]
             if (
@@ -136,8 +136,8 @@ def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tupl
             and abs(row[0] - group[0][0])
             <= max(_SAME * float(np.hypot(row[2], group[0][2])), _LEAST_APART, _NEAR * row[1])
         ]
-        if near:
-            min(near, key=lambda group: abs(row[0] - group[0][0])).append(row)
+        if near_groups:
+            min(near_groups, key=lambda group: abs(row[0] - group[0][0])).append(row)
         else:
             groups.append([row])
     f: list[float] = []

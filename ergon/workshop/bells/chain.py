@@ -40,7 +40,7 @@ def chain(f: Array, t60: Array, weight: Array, mass: float) -> Chain:
         raise ValueError("a chain cannot have modes that beat: two are nearer than 2 %")
     sigma = LN_1000 / t60
     eigen = (2.0 * np.pi * f) ** 2 + sigma**2
-    diagonal, beside, basis = _lanczos(eigen, np.sqrt(weight / weight.sum()))
+    diagonal, off_diagonal, basis = _lanczos(eigen, np.sqrt(weight / weight.sum()))
     n = f.size
     masses, springs = np.zeros(n), np.zeros(n)
     masses[0] = mass
@@ -49,7 +49,7 @@ def chain(f: Array, t60: Array, weight: Array, mass: float) -> Chain:
         springs[i] = masses[i] * diagonal[i] - stiffness_before
         stiffness_before = springs[i]
         if i + 1 < n:
-            masses[i + 1] = (springs[i] / beside[i]) ** 2 / masses[i]
+            masses[i + 1] = (springs[i] / off_diagonal[i]) ** 2 / masses[i]
     # (masses, modes) for modes of mass 1. The signs alternate, because springs pull masses
     # together.
     shapes = basis * ((-1.0) ** np.arange(n) / np.sqrt(masses))[:, None]
@@ -67,7 +67,7 @@ def chain(f: Array, t60: Array, weight: Array, mass: float) -> Chain:
 def _lanczos(eigen: Array, start: Array) -> tuple[Array, Array, Array]:
     n = eigen.size
     basis = np.zeros((n, n))  # a row for each mass
-    diagonal, beside = np.zeros(n), np.zeros(max(0, n - 1))
+    diagonal, off_diagonal = np.zeros(n), np.zeros(max(0, n - 1))
     basis[0] = start
     for i in range(n):
         image = eigen * basis[i]
@@ -75,9 +75,9 @@ def _lanczos(eigen: Array, start: Array) -> tuple[Array, Array, Array]:
         for _ in range(2):
             image = image - basis[: i + 1].T @ (basis[: i + 1] @ image)
         if i + 1 < n:
-            beside[i] = float(np.linalg.norm(image))
-            basis[i + 1] = image / beside[i]
-    return diagonal, beside, basis
+            off_diagonal[i] = float(np.linalg.norm(image))
+            basis[i + 1] = image / off_diagonal[i]
+    return diagonal, off_diagonal, basis
 
 
 def _not_negative(a: Array, b: Array) -> Array:

@@ -28,10 +28,10 @@ _RANGE_RATIO_MIN = (
 def spectrum(f: Array, length: float) -> Array:
     """|spectrum| of a push of half a sine `length` [s] long over that at 0 Hz, at each f [Hz]."""
     x = f * length
-    near = np.abs(x - 0.5) < 1e-6
+    near_pole = np.abs(x - 0.5) < 1e-6
     with np.errstate(divide="ignore", invalid="ignore"):
         value = np.cos(np.pi * x) / (1.0 - 4.0 * x * x)
-    return np.abs(np.where(near, np.pi / 4.0, value))
+    return np.abs(np.where(near_pole, np.pi / 4.0, value))
 
 
 def stiffness(length: float, mass: float = HAMMER, speed: float = SPEED) -> float:
@@ -85,9 +85,9 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
     )
     weights = 1.0 / (variance + doubts[chosen])
     common = logs - shapes[chosen]
-    away = common - common[hardest]
-    both = weights * weights[hardest] / (weights + weights[hardest])
-    impulses = np.sum(both * away, axis=1) / np.sum(both, axis=1)
+    level_differences = common - common[hardest]
+    joint_weights = weights * weights[hardest] / (weights + weights[hardest])
+    impulses = np.sum(joint_weights * level_differences, axis=1) / np.sum(joint_weights, axis=1)
     mean = np.sum(weights * (common - impulses[:, None]), axis=0) / np.sum(weights, axis=0)
     lengths = tuple(
         float(_TRIED_LENGTHS[length_index]) if is_told else None for length_index in chosen

@@ -119,12 +119,12 @@ def _without_modes(
     for mode in worst:
         _core.poll()
         reach = _reach(modes, mode)
-        near = np.flatnonzero(np.abs(modes.f - modes.f[mode]) < reach)
-        other_modes = near[near != mode]
+        near_modes = np.flatnonzero(np.abs(modes.f - modes.f[mode]) < reach)
+        other_modes = near_modes[near_modes != mode]
         if not other_modes.size:
             continue
-        residual = rest + synthesise(modes.some(near), rest.size, rate)
-        low, top = float(f[near].min()) - reach, float(f[near].max()) + reach
+        residual = rest + synthesise(modes.some(near_modes), rest.size, rate)
+        low, top = float(f[near_modes].min()) - reach, float(f[near_modes].max()) + reach
         signal, slow, centre = Bands(residual, rate).take(max(low, 1.0), top)
         skip = ceil(_SKIP * slow / (top - low))
         signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _POLISHED))]
@@ -160,15 +160,15 @@ def fit_amplitudes(sound: Array, rate: float, f: Array, d: Array) -> tuple[Modes
     n = min(sound.size, round(_FITTED * rate))
     s = (-d + 2j * np.pi * f) / rate
     # Sums of products of the real parts u and of -v, from sums of e^(s+s')k and of e^(s+s'*)k.
-    both, turned = _sum(s[:, None] + s, n), _sum(s[:, None] + s.conj(), n)
+    plain_sums, turned = _sum(s[:, None] + s, n), _sum(s[:, None] + s.conj(), n)
     gram = 0.5 * np.block(
         [
-            [(turned + both).real, (turned - both).imag],
-            [-(turned + both).imag, (turned - both).real],
+            [(turned + plain_sums).real, (turned - plain_sums).imag],
+            [-(turned + plain_sums).imag, (turned - plain_sums).real],
         ]
     )
-    along = _exponential_products(s, sound[:n])
-    right = np.concatenate([along.real, -along.imag])
+    products = _exponential_products(s, sound[:n])
+    right = np.concatenate([products.real, -products.imag])
     size = np.sqrt(gram.diagonal())
     solution = np.linalg.lstsq(gram / np.outer(size, size), right / size, rcond=1e-12)[0] / size
     modes = Modes(f, d, solution[: f.size] + 1j * solution[f.size :])

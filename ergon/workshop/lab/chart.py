@@ -264,13 +264,13 @@ def played_beside(
     frames = None if run is None else bench.play(setting, run)
     if run is None or frames is None:
         return Played(bench.failed[setting], None), nan
-    spent, beside = [], []
+    costs_in_rounds, beside = [], []
     for _ in range(ROUNDS):
         beside.append(yardstick())
         run.rewind()
         bench.play(setting, run)
-        spent.append(run.spent)
-    point = Point(setting, "ok", run.chosen, median(spent) * scene.rate / n_frames)
+        costs_in_rounds.append(run.spent)
+    point = Point(setting, "ok", run.chosen, median(costs_in_rounds) * scene.rate / n_frames)
     if has_energy:
         point = _with_energy(bench, point)
     return Played(point, scene.hear(frames)), median(beside)
@@ -307,14 +307,14 @@ def _alike(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:
 
 def _costs(bench: _Bench) -> dict[Setting, float]:
     """Medians of interleaved rounds, so that other load on the machine slows all settings alike."""
-    spent: dict[Setting, list[float]] = {setting: [] for setting in bench.ready}
+    times_by_setting: dict[Setting, list[float]] = {setting: [] for setting in bench.ready}
     for _ in range(ROUNDS):
         for setting, run in bench.ready.items():
             run.rewind()
             bench.play(setting, run)
-            spent[setting].append(run.spent)
+            times_by_setting[setting].append(run.spent)
     duration = bench.n_frames / bench.scene.rate
-    return {setting: median(times) / duration for setting, times in spent.items()}
+    return {setting: median(times) / duration for setting, times in times_by_setting.items()}
 
 
 def _with_energy(bench: _Bench, point: Point) -> Point:

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 def production_db(ledger: _core.Energy) -> float:
     """10·log10 of the energy made or missing over the energy given; -inf if there is none."""
-    wrong = abs(ledger.produced) + abs(ledger.residual)
+    wrong_energy = abs(ledger.produced) + abs(ledger.residual)
     available = abs(ledger.start) + abs(ledger.injected)
-    if wrong == 0.0:
+    if wrong_energy == 0.0:
         return -inf
-    return 10.0 * log10(wrong / available) if available > 0.0 else inf
+    return 10.0 * log10(wrong_energy / available) if available > 0.0 else inf
 
 
 def share_db(share: float) -> float:

@@ -61,14 +61,14 @@ def cursor_at(file: Document, index: int) -> Cursor | None:
                 return None
             key, child = entry
             entry_names = frozenset(node.entries)
-            inner = None if shape is None else shape.inner(key.text)
+            inner_shape = None if shape is None else shape.inner(key.text)
             field = shape.by_name.get(key.text) if isinstance(shape, Record) else None
             if key.start <= index <= key.end:
-                beside = entry_names - {key.text}
+                sibling_names = entry_names - {key.text}
                 record = table if isinstance(shape, Record) else None
-                return Cursor(key, True, inner, record, field, path, beside)
+                return Cursor(key, True, inner_shape, record, field, path, sibling_names)
             path = (*path, key.text)
-            node, shape = child, inner
+            node, shape = child, inner_shape
         elif isinstance(node, document.Sequence):
             last_key = _last_before(
                 ((item.start, (i, item)) for i, item in enumerate(node.items)), index
@@ -109,8 +109,8 @@ def _last_before(entries: Iterable[tuple[int, _T]], index: int) -> _T | None:
     """The entry that begins last at or before a character. The order of entries does not tell: an
     alias has the position of its definition.
     """
-    begun = [(start, value) for start, value in entries if start <= index]
-    return max(begun, key=lambda entry: entry[0])[1] if begun else None
+    entries_before = [(start, value) for start, value in entries if start <= index]
+    return max(entries_before, key=lambda entry: entry[0])[1] if entries_before else None
 
 
 def _closing_brackets(line: str) -> str:

@@ -53,9 +53,9 @@ class Replay:
 
 def replay(row: Floats, gesture: Gesture) -> Replay:
     """Apply the forces of a real key to its model, which begins where and as fast as the key."""
-    begun = output_error.follow(row, gesture)
-    (gesture,) = begun.recovered([gesture.with_unknown_speed()])
-    model = output_error.path(row, gesture, begun.starts[0])
+    followed = output_error.follow(row, gesture)
+    (gesture,) = followed.recovered([gesture.with_unknown_speed()])
+    model = output_error.path(row, gesture, followed.starts[0])
     ticks = np.flatnonzero(gesture.counts)
     return Replay(gesture, model, ticks / gesture.rate, gesture.position[ticks] - model[ticks])
 
@@ -147,16 +147,18 @@ def chi_squared(calibration: Calibration, second_calibration: Calibration) -> tu
     For two calibrations of the same key its mean is this number. Combinations that the
     covariance makes certain, to five digits, are left out and not counted.
     """
-    both = [d for d in differences(calibration, second_calibration) if d.deviations is not None]
-    if not both:
+    certain_differences = [
+        d for d in differences(calibration, second_calibration) if d.deviations is not None
+    ]
+    if not certain_differences:
         return 0.0, 0
-    first_names, second_names = ([d.names[i] for d in both] for i in (0, 1))
+    first_names, second_names = ([d.names[i] for d in certain_differences] for i in (0, 1))
     covariance = calibration.covariance(first_names) + second_calibration.covariance(second_names)
     size = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    along = vectors.T @ np.array([d.deviations for d in both])
+    components = vectors.T @ np.array([d.deviations for d in certain_differences])
     is_certain = values > _CERTAIN
-    return float(np.sum(along[is_certain] ** 2 / values[is_certain])), int(is_certain.sum())
+    return float(np.sum(components[is_certain] ** 2 / values[is_certain])), int(is_certain.sum())
 
 
 @dataclass(frozen=True, slots=True)

@@ -167,8 +167,8 @@ def gesture_from_rows(
         np.where(np.isin(np.arange(n), tick_numbers), np.arange(n), 0)
     )
     retimed = replace(gesture_from_arrays(force, positions[last_read_tick], rate), counts=counts)
-    beside = (exact - tick_numbers)[fresh]
-    if np.sqrt(np.mean(beside**2)) >= _JITTER:
+    tick_offsets = (exact - tick_numbers)[fresh]
+    if np.sqrt(np.mean(tick_offsets**2)) >= _JITTER:
         tick_numbers = np.maximum.accumulate(exact)
         retimed = _retimed(retimed, tick_numbers, sent, np.asarray(position), fresh)
     least, latest = sent.copy(), sent.copy()
@@ -191,12 +191,12 @@ def _retimed(
     replies, x = replies[apart], x[apart]
     speed = np.gradient(x, replies)
     nearest = np.round(np.interp(edges[:-1], replies, np.arange(replies.size))).astype(np.int64)
-    off = edges[:-1] - replies[nearest]
+    reply_offsets = edges[:-1] - replies[nearest]
     return replace(
         gesture,
         force=_means(reply_ticks - 1.0, sent, edges),
-        position=x[nearest] + speed[nearest] * off,
-        counts=gesture.counts & (np.abs(off) < _NEAR),
+        position=x[nearest] + speed[nearest] * reply_offsets,
+        counts=gesture.counts & (np.abs(reply_offsets) < _NEAR),
         read=x,
     )
 
@@ -243,13 +243,15 @@ def _instants(
     clocked = np.flatnonzero(fresh & (clock != 0))
     if clocked.size < max(2, ticks.size // 2):
         return ticks.astype(float)
-    passed = np.concatenate([[0], np.cumsum(np.diff(clock[clocked]).astype(np.int64))])  # it wraps
-    passed = passed * 1e-6 * rate
+    ticks_passed = np.concatenate(
+        [[0], np.cumsum(np.diff(clock[clocked]).astype(np.int64))]
+    )  # it wraps
+    ticks_passed = ticks_passed * 1e-6 * rate
     # A clock that does not fit the count of ticks belongs to something else, or counts differently.
-    if not np.all(np.abs(np.diff(passed)) < 1000):
+    if not np.all(np.abs(np.diff(ticks_passed)) < 1000):
         return ticks.astype(float)
-    phase = np.angle(np.mean(np.exp(2j * np.pi * passed))) / (2 * np.pi)
-    moments = passed - phase
+    phase = np.angle(np.mean(np.exp(2j * np.pi * ticks_passed))) / (2 * np.pi)
+    moments = ticks_passed - phase
     clocked_instants = moments - round(moments[0]) + ticks[clocked[0]]
     return np.asarray(np.interp(np.arange(ticks.size), clocked, clocked_instants))
 

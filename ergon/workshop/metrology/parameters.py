@@ -79,17 +79,19 @@ def step_parameters(row: Floats, columns: Sequence[int], step: Floats) -> Floats
     parameter.
     """
     stepped_row = row.copy()
-    for index, by in zip(columns, step, strict=True):
+    for index, parameter_step in zip(columns, step, strict=True):
         value_before = row[index]
         if index in _PLAIN:
-            stepped_row[index] = np.clip(value_before + by, *_PLAIN[index])
+            stepped_row[index] = np.clip(value_before + parameter_step, *_PLAIN[index])
         elif _is_mass(index):
             stepped_row[index] = np.clip(
-                value_before + by, value_before / _FACTOR, value_before * _FACTOR
+                value_before + parameter_step, value_before / _FACTOR, value_before * _FACTOR
             )
         else:
             upper = _STIFFEST.get(index, np.inf)
-            stepped_row[index] = min(value_before * np.exp(np.clip(by, -1.0, 1.0)), upper)
+            stepped_row[index] = min(
+                value_before * np.exp(np.clip(parameter_step, -1.0, 1.0)), upper
+            )
     return stepped_row
 
 
@@ -98,10 +100,12 @@ def leads_beyond(row: Floats, columns: Sequence[int], step: Floats) -> NDArray[n
     return np.array([_is_beyond(row, *pair) for pair in zip(columns, step, strict=True)], bool)
 
 
-def _is_beyond(row: Floats, index: int, by: float) -> bool:
+def _is_beyond(row: Floats, index: int, parameter_step: float) -> bool:
     least, greatest = _PLAIN.get(index, (0.0, _STIFFEST.get(index, np.inf)))
     value = row[index]
-    return bool((value <= least and by < 0) or (value >= greatest and by > 0))
+    return bool(
+        (value <= least and parameter_step < 0) or (value >= greatest and parameter_step > 0)
+    )
 
 
 def is_plain(index: int) -> bool:

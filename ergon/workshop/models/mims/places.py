@@ -152,14 +152,16 @@ def size(statement: Statement) -> tuple[int, int]:
         rows, columns = 1, int(statement.values["N"])
         least = 1 if statement.keyword == "chain" else 3
         if columns < least:
-            few = REFUSED["few"].format(keyword=statement.keyword, least=least)
-            raise ModelError(few, statement.line)
+            refusal_text = REFUSED["few"].format(keyword=statement.keyword, least=least)
+            raise ModelError(refusal_text, statement.line)
     else:
         rows, columns = int(statement.values["L"]), int(statement.values["W"])
         least = 1 if statement.keyword == "mesh" else 3
         if min(rows, columns) < least:
-            few = REFUSED["few"].format(keyword=statement.keyword, least=f"{least} by {least}")
-            raise ModelError(few, statement.line)
+            refusal_text = REFUSED["few"].format(
+                keyword=statement.keyword, least=f"{least} by {least}"
+            )
+            raise ModelError(refusal_text, statement.line)
     if statement.keyword in ("mesh", "closedMesh"):
         sides = max(rows, columns) - 2 * (statement.keyword == "closedMesh")
         if sides > SIDE_MAX:

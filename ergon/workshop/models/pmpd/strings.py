@@ -39,12 +39,14 @@ def rows(
         kind = _matter(masses[first_mass], first_mass in moved)
         last_mass = first_mass
         while kind is not None and last_mass in between and last_mass + 1 < len(masses):
-            index = between[last_mass]
+            link_index = between[last_mass]
             if _matter(masses[last_mass + 1], last_mass + 1 in moved) != kind:
                 break
-            if links_in_row and _tie(network.links[index]) != _tie(network.links[links_in_row[0]]):
+            if links_in_row and _tie(network.links[link_index]) != _tie(
+                network.links[links_in_row[0]]
+            ):
                 break
-            links_in_row.append(index)
+            links_in_row.append(link_index)
             last_mass += 1
         if last_mass - first_mass + 1 >= _LEAST:
             row_by_first[first_mass] = Row(
