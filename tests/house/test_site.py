@@ -15,6 +15,7 @@ from pathlib import Path
 import browser
 import pytest
 from patience import until
+from sweep import few
 
 from docs.generators import shared_pieces, site_hooks
 
@@ -123,7 +124,9 @@ def test_site_pages_without_external_requests(site: Path):
     assert [page for page in pages if asking.search(page.read_text(encoding="utf-8"))] == []
 
 
-@pytest.mark.parametrize(("question", "answer"), QUESTIONS, ids=[asked for asked, _ in QUESTIONS])
+@pytest.mark.parametrize(
+    ("question", "answer"), few(QUESTIONS, 4), ids=[asked for asked, _ in QUESTIONS]
+)
 def test_site_search_lists_expected_page(
     question: str, answer: str, url: str, chromium: browser.Browser
 ):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from checked import check, check_reports
 from oracle import matter
+from sweep import few
 
 from ergon.scores.staging.stage import stage
 
@@ -47,7 +48,7 @@ render: {{bits: float, tail: {tail}}}
 """
 
 
-@pytest.mark.parametrize("axes", [2, 3])
+@pytest.mark.parametrize("axes", few([2, 3], [3]))
 def test_grains_motion_against_dop853(axes: int):
     """The path of a crowd that meets a floor and a drum; the less, the shorter the steps."""
     n = 7

@@ -7,6 +7,7 @@ from checked import check, check_reports
 from jsonschema import Draft7Validator
 from oracle import matter
 from scipy.optimize import fsolve
+from sweep import few
 
 from ergon.scores.reading.schema import schema
 from ergon.scores.staging.stage import stage
@@ -78,7 +79,8 @@ def tangle(
 
 
 @pytest.mark.parametrize(
-    ("seed", "axes", "damping", "order"), [(1, 2, 0.02, 1), (2, 3, 0.0, 2), (3, 3, 0.0, 2)]
+    ("seed", "axes", "damping", "order"),
+    few([(1, 2, 0.02, 1), (2, 3, 0.0, 2), (3, 3, 0.0, 2)], 2),
 )
 def test_space_network_motion_against_dop853(seed: int, axes: int, damping: float, order: int):
     """By the second order of the step; where damping lags half a step behind, by the first."""

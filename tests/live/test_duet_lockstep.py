@@ -158,7 +158,7 @@ def staged(score: Path, **how: object) -> Stage:
             (("frame", "--udp", "0"), ""),
             (("haply", "--ws", "0"), ""),
         ],
-        2,
+        1,
     ),
 )
 def test_lockstep_devices_play_as_rendered(

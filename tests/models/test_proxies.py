@@ -8,6 +8,7 @@ import soundfile
 from checked import check
 from imported import rendered
 from oracle import mims
+from sweep import crossed
 
 from ergon.workshop.api.model import ModelOptions, import_model
 from ergon.workshop.models.errors import ModelError
@@ -64,16 +65,16 @@ def compared(text: str, signals: dict[str, np.ndarray], laws: str = "head") -> N
     assert np.abs(sound - listened).max() <= 1e-12 * np.abs(listened).max()
 
 
-@pytest.mark.parametrize("laws", ["head", "2019"])
-@pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize("macro", ["chain", "closedMesh"])
+@pytest.mark.parametrize(
+    ("link", "macro", "laws"),
+    crossed([*LINKS], ["chain", "closedMesh", "closedMesh", "chain"], ["head", "2019"]),
+)
 def test_model_proxy_links_between_masses(macro: str, link: str, laws: str):
     point = "[@s 0.33 0.71]" if "esh" in macro else "[@s 0.33]"
     compared(model(macro, f"@l {LINKS[link].format(point=point)}"), {}, laws)
 
 
-@pytest.mark.parametrize("laws", ["head", "2019"])
-@pytest.mark.parametrize("macro", MACROS)
+@pytest.mark.parametrize(("macro", "laws"), crossed([*MACROS], ["head", "2019"]))
 def test_model_proxy_points_moved_by_signals(macro: str, laws: str):
     """Links, inputs and outputs; places beyond the ends are the ends."""
     sides = "{0} 0.9-{1}/2" if "esh" in macro else "{0}"

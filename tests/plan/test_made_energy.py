@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from sweep import few
 
 from ergon import _core
 from ergon.cli import app
@@ -88,8 +89,13 @@ def test_small_created_energy_warns_w404_unless_planned(capsys: Capture) -> None
     assert "W404" not in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("error", [None, -60.0])
-@pytest.mark.parametrize("scene", ["hard-4", "hard-14"])
+@pytest.mark.parametrize(
+    ("scene", "error"),
+    few(
+        [("hard-14", None), ("hard-4", -60.0), ("hard-4", None), ("hard-14", -60.0)],
+        2,
+    ),
+)
 def test_plan_warns_of_diverged_trial(
     scene: str, error: float | None, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:

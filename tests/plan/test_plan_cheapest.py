@@ -16,7 +16,7 @@ SCENES = [
 ]
 
 
-@pytest.mark.parametrize(("family", "seed"), few(SCENES, 3))
+@pytest.mark.parametrize(("family", "seed"), few(SCENES, 2))
 def test_plan_cost_near_cheapest_plain_setting(family: str, seed: int):
     text = random_scenes.text(family, seed)
     result = audit.look(f"{family}-{seed}", text, (-40.0, -60.0, -80.0))
@@ -41,9 +41,10 @@ OTHER_WAYS = [
     ("hard", 502, -60.0),
     ("key", 567, -60.0),
 ]
+QUICK_WAYS = [one for one in OTHER_WAYS if one[0] in ("hard", "key")]
 
 
-@pytest.mark.parametrize(("family", "seed", "budget"), OTHER_WAYS)
+@pytest.mark.parametrize(("family", "seed", "budget"), few(OTHER_WAYS, QUICK_WAYS))
 def test_plan_cheapest_method_outside_search_order(family: str, seed: int, budget: float):
     # At one instant: the scenes were found so, and it asks most of what is between frames.
     text = random_scenes.text(family, seed).replace("impulse: ", "lasts: 0s, impulse: ")
@@ -56,7 +57,7 @@ def test_plan_cheapest_method_outside_search_order(family: str, seed: int, budge
     assert spent <= SPENT, (plan, spent)
 
 
-@pytest.mark.parametrize("seed", [126, 182, 190])
+@pytest.mark.parametrize("seed", few([126, 182, 190], [190]))
 def test_plan_distrusts_two_runs_at_law_kink(seed: int):
     """A rope's frame is divided no more often than its deviation asks, whatever the substeps."""
     result = audit.look(f"law-{seed}", random_scenes.text("law", seed), (-80.0,), plain=False)
@@ -149,7 +150,7 @@ def test_plan_cost_includes_contacts_between_frames():
     assert plan.hash != uncounted.hash
 
 
-@pytest.mark.parametrize(("family", "seed", "error"), WAYS)
+@pytest.mark.parametrize(("family", "seed", "error"), few(WAYS, 3))
 def test_plan_choices_pinned_and_recalled_same_sound(family: str, seed: int, error: float):
     text = random_scenes.text(family, seed)
     stage, plan = planned(text, error_db=error)

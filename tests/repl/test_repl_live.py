@@ -237,7 +237,7 @@ def test_record_real_hand_and_replay_it(tmp_path: Path):
             type_and_see("record leo as solo now", "recording leo")
             begun = n_ticks()
             # The take begins a little later than the line.
-            until(lambda: n_ticks() > begun + 3000, "two seconds of the hand")
+            until(lambda: n_ticks() > begun + 1500, "a second of the hand")
             type_and_see("record off now", "take solo ends")
             until(lambda: "solo.take" in out.read_text(), "the take in the score")
             repl.stdin.write("ada plays solo do scale 0.5\nsave with-solo\nquit\n")

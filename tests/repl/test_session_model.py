@@ -246,7 +246,7 @@ def machine(n_examples: int, n_steps: int) -> Any:
     return case
 
 
-TestSession = machine(120, 10)
+TestSession = machine(50, 10)
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -329,7 +330,7 @@ def test_commands_without_environment_variables(here: Path, name: str, line: str
     assert not [path for path in files(here) if path not in before and "." not in path]
 
 
-@pytest.mark.parametrize("line", few(LINES, 2))
+@pytest.mark.parametrize("line", few(LINES, ["render score.yaml -o x.wav"]))
 def test_commands_with_read_only_home(tmp_path: Path, here: Path, line: str) -> None:
     home = tmp_path / "home"
     home.mkdir()
@@ -348,8 +349,7 @@ def test_commands_with_read_only_home(tmp_path: Path, here: Path, line: str) -> 
     assert code == 0, output
 
 
-@pytest.mark.parametrize("line", LINES)
-@pytest.mark.parametrize("limit", few([8, 16], [8]))
+@pytest.mark.parametrize(("limit", "line"), few(product([8, 16], LINES), 3))
 def test_commands_with_few_file_descriptors(here: Path, line: str, limit: int) -> None:
     code, out, output = ergon(here, line, limited(resource.RLIMIT_NOFILE, limit))
     assert code in (0, 2, 3), output

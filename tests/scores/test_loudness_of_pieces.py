@@ -14,7 +14,7 @@ from ergon.cli.new import TEMPLATES
 
 BLOCK = 1 << 18  # frames, to save memory
 LIBRARY = Path(__file__).parents[2] / "scores" / "library"
-QUICK = ("bottleneck", "fader")
+QUICK = ("fader",)
 # Four minutes of 245,000 modules take half an hour and more; its mix is that of feathers-small.
 TOO_LONG = ("feathers",)
 SLOW = sorted(path.stem for path in LIBRARY.glob("*.yaml") if path.stem not in (*QUICK, *TOO_LONG))
