@@ -24,7 +24,8 @@ class Target:
 
     `case` makes what is read, from chance alone; `read` reads it in a folder of its own and gives
     every text that a person would be shown; `refusals` are the exceptions that its docstring names.
-    `limit` is the most CPU time of a case [s]: no other process makes a case slower by it.
+    `limit` is the most CPU time of a case [s]: no other process makes a case slower by it. A short
+    run begins with the case `short_first`.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Target:
     short: int
     long: int = 100_000
     limit: float = 10.0
+    short_first: int = 0
     is_silent: bool = False  # its refusals are counted, and nobody is shown a sentence
 
 

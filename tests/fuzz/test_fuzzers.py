@@ -29,7 +29,7 @@ def holds(target: Target, count: int, folder: Path, first: int = 0) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_reader_fuzzing_short(name: str, tmp_path: Path) -> None:
     target = BY_NAME[name]
-    holds(target, target.short, tmp_path)
+    holds(target, target.short, tmp_path, target.short_first)
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -22,22 +23,29 @@ MAY = {
 }
 
 
-def nodes(path: Path) -> list[ast.AST]:
-    """The syntax of a file, but for what only type checkers see."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+@cache
+def statements(path: Path) -> list[tuple[ast.Import | ast.ImportFrom, bool]]:
+    """Imports anywhere in a file, and whether only type checkers see each."""
+    every = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
     only_types = {
-        id(inner)
-        for node in ast.walk(tree)
+        inner
+        for node in every
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
         for inner in ast.walk(node)
     }
-    return [node for node in ast.walk(tree) if id(node) not in only_types]
+    return [
+        (node, node in only_types)
+        for node in every
+        if isinstance(node, ast.Import | ast.ImportFrom)
+    ]
 
 
 def imported(path: Path) -> set[str]:
     """Modules of the package that a file names, anywhere in it, but for its annotations."""
     names = set()
-    for node in nodes(path):
+    for node, is_for_types in statements(path):
+        if is_for_types:
+            continue
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("ergon"):
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Import):
@@ -135,17 +143,10 @@ def files_imported(
     module: tuple[str, ...], known: dict[tuple[str, ...], Path], *, annotations: bool
 ) -> set[tuple[str, ...]]:
     """Files that a file imports, also inside its functions."""
-    tree = ast.parse(known[module].read_text(encoding="utf-8"))
-    skipped = {
-        id(inner)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-        for inner in ast.walk(node)
-    }
     package = module if known[module].name == "__init__.py" else module[:-1]
     names: set[tuple[str, ...]] = set()
-    for node in ast.walk(tree):
-        if id(node) in skipped and not annotations:
+    for node, is_for_types in statements(known[module]):
+        if is_for_types and not annotations:
             continue
         if isinstance(node, ast.ImportFrom):
             base = tuple((node.module or "").split(".")) if node.module else ()

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import tree_sitter
 import tree_sitter_rust
@@ -20,8 +21,14 @@ EMPTY_WORDS = frozenset(
 )
 # In a scope of so many lines a reader sees all of a name.
 SHORT_SCOPE = 3
-_SCOPES = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
-_COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp)
+_SCOPES = {
+    *(ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda),
+    *(ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp),
+}
+_BINDING = {
+    *(ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.arg, ast.Name, ast.Attribute),
+    *(ast.ExceptHandler, ast.MatchAs, ast.Import, ast.ImportFrom),
+}
 _RUST_ITEMS = {
     *("function_item", "function_signature_item", "struct_item", "enum_item", "enum_variant"),
     *("trait_item", "const_item", "static_item", "type_item", "mod_item", "field_declaration"),
@@ -57,17 +64,21 @@ def identifiers(path: Path) -> Iterator[Identifier]:
     return _python_identifiers(ast.parse(path.read_text(encoding="utf-8")), 1 << 30)
 
 
-def _python_identifiers(node: ast.AST, scope: int) -> Iterator[Identifier]:
-    for child in ast.iter_child_nodes(node):
-        inner = scope
-        if isinstance(child, (*_SCOPES, *_COMPREHENSIONS)):
-            inner = (child.end_lineno or child.lineno) - child.lineno + 1
-        elif isinstance(child, ast.ClassDef):
+def _python_identifiers(tree: ast.AST, scope: int) -> Iterator[Identifier]:
+    # A stack instead of a recursion: each name would pass all generators above it.
+    nodes: list[tuple[Any, int]] = [(tree, scope)]
+    while nodes:
+        node, scope = nodes.pop()
+        kind, inner = type(node), scope
+        if kind in _SCOPES:
+            inner = (node.end_lineno or node.lineno) - node.lineno + 1
+        elif kind is ast.ClassDef:
             inner = 1 << 30
-        for name in _bound(child):
-            line = getattr(child, "lineno", 0)
-            yield Identifier(name, line, inner if isinstance(child, ast.arg) else scope)
-        yield from _python_identifiers(child, inner)
+        if kind in _BINDING:
+            for name in _bound(node):
+                yield Identifier(name, getattr(node, "lineno", 0), scope)
+        if kind is not ast.Name and node._fields:
+            nodes += [(child, inner) for child in ast.iter_child_nodes(node)][::-1]
 
 
 def _bound(node: ast.AST) -> list[str]:
