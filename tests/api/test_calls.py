@@ -92,7 +92,7 @@ def test_import_of_exported_mdl():
 
 
 def test_chart_of_a_score():
-    options = ergon.ChartOptions(seconds=0.2, methods=["ca", "bm4"], upto=2)
+    options = ergon.ChartOptions(seconds=0.1, methods=["ca", "bm4"], upto=2)
     chart = ergon.chart("bell.yaml", options)
     assert {point.setting.method for point in chart.points} == {"ca", "bm4", None}
     assert all(point.cost > 0.0 for point in chart.points if point.status == "ok")

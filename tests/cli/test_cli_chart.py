@@ -42,7 +42,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 
 def test_chart_command_of_bell(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert app.run(["chart", "bell.yaml", "--seconds", "0.3", "--upto", "4"]) == 0
+    assert app.run(["chart", "bell.yaml", "--seconds", "0.1", "--upto", "4"]) == 0
     out, err = capsys.readouterr()
     assert "ca ×4" in out
     assert "reference: planner -120 dB ×" in out  # a contact: no fixed method is as sure

@@ -111,7 +111,7 @@ def test_rate_of_key_against_every_frame(kc: float, gesture: dict[str, Any] | No
             assert error_db(slow[:, [output]], plain[:, [output]]) < -180.0
 
 
-@pytest.mark.parametrize("seed", few(range(40), range(2)))
+@pytest.mark.parametrize("seed", few(range(40), [1, 2]))
 def test_rate_of_random_key_against_every_frame(seed: int):
     """Keys of 9 to 24 masses at 2205 and 1050 Hz, beside the network stepped by its numbers."""
     chance = np.random.default_rng(seed)

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import soundfile
+from sweep import few
 
 from docs.generators.film import LARGEST as FILM_LARGEST
 from docs.generators.prompt_picture import LINES
@@ -18,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", SOUNDS)
+@pytest.mark.parametrize("name", few(SOUNDS, ["first", "change-ringing"]))
 def test_readme_sound_equals_render_of_its_score(name: str):
     path = ROOT / "docs" / "sounds" / f"{name}.ogg"
     assert f"(docs/sounds/{name}.ogg)" in README

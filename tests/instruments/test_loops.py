@@ -9,8 +9,10 @@ import pytest
 from checked import check, check_reports, codes
 from edited import opened
 from sessions import Stepped
+from sweep import few
 
 from ergon.instruments.model import Module, Target
+from ergon.notation.tables import loops
 from ergon.notation.tables.conditions import is_true
 from ergon.notation.tables.expressions import Amount, evaluate
 from ergon.notation.tables.loops import MAX_TURNS
@@ -241,9 +243,11 @@ def test_loop_turns_limit_of_parallel_loops():
     assert [code for code, *_ in report(modules + LOOPS)] == ["E105"]
 
 
-def test_loop_values_limit():
+@pytest.mark.parametrize(("limit", "turns"), few([(20_000, 800), (loops.MAX_NODES, MAX_TURNS)], 1))
+def test_loop_values_limit(limit: int, turns: int, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(loops, "MAX_NODES", limit)
     nodes = ", ".join(f"q{j}(i): {{SOL: {{}}}}" for j in range(20))
-    codes_of = [code for code, *_ in report(f"      for i in 1..20000: {{{nodes}}}\n{LOOPS}")]
+    codes_of = [code for code, *_ in report(f"      for i in 1..{turns}: {{{nodes}}}\n{LOOPS}")]
     assert codes_of[:1] == ["E105"]
 
 

@@ -40,6 +40,11 @@ def private_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "score.yaml").write_text(SCORE)
 
 
+def shorten(folder: Path) -> None:
+    """A score of two swings instead of six."""
+    (folder / "score.yaml").write_text(SCORE.replace(")*3", ")*1").replace("1500ms", "500ms"))
+
+
 def duet(folder: Path, board: Simulated, *more: str) -> tuple[int, str]:
     live = ("--live", f"remi={board.url}?lockstep", "--audio", "null", "--gain", "0dB", "--plain")
     return command_output("duet", folder / "score.yaml", *live, *more)
@@ -87,6 +92,7 @@ def test_duet_force_ends_after_device_fault(
 
 
 def test_duet_refuses_reversed_motor_in_lockstep(tmp_path: Path):
+    shorten(tmp_path)
     with simulated(tmp_path / "log.npy", lockstep=True, motor=-1.0) as board:
         code, output = duet(tmp_path, board)
         assert code == 2, output
@@ -107,6 +113,7 @@ def test_duet_refuses_reversed_motor_in_lockstep(tmp_path: Path):
 
 
 def test_duet_with_correct_motor_plays(tmp_path: Path):
+    shorten(tmp_path)
     with simulated(tmp_path / "log.npy", lockstep=True) as board:
         code, output = duet(tmp_path, board, "--guide", "remi=200N/m")
         assert code == 0, output

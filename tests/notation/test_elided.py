@@ -34,7 +34,7 @@ def score(n_modules: int, *, has_links: bool, is_commented: bool) -> str:
     )
 
 
-@settings(max_examples=200)
+@settings(max_examples=80)
 @given(
     path=PATHS,
     n_modules=st.integers(1, 30),

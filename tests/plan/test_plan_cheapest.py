@@ -41,7 +41,7 @@ OTHER_WAYS = [
     ("hard", 502, -60.0),
     ("key", 567, -60.0),
 ]
-QUICK_WAYS = [one for one in OTHER_WAYS if one[0] in ("hard", "key")]
+QUICK_WAYS = [OTHER_WAYS[i] for i in (0, 1, 2, 4)]
 
 
 @pytest.mark.parametrize(("family", "seed", "budget"), few(OTHER_WAYS, QUICK_WAYS))
@@ -57,7 +57,7 @@ def test_plan_cheapest_method_outside_search_order(family: str, seed: int, budge
     assert spent <= SPENT, (plan, spent)
 
 
-@pytest.mark.parametrize("seed", few([126, 182, 190], [190]))
+@pytest.mark.parametrize("seed", few([126, 182, 190], 1))
 def test_plan_distrusts_two_runs_at_law_kink(seed: int):
     """A rope's frame is divided no more often than its deviation asks, whatever the substeps."""
     result = audit.look(f"law-{seed}", random_scenes.text("law", seed), (-80.0,), plain=False)
@@ -150,7 +150,7 @@ def test_plan_cost_includes_contacts_between_frames():
     assert plan.hash != uncounted.hash
 
 
-@pytest.mark.parametrize(("family", "seed", "error"), few(WAYS, 3))
+@pytest.mark.parametrize(("family", "seed", "error"), few(WAYS, [WAYS[i] for i in (0, 1, 2, 4)]))
 def test_plan_choices_pinned_and_recalled_same_sound(family: str, seed: int, error: float):
     text = random_scenes.text(family, seed)
     stage, plan = planned(text, error_db=error)

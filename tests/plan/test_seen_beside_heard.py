@@ -197,9 +197,7 @@ def test_seen_part_rate_grows_with_the_asked_accuracy(
 @pytest.mark.parametrize(
     "text",
     [
-        FLAG.replace(
-            "corners, drag: 1mNs/m, stretch: 20%}}", "corners}}\n    out: {SOV: net.6.y}"
-        ),
+        FLAG.replace("corners, drag: 1mNs/m, stretch: 20%}}", "corners}}\n    out: {SOV: net.6.y}"),
         FLAG.replace("K: 80N/m", "K: 500kN/m"),
         f"{FLAG}accuracy: {{method: ca}}\n",
     ],

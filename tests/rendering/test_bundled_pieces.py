@@ -11,7 +11,7 @@ from ergon.cli.bundled import bundled
 
 PIECES = bundled()
 SECONDS = 8  # by then parts have fallen asleep and were woken
-QUICK = {"interlocking"}
+QUICK = {"change-ringing"}
 
 
 @pytest.mark.parametrize("name", few(PIECES, QUICK))

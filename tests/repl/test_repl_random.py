@@ -141,7 +141,7 @@ def sessions(n: int):
     )
 
 
-@sessions(12)
+@sessions(6)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_journal_of_random_session(seed: int, tmp_path_factory: pytest.TempPathFactory):
     played(tmp_path_factory.mktemp("random") / "session", seed, 20)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
 from collections.abc import Awaitable, Callable
+from functools import cache
 from pathlib import Path
 
 from commands import ERGON
@@ -21,16 +23,13 @@ class Editor:
         self.text = path.read_text(encoding="utf-8")
         self.published: asyncio.Queue[t.PublishDiagnosticsParams] = asyncio.Queue()
 
-        @client.feature(t.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
-        def store_published(params: t.PublishDiagnosticsParams) -> None:
-            self.published.put_nowait(params)
-
-    async def begin(self) -> None:
-        await self.client.start_io(*ERGON, "lsp")
-        await self.client.initialize_async(t.InitializeParams(t.ClientCapabilities()))
-        self.client.initialized(t.InitializedParams())
+    def open(self) -> None:
         item = t.TextDocumentItem(self.uri, "yaml", 1, self.text)
         self.client.text_document_did_open(t.DidOpenTextDocumentParams(item))
+
+    def close(self) -> None:
+        document = t.TextDocumentIdentifier(self.uri)
+        self.client.text_document_did_close(t.DidCloseTextDocumentParams(document))
 
     def type(self, text: str) -> None:
         self.text = text
@@ -92,15 +91,50 @@ class Editor:
         return "".join(lines)
 
 
+class _Server:
+    """`ergon lsp`, started once for all documents of a test worker, and its client."""
+
+    def __init__(self) -> None:
+        self.editor: Editor | None = None
+        self.client = LanguageClient("test", "1")
+        self.runner = asyncio.Runner()
+
+        @self.client.feature(t.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
+        def store_published(params: t.PublishDiagnosticsParams) -> None:
+            if self.editor is not None:
+                self.editor.published.put_nowait(params)
+
+        self.runner.run(self._begin())
+        atexit.register(self._end)
+
+    async def _begin(self) -> None:
+        await self.client.start_io(*ERGON, "lsp")
+        await self.client.initialize_async(t.InitializeParams(t.ClientCapabilities()))
+        self.client.initialized(t.InitializedParams())
+
+    async def edit(self, path: Path, act: Callable[[Editor], Awaitable[None]]) -> None:
+        self.editor = Editor(self.client, path)
+        self.editor.open()
+        try:
+            await act(self.editor)
+        finally:
+            self.editor.close()
+            self.editor = None
+
+    def _end(self) -> None:
+        async def stop() -> None:
+            await self.client.shutdown_async(None)
+            self.client.exit(None)
+            await self.client.stop()
+
+        self.runner.run(stop())
+        self.runner.close()
+
+
+_server = cache(_Server)
+
+
 def in_editor(path: Path, act: Callable[[Editor], Awaitable[None]]) -> None:
     """Open a score in an editor, and do something there."""
-
-    async def main() -> None:
-        editor = Editor(LanguageClient("test", "1"), path)
-        await editor.begin()
-        await act(editor)
-        await editor.client.shutdown_async(None)
-        editor.client.exit(None)
-        await editor.client.stop()
-
-    asyncio.run(main())
+    server = _server()
+    server.runner.run(server.edit(path, act))
