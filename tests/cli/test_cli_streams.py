@@ -48,7 +48,7 @@ def ergon(folder: Path, line: str, closed: tuple[int, ...] = (), **environment: 
     return done
 
 
-@pytest.mark.parametrize("closed", [(0, 1), (1,), (0, 1, 2)])
+@pytest.mark.parametrize("closed", [(1,), (0, 1, 2), pytest.param((0, 1), marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("line", "code"),
     few([("info score.yaml", 0), ("check nothing.yaml", 1), (REPL, 0), ("--help", 0)], 1),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sweep import crossed
 
 from ergon import _core
 from tests.engine.test_part_modes import Body, random
@@ -30,8 +31,7 @@ def largest(found: np.ndarray, wanted: np.ndarray) -> float:
     return float((np.abs(found - wanted) / np.abs(wanted)).max())
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("damping", [0.01, 0.3])
+@pytest.mark.parametrize(("seed", "damping"), crossed(range(4), [0.01, 0.3]))
 def test_admittance_of_random_networks_against_dense_solution(seed: int, damping: float):
     body = random(seed, damping)
     rng = np.random.default_rng(seed)

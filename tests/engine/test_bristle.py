@@ -5,7 +5,7 @@ import pytest
 from bristles import RATE, SCENES, Bristles
 from checked import check, codes
 from planned_sound import off_db, planned, played, ready
-from sweep import few
+from sweep import crossed, few
 
 from ergon import _core
 from ergon.scores.staging.implausible import warn_implausible
@@ -66,8 +66,10 @@ def test_bristle_ca_scheme_equals_its_formula():
         z = end + (z - end) * np.exp(-single.sigma0 * abs(v) / level * step) if v else z
 
 
-@pytest.mark.parametrize("wishes", [{"method": "ca"}, {"error_db": -80.0}])
-@pytest.mark.parametrize("name", ["bow", "key", "stick-slip"])
+@pytest.mark.parametrize(
+    ("name", "wishes"),
+    crossed(["bow", "key", "stick-slip"], [{"method": "ca"}, {"error_db": -80.0}]),
+)
 def test_bristle_snapshot_continues_bit_identical(name: str, wishes: dict):
     stage, plan = planned(SCENES[name].text, **wishes)
     complete = _core.Simulation(stage.network, stage.timeline, plan=plan, threads=1)

@@ -19,7 +19,7 @@ from tests.fuzz.harness import Target
 TARGETS = (
     *score_targets.TARGETS,
     # Scores that are refused, that are too large, and two that every command computes quickly.
-    Target("commands", commands.case, commands.read, (), 9, 2_000, limit=60.0, short_first=17),
+    Target("commands", commands.case, commands.read, (), 18, 2_000, limit=60.0, short_first=17),
     *notation_targets.TARGETS,
     *file_targets.TARGETS,
     *format_targets.TARGETS,

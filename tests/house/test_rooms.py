@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from design_tables import uses
 from rust_imports import circles
+from sweep import few
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "ergon"
@@ -108,7 +109,7 @@ REPEATED = "d1 strikes triangle.hammer every 1 impulse 4mNs"
 
 @pytest.mark.parametrize(
     ("command", "typed"),
-    [("check", ""), ("plan", ""), ("render", ""), ("repl", REPEATED + "\nquit\n")],
+    few([("render", ""), ("repl", REPEATED + "\nquit\n"), ("check", ""), ("plan", "")], 2),
 )
 def test_commands_without_the_workshop(command: str, typed: str, tmp_path: Path):
     (tmp_path / "piece.yaml").write_text(SCORE, encoding="utf-8")

@@ -8,6 +8,7 @@ from checked import check_reports
 from one_instrument import rendered, score
 from planned_sound import off_db, played, ready
 from scipy.integrate import solve_ivp
+from sweep import crossed
 
 from ergon import _core
 
@@ -22,9 +23,12 @@ def block(modules: str) -> str:
 
 
 @pytest.mark.parametrize(
-    "source", ["of: s, at: 6", "of: [wall, s, wall], at: 7", "of: s.6, shares: 1"]
+    ("source", "accuracy"),
+    crossed(
+        ["of: s, at: 6", "of: [wall, s, wall], at: 7", "of: s.6, shares: 1"],
+        ["method: ca", "error: -60dB"],
+    ),
 )
-@pytest.mark.parametrize("accuracy", ["method: ca", "error: -60dB"])
 def test_proxy_at_mass_equals_mass(source: str, accuracy: str):
     out = "a: {SOX: s.15}, f: {SOF: felt}"
     plain = score(block(f"{STRING}, {HAMMER}, felt: {{{CONTACT % 's.6'}}}"), out, accuracy)

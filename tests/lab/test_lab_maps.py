@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sweep import few
 
 from ergon import _core
 from ergon.scores.reading.load import load
@@ -50,7 +51,7 @@ def test_stability_map_of_cell_equals_jury_border():
     assert first.n_spots == len(spots)
 
 
-@pytest.mark.parametrize(("name", "method"), BORDERS)
+@pytest.mark.parametrize(("name", "method"), few(BORDERS, [*BORDERS][::2]))
 def test_stability_map_borders_of_linear_scenes(name: str, method: str):
     first = BORDERS[name, method]
     ys = first.ys[-1:] if name == "rate" else first.ys[:1]

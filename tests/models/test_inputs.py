@@ -8,6 +8,7 @@ import soundfile
 from commands import records
 from imported import rendered
 from oracle import mims
+from sweep import crossed
 
 from ergon.api.errors import OptionError
 from ergon.cli import app
@@ -74,8 +75,7 @@ JUMPS = {
 }
 
 
-@pytest.mark.parametrize("x0", [0.5, 0.02, -0.03])
-@pytest.mark.parametrize("name", JUMPS)
+@pytest.mark.parametrize(("name", "x0"), crossed([*JUMPS], [0.5, 0.02, -0.03]))
 def test_model_input_initial_jump_drives_dampers(name: str, x0: float):
     """In the first step the model's input jumps from its x0 to the first value of its file."""
     dialect, links = JUMPS[name]

@@ -8,6 +8,7 @@ import soundfile
 from checked import check
 from imported import rendered
 from oracle import mims
+from sweep import crossed
 
 from ergon.workshop.api.model import ModelOptions, import_model
 from ergon.workshop.models.errors import ModelError
@@ -85,8 +86,7 @@ def compared(text: str, laws: str = "head", least: float = 1e-12) -> None:
     assert np.abs(sound - listened).max() <= least * np.abs(listened).max(), built.text
 
 
-@pytest.mark.parametrize("laws", ["head", "2019"])
-@pytest.mark.parametrize("name", LINKS)
+@pytest.mark.parametrize(("name", "laws"), crossed([*LINKS], ["head", "2019"]))
 def test_signal_as_link_parameter(name: str, laws: str):
     compared(f"{HAND}@l {LINKS[name]}{OUT}", laws)
 

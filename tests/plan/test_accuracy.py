@@ -220,7 +220,9 @@ def honest(outcome: audit.Audit) -> None:
         assert not plan.is_silent_miss, plan
 
 
-@pytest.mark.parametrize("name", ["hammer-0", "laws-13", "plan-roundtrip"])
+@pytest.mark.parametrize(
+    "name", few(["hammer-0", "laws-13", "plan-roundtrip"], ["hammer-0", "plan-roundtrip"])
+)
 def test_plan_of_named_scene_states_its_error(name: str):
     honest(audit.look(name, named(name), (-40.0, -80.0), plain=False))
 
@@ -343,7 +345,9 @@ def test_random_scenes_without_silent_miss(family: str, seed: int):
         assert plan.budget is None or not plan.is_silent_miss, plan
 
 
-@pytest.mark.parametrize("scene", ["few-102", "few-203", "hammer-201", "rattle-101"])
+@pytest.mark.parametrize(
+    "scene", few(["few-102", "few-203", "hammer-201", "rattle-101"], ["few-102", "rattle-101"])
+)
 def test_plan_by_ear_of_scenes_missed_before(scene: str):
     """Partials that fade fast, partials that beat, and an output at rest."""
     family, seed = scene.split("-")

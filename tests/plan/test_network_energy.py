@@ -2,6 +2,7 @@
 computed.
 """
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -68,8 +69,10 @@ def test_masses_with_contacts_and_springs_conserve_energy(name: str, method: str
     assert network_of_text(text).gain(looked.x, read(text).rate) <= ENERGY_RATIO_MAX
 
 
-@pytest.mark.parametrize("method", ["draft", "session", "by ear"])
-@pytest.mark.parametrize("damping", [0.0, 1e-3])
+@pytest.mark.parametrize(
+    ("damping", "method"),
+    few(product([0.0, 1e-3], ["draft", "session", "by ear"]), [(0.0, "draft"), (1e-3, "by ear")]),
+)
 def test_listened_spring_creates_no_unreported_energy(damping: float, method: str) -> None:
     """The force of an undamped spring is a sum of positions. A damped one is stepped beside the
     contact, and what it makes is told, or computed away.
@@ -111,7 +114,9 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("kappa", "setting"), CASES)
+@pytest.mark.parametrize(
+    ("kappa", "setting"), few(CASES, [case for case in CASES if case[0] in (2.0, 1e6)])
+)
 def test_energy_of_start_inside_exact_contact(kappa: float, setting: str) -> None:
     """The step before frame 0 was made by the whole force at frame 0: × 17 of the energy."""
     k = kappa * 1e-3 * RATE**2

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from planned_sound import planned
+from sweep import crossed
 
 from ergon import _core
 from ergon.scores.reading.load import load
@@ -53,8 +54,7 @@ def errors(score: str, time: float, **budget: float) -> list[tuple[float, float]
     ]
 
 
-@pytest.mark.parametrize("score", [KEY, STRUCK])
-@pytest.mark.parametrize("budget", [{"error_db": -60.0}, {}])
+@pytest.mark.parametrize(("score", "budget"), crossed([KEY, STRUCK], [{"error_db": -60.0}, {}]))
 def test_late_event_error_equals_early_event_error(score: str, budget: dict[str, float]):
     soon, late = errors(score, 0.5, **budget), errors(score, LATE, **budget)
     assert soon

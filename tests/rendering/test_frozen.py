@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
-from sweep import few
+from sweep import crossed, few
 
 from ergon import _core
 from ergon.api import score as scores
@@ -107,8 +107,7 @@ strikes:
 """
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("alone", ["sky", "dust"])
+@pytest.mark.parametrize(("alone", "threads"), crossed(["sky", "dust"], [1, 2]))
 def test_large_bank_sounds_same_alone(alone: str, threads: int) -> None:
     loaded = load("s.yaml", text=BANKS)
     assert loaded.piece is not None, loaded.diagnostics

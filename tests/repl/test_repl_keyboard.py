@@ -13,6 +13,7 @@ import mido
 import numpy as np
 import pytest
 from sessions import Stepped
+from sweep import few
 
 from ergon.live.midi_ports import ProcessPort, SystemInput, SystemOutput
 
@@ -142,7 +143,7 @@ def test_keyboard_plays_three_tuned_instruments_with_pedal(session, player):
     assert struck == set(CHANNELS)
 
 
-@pytest.mark.parametrize("name", list(CHANNELS))
+@pytest.mark.parametrize("name", few(CHANNELS, ["middle"]))
 def test_harder_keys_are_louder(session, player, name):
     number = {"low": 36, "high": 72, "middle": 50}[name]
     levels = []

@@ -120,6 +120,6 @@ def check_session(seed: int, folder: Path) -> None:
         assert np.array_equal(session.again(), session.sound)
 
 
-@pytest.mark.parametrize("seed", few(range(300), 4))
+@pytest.mark.parametrize("seed", few(range(300), 2))
 def test_journals_of_random_rhythm_sessions(seed: int, tmp_path: Path):
     check_session(seed, tmp_path)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import mido
 import pytest
+from sweep import crossed
 
 from ergon.api import score
 from ergon.scores.staging.struck_notes import struck_notes
@@ -80,8 +81,9 @@ def _mido_notes(path: Path) -> Iterator[tuple[str, float, float]]:
             yield from ended([message.note])
 
 
-@pytest.mark.parametrize("meter", [(4, 4), (7, 8), (3, 2)])
-@pytest.mark.parametrize("matter", ["strings/piano", "friction/viol"])
+@pytest.mark.parametrize(
+    ("meter", "matter"), crossed([(4, 4), (7, 8), (3, 2)], ["strings/piano", "friction/viol"])
+)
 def test_midi_notes_begin_and_end_as_in_mido(tmp_path: Path, matter: str, meter: tuple[int, int]):
     _sequence(tmp_path / "tune.mid", *meter)
     text = SCORE.format(rate="44.1kHz", matter=matter)

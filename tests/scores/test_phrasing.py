@@ -8,6 +8,7 @@ from itertools import pairwise
 from random import Random
 
 import pytest
+from sweep import crossed, few
 
 from ergon.notation.text.errors import TextError
 from ergon.scores.pattern.cycle_forms import Pattern, apply
@@ -177,8 +178,10 @@ def pitches(chord: list[Fragment[Struck]]) -> set[str]:
     return {note.word for f in chord for note in single_notes(f.what)}
 
 
-@pytest.mark.parametrize("text", TEXTS)
-@pytest.mark.parametrize("do", ["arp up", "arp converge", "rolled", "rolled -1/2", "strum 5ms"])
+SPREADS = ["arp up", "arp converge", "rolled", "rolled -1/2", "strum 5ms"]
+
+
+@pytest.mark.parametrize(("text", "do"), crossed(TEXTS, SPREADS))
 def test_spread_chords_keep_their_notes(text, do):
     """Within the span of each chord its notes begin, and no others of its words."""
     spread = fragments(text, do)
@@ -192,8 +195,14 @@ def test_spread_chords_keep_their_notes(text, do):
             assert pitches(within) == pitches([chord])
 
 
-@pytest.mark.parametrize("text", TEXTS)
-@pytest.mark.parametrize("do", [*WORDS, "legato 1, arp up, degrade 0.3", "arp up, rev, tremolo 2"])
+WINDOWED = [
+    (text, do)
+    for text in TEXTS
+    for do in (*WORDS, "legato 1, arp up, degrade 0.3", "arp up, rev, tremolo 2")
+]
+
+
+@pytest.mark.parametrize(("text", "do"), few(WINDOWED, WINDOWED[::4]))
 def test_phrasing_independent_of_window(text, do):
     """What a pattern plays does not depend on which parts of time are asked for."""
     cycles, random = compiled(text, do), Random(text)

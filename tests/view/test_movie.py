@@ -14,6 +14,7 @@ import pytest
 from commands import forked
 from motions import Piece
 from numpy.typing import NDArray
+from sweep import few
 
 from ergon.api.errors import OptionError
 from ergon.api.pages import ANYWHERE, serve
@@ -167,7 +168,7 @@ STRETCHES = {
 }
 
 
-@pytest.mark.parametrize("name", STRETCHES)
+@pytest.mark.parametrize("name", few(STRETCHES, 1))
 def test_movie_of_interval_outside_piece_is_refused(
     name: str, shown: Shown, tmp_path: Path
 ) -> None:

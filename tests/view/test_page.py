@@ -118,11 +118,11 @@ def test_page_loudspeaker_labels_and_levels(page: browser.Page) -> None:
 
 
 def test_page_point_positions_by_formula(page: browser.Page) -> None:
-    """At 15 instants in any order; so slowly that nothing strobes."""
+    """At six instants in any order; so slowly that nothing strobes."""
     page.run("ergon.page.clock.slow = 9")
     parts = [("sky", CELLS), ("wire", 40), ("disc", 60), ("plate", 50), ("keys", 2)]
     peaks = PIECE.peaks()
-    for t in np.random.default_rng(2).uniform(0, SECONDS - 0.05, 15):
+    for t in np.random.default_rng(2).uniform(0, SECONDS - 0.05, 6):
         seek(page, float(t))
         result = np.array(page.run("Array.from(ergon.page.motion.z)"))
         wanted = PIECE.displacement(float(t))

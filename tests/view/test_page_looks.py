@@ -59,7 +59,14 @@ def chromium() -> Iterator[browser.Browser]:
         yield found
 
 
-@pytest.mark.parametrize("size", [(1280, 720), (640, 640), (500, 900)])
+@pytest.mark.parametrize(
+    "size",
+    [
+        (500, 900),
+        pytest.param((1280, 720), marks=pytest.mark.slow),
+        pytest.param((640, 640), marks=pytest.mark.slow),
+    ],
+)
 def test_page_first_view_fills_any_window_shape(
     chromium: browser.Browser, url: str, size: tuple[int, int]
 ) -> None:
