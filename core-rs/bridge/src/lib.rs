@@ -135,7 +135,7 @@ mod _core {
     const INAUDIBLE_ERROR_DB: f64 = ergon_engine::plan::INAUDIBLE_ERROR_DB;
     #[pymodule_export]
     const JUST_NOTICEABLE: (f64, f64, f64, f64, f64, f64) = {
-        let [cents, t60, level, first, later, stroke] = ergon_engine::plan::JUST_NOTICEABLE;
+        let [cents, t60, level, first, later, stroke] = ergon_engine::hearing::JUST_NOTICEABLE;
         (cents, t60, level, first, later, stroke)
     };
     #[pymodule_export]

@@ -65,6 +65,7 @@
 
 mod archive;
 mod bank;
+mod body_modes;
 pub mod cell;
 pub mod chance;
 pub mod derivative;
@@ -72,6 +73,7 @@ mod dry;
 pub mod generator;
 pub mod gesture;
 mod guard;
+pub mod hearing;
 // Only tests ask for the energy that a method conserves.
 #[cfg_attr(not(test), allow(dead_code))]
 mod integrate;

@@ -14,22 +14,20 @@ mod trial;
 
 pub use budget::{Budget, Method};
 pub use choice::{Choice, ChoiceNumbers};
-pub use constants::{INAUDIBLE_ERROR_DB, JUST_NOTICEABLE, PITCH_HERTZ_MAX, SPECTRUM_NOISE};
+pub use constants::{INAUDIBLE_ERROR_DB, PITCH_HERTZ_MAX, SPECTRUM_NOISE};
 pub(crate) use cost::counted_cost;
 pub use passes::audible::ModeKind;
-pub(crate) use passes::mode_shapes::{ModalTransform, ModeShapes};
 pub(crate) use report::bank_content::BankContent;
 pub(crate) use report::content::{Content, hex_of};
 pub use report::row::{Computed, Measured, Reason, Row};
-pub use trial::audible::Audible;
 pub use trial::record::{TrialRecord, TrialStore};
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use crate::bank::{Oscillator, Strikes};
+use crate::body_modes::complex_modes::ComplexPart;
 use crate::island::inside::BodyPlan;
-use crate::island::modal::ComplexPart;
 use crate::network::{Error, Network};
 use crate::scheme::{Refusal, Scheme};
 use crate::timeline::Timeline;

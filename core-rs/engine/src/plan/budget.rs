@@ -1,10 +1,8 @@
 //! How exact a plan has to be, or which method it has to use.
 
+use crate::hearing::{Audible, HIGHEST_AUDIBLE, JUST_NOTICEABLE};
 use crate::integrate::MeshMethod;
-use crate::plan::constants::{
-    BUDGET_SHARE_DB, HIGHEST_AUDIBLE, INAUDIBLE_ERROR_DB, JUST_NOTICEABLE, LEFT_OUT_LEVEL_MAX, PITCH_HERTZ_MAX,
-    SUBSTEPS_MIN,
-};
+use crate::plan::constants::{BUDGET_SHARE_DB, INAUDIBLE_ERROR_DB, LEFT_OUT_LEVEL_MAX, PITCH_HERTZ_MAX, SUBSTEPS_MIN};
 
 /// A method that is asked for by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -117,6 +115,14 @@ impl Budget {
         match *self {
             Self::Cents { .. } => HIGHEST_AUDIBLE,
             Self::Method(_) | Self::Error(_) => f64::INFINITY,
+        }
+    }
+
+    /// The largest audible error, as a multiple of what a budget of pitch allows; 0 for any other budget.
+    pub(crate) fn excess(&self, audible: &Audible) -> f64 {
+        match *self {
+            Self::Cents { cents, .. } => audible.worst_excess() * JUST_NOTICEABLE[0] / cents,
+            Self::Error(_) | Self::Method(_) => 0.0,
         }
     }
 }

@@ -7,16 +7,6 @@ use std::f64::consts::PI;
 use crate::island::slow;
 
 // What is heard.
-/// Errors that count as equal, each just noticeable: of a pitch [cents], of a T60 [1], of the level of a third
-/// octave [dB], of the beginning of the first stroke and of a later one [s], and of the level of a stroke [dB].
-///
-/// 3 cents: Moore, J. Acoust. Soc. Am. 54 (1973). 3 %: below the difference limen of reverberation times of 5 %, ISO
-/// 3382-1 (2009), table A.1. 1 dB: the difference limen of levels, Zwicker & Fastl, Psychoacoustics (1990), 7.1; half
-/// of it for strokes, which are compared with each other. 2 ms: two clicks are heard in their order at 2 to 3 ms
-/// (Hirsh, J. Acoust. Soc. Am. 31, 1959); a quarter of it where a gesture begins, which the player feels.
-pub const JUST_NOTICEABLE: [f64; 6] = [3.0, 0.03, 1.0, 0.5e-3, 2e-3, 0.5];
-/// Highest audible frequency [Hz]: modes and third octaves above it are not compared.
-pub(in crate::plan) const HIGHEST_AUDIBLE: f64 = 20_000.0;
 /// Above this frequency a sound hardly has a pitch [Hz].
 pub const PITCH_HERTZ_MAX: f64 = 5_000.0;
 /// Loudness of all left-out partials together, relative to the sound, if the budget is one of pitch [dB]: masked by the
@@ -31,53 +21,8 @@ pub(in crate::plan) const SEEN_SHARE: f64 = 0.5;
 /// Limits up to which a slow part counts as preserved: frames from kick to kick, and error [dB].
 pub(in crate::plan) const PRESERVED_LIMITS: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)];
 
-// How sounds are compared by ear.
-/// The shortest time that says anything about a sound [s], a period of the lowest audible pitch. A Hann window of this
-/// length keeps partials 40 Hz apart; a stroke stands out from so long a time before it and has its level over so long
-/// a time after its beginning; loudness is compared over this time and its first multiples.
-pub(in crate::plan) const SHORTEST_SECONDS: f64 = 0.05;
 /// Multiples of `SHORTEST_SECONDS` over which loudness is compared.
 pub(in crate::plan) const LOUDNESS_SPANS: usize = 20;
-/// Partials, strokes and stretches this much weaker than the strongest are not compared [power].
-pub(in crate::plan) const QUIET_POWER_RATIO: f64 = 1e-4;
-/// Third octaves are compared if their power is above this part of the strongest one's.
-pub(in crate::plan) const COMPARED_POWER_MIN: f64 = 1e-6;
-/// The ratio as which a missing band or stroke counts [power].
-pub(in crate::plan) const MISSING_POWER_RATIO: f64 = 1e-10;
-/// An output sounds from where it has moved by this part of its largest motion (-120 dB): a gesture may take seconds
-/// to reach what sounds.
-pub(in crate::plan) const MOVED_SHARE: f64 = 1e-6;
-/// What differs from the mean by less than this share of the largest position is rounding, and no sound.
-pub(in crate::plan) const MEAN_ROUNDING: f64 = 1e-14;
-/// Most partials that are compared.
-pub(in crate::plan) const PARTIALS_MAX: usize = 5;
-/// Time from window to window in which partials are followed [s].
-pub(in crate::plan) const PARTIALS_HOP: f64 = 5e-3;
-/// A decay is compared only if a straight line fits its level this closely (rms), and the level falls by at least as
-/// much [nepers].
-pub(in crate::plan) const DECAY_FIT_MAX: f64 = 0.1;
-/// Fewest windows from which a pitch is measured.
-pub(in crate::plan) const WINDOWS_MIN: usize = 8;
-/// Power, in which strokes begin, is taken over so long a time [s].
-pub(in crate::plan) const STROKES_HOP: f64 = 1e-3;
-/// A stroke begins where the power exceeds all that was there in the `SHORTEST_SECONDS` before by this factor.
-pub(in crate::plan) const ONSET_POWER_RATIO: f64 = 4.0;
-/// How far before and after its beginning in the reference a stroke is looked for [s].
-pub(in crate::plan) const ONSET_SEARCH_SECONDS: f64 = 0.01;
-/// The part of the energy within `ONSET_SEARCH_SECONDS` that marks the beginning of a stroke.
-pub(in crate::plan) const ONSET_ENERGY_SHARE: f64 = 0.3;
-/// A sound that fades out is divided into this many parts; the last is its fade-out.
-pub(in crate::plan) const FADE_OUT_PARTS: usize = 4;
-/// Least width × duration of a band: its level is the mean of about as many independent values. Two runs of one motion
-/// have the same values, so one is enough.
-pub(in crate::plan) const BAND_VALUES_MIN: f64 = 1.0;
-/// The same for runs that have parted: with fewer values the level is chance (two runs that differ by rounding alone
-/// are then 2 to 4 dB apart).
-pub(in crate::plan) const BAND_VALUES_MIN_PARTED: f64 = 8.0;
-/// The lowest third octave, of centre 1 kHz times 2^(i/3): 25 Hz.
-pub(in crate::plan) const LOWEST_THIRD_OCTAVE: i32 = -16;
-/// Third octaves end at this part of the rate, or at `HIGHEST_AUDIBLE` if that is lower.
-pub(in crate::plan) const RATE_SHARE: f64 = 0.45;
 
 // Runs that part.
 /// Differences of third octaves between runs that have parted [dB]. Two runs that differ by rounding alone are up to 2
@@ -234,9 +179,6 @@ pub(in crate::plan) const GROWTH_TOLERANCE: f64 = 3e-5;
 pub(in crate::plan) const COMMON_FRAMES_MAX: u64 = 20_000;
 
 // Which bodies go by modes, and which modes are left out.
-/// Most masses of a body whose whole spectrum is computed: its matrix takes 8 n² bytes, its reduction
-/// n³ multiplications (0.4 s for 1,000, 25 s for 4,000).
-pub(in crate::plan) const MODAL_MASSES_MAX: usize = 2_000;
 /// Fewest masses of a body that nothing touches between frames: fewer are stepped as quickly as by modes.
 pub(in crate::plan) const MODAL_MASSES_MIN: usize = 4;
 /// Ports that a body may have, however few its masses: contacts at all of them cost less by modes than with a mesh
@@ -250,13 +192,6 @@ pub(in crate::plan) const MASSES_PER_PORT: usize = 4;
 pub(in crate::plan) const COST_RATIO_MAX: f64 = 2.0;
 /// Most ties of a body that may be stepped beside its modes: for a body that hangs in a few places.
 pub(in crate::plan) const TIES_MAX: usize = 8;
-/// Most undamped modes that damping may couple. An eigenvalue problem of 256 states takes 0.06 s, one of 512 half a
-/// second.
-pub(in crate::plan) const COUPLED_MODES_MAX: usize = 256;
-/// Most masses of a body whose damping is not proportional: the coupling of all its modes is computed.
-pub(in crate::plan) const DAMPED_MASSES_MAX: usize = 300;
-/// Largest ‖E‖ [1/s]: after a second the motion is off by −120 dB.
-pub(in crate::plan) const COUPLING_ERROR_MAX: f64 = 1e-6;
 /// Modes are left out only if those kept cost at most this part of all: with all modes there is no error.
 pub(in crate::plan) const TRUNCATED_COST_RATIO_MAX: f64 = 0.5;
 /// Time over which energies are compared [s]: at the beginning, where high modes, which fade first, count most.
@@ -265,30 +200,8 @@ pub(in crate::plan) const ENERGY_SPAN: f64 = 0.1;
 pub(in crate::plan) const QUIETER_STEP_DB: f64 = 2.0;
 /// Most attempts to leave modes out.
 pub(in crate::plan) const PRUNE_TRIES: usize = 4;
-/// A mode whose pole turns by less than this angle a step is stepped as written instead: the two-term recurrence would
-/// round its frequency (relative error 1e-16/θ²).
-pub(in crate::plan) const ANGLE_MIN: f64 = 1e-4;
 
-// What counts as rounding in modes.
-/// Relative difference below which damping ratios, matrices that should commute and the damping of a rigid mode beside
-/// the largest count as equal: the digits of a score, fitted numbers, and rounding.
-pub(in crate::plan) const RELATIVE_TOLERANCE: f64 = 1e-9;
-/// The same for losses found from several vectors: modes of nearly equal frequency mix.
-pub(in crate::plan) const MIXED_MODES_TOLERANCE: f64 = 1e-6;
-/// Vectors from which the loss of each mode is found: a single one may contain nothing of a mode.
-pub(in crate::plan) const PROBE_VECTORS: usize = 3;
-/// Frequencies that differ by less count as equal [rad/s]: over a minute they drift apart by 6e-6 of a turn, -104 dB.
-/// Between modes that are equal by symmetry rounding leaves less, except for the very lowest.
-pub(in crate::plan) const FREQUENCY_TOLERANCE: f64 = 1e-7;
-/// A part of a row that is this small relative to the row is rounding.
-pub(in crate::plan) const ROW_ROUNDING: f64 = 1e-10;
-/// Coupling below this, relative to the strongest damping, is rounding.
-pub(in crate::plan) const COUPLING_ROUNDING: f64 = 1e-15;
-/// Frequencies that differ by less count as equal [rad/s], and all coupling below it together counts as none [1/s].
-pub(in crate::plan) const COUPLING_NONE: f64 = 1e-8;
-/// Two real roots this close, relative to their sum, are taken as a pair that hardly swings: as separate roots their
-/// residues would cancel each other.
-pub(in crate::plan) const CRITICAL_TOLERANCE: f64 = 1e-7;
+// What counts as rounding in slow parts.
 /// Stiffness below this part of the largest is rounding: nothing holds the body in such a mode.
 pub(in crate::plan) const LOOSE_STIFFNESS_RATIO: f64 = 1e-12;
 

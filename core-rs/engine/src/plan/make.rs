@@ -6,6 +6,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use crate::body_modes::linear::NoModes;
 use crate::interrupt;
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset};
@@ -17,7 +18,6 @@ use crate::plan::passes::audible::{Body as SolvedBank, ModeKind};
 use crate::plan::passes::body;
 use crate::plan::passes::cells;
 use crate::plan::passes::islands::{IslandMembers, islands};
-use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::{self, PortedBody};
 use crate::plan::passes::seen;

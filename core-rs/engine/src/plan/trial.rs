@@ -1,7 +1,6 @@
 //! Trials: the beginning of an island is played to measure the error of ways to compute it.
 
 pub(in crate::plan) mod allowance;
-pub(in crate::plan) mod audible;
 pub(in crate::plan) mod candidates;
 pub(in crate::plan) mod chaos;
 pub(in crate::plan) mod horizon;
@@ -17,5 +16,4 @@ pub(in crate::plan) mod runs;
 pub(in crate::plan) mod search;
 pub(in crate::plan) mod seen_rate;
 pub(in crate::plan) mod silence;
-pub(in crate::plan) mod third_octaves;
 pub(in crate::plan) mod waveform_error;

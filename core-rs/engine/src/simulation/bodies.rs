@@ -5,9 +5,9 @@ use std::collections::HashSet;
 
 use super::side::{MatLocation, Side, UnitIndex, unmatched};
 use super::{RunningUnit, Simulation};
+use crate::body_modes::mode_shapes::{ModalTransform, ModeShapes};
 use crate::island::inside::{self, BodyPlan};
 use crate::network::Network;
-use crate::plan::{ModalTransform, ModeShapes};
 use crate::units::Rate;
 
 /// Where a body is computed: in a bank of its modes (`None`), or as a body of an island (its index).

@@ -14,9 +14,10 @@ use super::Simulation;
 use super::bodies::{Body, Workspace, bodies, names};
 use super::side::{MatLocation, Side, UnitIndex, mat_locations, unmatched};
 use crate::bank::are_same;
+use crate::body_modes::mode_shapes::ModalTransform;
 use crate::island::ItemTakeover;
 use crate::network::Network;
-use crate::plan::{IslandPlan, ModalTransform, Plan};
+use crate::plan::{IslandPlan, Plan};
 use crate::timeline::DriveKind;
 
 /// What a simulation takes over from another, item by item.

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::body_modes::complex_modes::ComplexPart;
 use crate::cell::{Cell, Response};
 use crate::network::Network;
 use crate::units::Rate;
@@ -41,14 +42,6 @@ pub(crate) struct Mode {
     pub(crate) before: f64,
     /// Its continuous motion; `None` if a strike acts in one step.
     pub(crate) cell: Option<Cell>,
-}
-
-/// The complex mode and the part of it that an oscillator is, and the sign with which it is seen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct ComplexPart {
-    pub(crate) mode: usize,
-    pub(crate) part: usize,
-    pub(crate) sign: f64,
 }
 
 /// Responses of the parts of complex modes: a push moves each with a phase that depends on where it acts.

@@ -196,7 +196,7 @@ impl SolvedIsland {
     fn sounds_as_exact(&self, other: &Self, budget: &Budget) -> bool {
         let audible = |solved: &Self| solved.chosen.error.and_then(|error| error.audible);
         match (audible(self), audible(other)) {
-            (Some(ours), Some(other)) => ours.excess(budget) <= other.excess(budget).max(1.0),
+            (Some(ours), Some(other)) => budget.excess(&ours) <= budget.excess(&other).max(1.0),
             _ => self.is_as_exact(other, budget),
         }
     }

@@ -6,11 +6,11 @@
 use std::sync::Arc;
 
 use super::Maker;
+use crate::body_modes::linear::NoModes;
 use crate::network::{Error, Network, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::passes::cells;
 use crate::plan::passes::islands::IslandMembers;
-use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::seen;
 use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::trial::allowance::Allowance;

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
+use crate::body_modes::linear::NoModes;
 use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::choice::SteppedChoice;
 use crate::plan::constants::{SUBSTEPS_MAX, SUBSTEPS_MIN};
-use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::{self, Cut, PortedBody};
 use crate::plan::passes::solved_modes::Memo;

@@ -2,6 +2,8 @@
 //! complex modes.
 
 use crate::bank::{Oscillator, Strikes};
+use crate::body_modes::linear::NoModes;
+use crate::body_modes::normal_modes::{Modes, Row};
 use crate::cell::Response;
 use crate::network::{Network, Subset, Term};
 use crate::plan::BankPlan;
@@ -9,8 +11,6 @@ use crate::plan::budget::Budget;
 use crate::plan::passes::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
 use crate::plan::passes::cells::add_weight;
 use crate::plan::passes::complex_body;
-use crate::plan::passes::linear::NoModes;
-use crate::plan::passes::modes::{Modes, Row};
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::truncate::{self, KeptModes};
 use crate::timeline::{Instants, Timeline};

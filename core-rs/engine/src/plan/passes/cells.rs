@@ -3,10 +3,10 @@
 use std::collections::HashMap;
 
 use crate::bank::{Blow, Kick, Oscillator};
+use crate::body_modes::ANGLE_MIN;
 use crate::interrupt;
 use crate::network::{Error, MatKind, Network, Subset, Term};
 use crate::plan::BankPlan;
-use crate::plan::constants::ANGLE_MIN;
 use crate::plan::passes::islands::IslandMembers;
 use crate::scheme::Scheme;
 use crate::start::backward_steps;

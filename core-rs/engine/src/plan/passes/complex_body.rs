@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use crate::bank::{Oscillator, Strikes};
+use crate::body_modes::complex_modes::ComplexPart;
+use crate::body_modes::complex_modes::{ComplexModes, Pole, Sum};
+use crate::body_modes::linear::NoModes;
 use crate::cell::{Response, recurrence};
-use crate::island::modal::ComplexPart;
 use crate::kernel::bank::LANES;
 use crate::maths::{cos, exp, expm1, sin};
 use crate::network::{Network, Subset, Term};
@@ -13,8 +15,6 @@ use crate::plan::budget::Budget;
 use crate::plan::constants::{ENERGY_SPAN, TRUNCATED_COST_RATIO_MAX};
 use crate::plan::passes::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
 use crate::plan::passes::cells::add_weight;
-use crate::plan::passes::complex_modes::{ComplexModes, Pole, Sum};
-use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::truncate::{self, KeptModes};
 use crate::units::Rate;

@@ -3,10 +3,11 @@
 
 use crate::bank::Bank;
 use crate::derivative::Derivatives;
+use crate::hearing::SHORTEST_SECONDS;
 use crate::maths::log10;
 use crate::network::Network;
 use crate::plan::BankPlan;
-use crate::plan::constants::{LOUDNESS_SPANS, SHORTEST_SECONDS};
+use crate::plan::constants::LOUDNESS_SPANS;
 use crate::units::Rate;
 
 /// Frames at once.

@@ -3,6 +3,9 @@
 
 use std::sync::Arc;
 
+use crate::body_modes::complex_modes::Sum;
+use crate::body_modes::linear::NoModes;
+use crate::body_modes::normal_modes::{Modes, Row};
 use crate::cell::Response;
 use crate::island::inside::BodyPlan;
 use crate::island::modal::{Answers, Modal, Mode, Port, Struck};
@@ -14,10 +17,7 @@ use crate::plan::constants::{COST_RATIO_MAX, TIES_MAX};
 use crate::plan::cost;
 use crate::plan::passes::body::{blows, output_sums, position_sums};
 use crate::plan::passes::complex_body::{self, Part};
-use crate::plan::passes::complex_modes::Sum;
-use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::{self, MethodChoice};
-use crate::plan::passes::modes::{Modes, Row};
 use crate::plan::passes::slow::slow_bodies;
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::{OwnTimeline, split};

@@ -3,11 +3,11 @@
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
+use crate::body_modes::complex_modes::{ComplexModes, Sum};
+use crate::body_modes::linear::NoModes;
+use crate::body_modes::normal_modes::{Modes, Row};
 use crate::network::Network;
 use crate::plan::constants::SOLVE_SECONDS;
-use crate::plan::passes::complex_modes::{ComplexModes, Sum};
-use crate::plan::passes::linear::NoModes;
-use crate::plan::passes::modes::{Modes, Row};
 use crate::units::Rate;
 
 /// The modes of one body, with the rows that have been asked for.

@@ -1,10 +1,10 @@
 //! Which modes of a body this score needs: the modes that its strikes excite least are left out, as far as the error
 //! budget allows.
 
+use crate::body_modes::normal_modes::Modes;
 use crate::maths::{expm1, log10, pow};
 use crate::plan::budget::Budget;
 use crate::plan::constants::ENERGY_SPAN;
-use crate::plan::passes::modes::Modes;
 use crate::units::Rate;
 
 /// The modes that are kept.

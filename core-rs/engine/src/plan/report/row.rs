@@ -1,5 +1,6 @@
 //! The report of a plan: a row for everything that is computed together, and for everything that is not computed.
 
+use crate::hearing::Audible;
 use crate::integrate::certify;
 use crate::island::inside::BodyPlan;
 use crate::network::{Network, Subset};
@@ -9,7 +10,6 @@ use crate::plan::cost::{self, Costs};
 use crate::plan::passes::audible::{Body, ModeKind};
 use crate::plan::passes::islands::IslandMembers;
 use crate::plan::passes::ported::PortedBody;
-use crate::plan::trial::audible::Audible;
 use crate::plan::{BankPlan, IslandPlan};
 use crate::scheme::{Certificate, StabilityGuarantee};
 use crate::timeline::Timeline;
@@ -70,7 +70,7 @@ pub struct Measured {
 impl Measured {
     /// The audible error as a multiple of what a budget allows; 0 if it is not known.
     pub(in crate::plan) fn excess(&self, budget: &Budget) -> f64 {
-        self.audible.map_or(0.0, |audible| audible.excess(budget))
+        self.audible.map_or(0.0, |audible| budget.excess(&audible))
     }
 
     /// Adds the doubt of an estimate, but not beyond what is `asked` for: the budget has margins of its own.

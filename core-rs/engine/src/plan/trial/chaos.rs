@@ -4,17 +4,17 @@
 //! linear system the difference stays small; if pitches depend on amplitudes, it grows with time or its square; if it
 //! grows faster, the motion is chaotic. Waveforms are then compared only until the runs part, and spectra after that.
 
+use crate::hearing::QUIET_POWER_RATIO;
+use crate::hearing::third_octaves::level_difference;
 use crate::island::inside::BodyPlan;
 use crate::maths::{log10, sqrt};
 use crate::network::{LinkKind, Network};
 use crate::plan::IslandPlan;
 use crate::plan::constants::{
-    ATTACK_ERROR_MIN, ATTACK_SECONDS, FACTOR_TWO_DB, FIRST_STRETCH_SECONDS, NUDGE_SHARE, PARTED_DB, QUIET_POWER_RATIO,
-    REGULAR_GROWTH,
+    ATTACK_ERROR_MIN, ATTACK_SECONDS, FACTOR_TWO_DB, FIRST_STRETCH_SECONDS, NUDGE_SHARE, PARTED_DB, REGULAR_GROWTH,
 };
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{BLOCK, Excerpt, PilotRun, nudged};
-use crate::plan::trial::third_octaves::level_difference;
 use crate::plan::trial::waveform_error::Spans;
 
 /// Stretches of time after the first sound, each ending at twice the time of the one before.

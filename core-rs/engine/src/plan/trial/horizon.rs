@@ -1,6 +1,7 @@
 //! How long an error holds: if keys meet what sounds again and again, runs may part long after the end of a pilot.
 
 use crate::gesture::script::Gesture;
+use crate::hearing::third_octaves::level_difference;
 use crate::island::inside::BodyPlan;
 use crate::maths::log10;
 use crate::network::LinkKind;
@@ -13,11 +14,9 @@ use crate::plan::constants::{
 use crate::plan::report::content::{Content, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
-use crate::plan::trial::audible::Audible;
 use crate::plan::trial::chaos::is_linear;
 use crate::plan::trial::pilot_run::{Excerpt, frames_at_rest, frames_per_second, play, work};
 use crate::plan::trial::record::{self, TrialRecord, TrialStore};
-use crate::plan::trial::third_octaves::level_difference;
 use crate::plan::trial::waveform_error::Spans;
 use crate::timeline::Timeline;
 
@@ -166,7 +165,7 @@ fn extend_over(
     let error_excess = measured.db - change_at(pilot_frames);
     // The first run may have been played further.
     let sound_pair = (&run.sound[..other.sound.len()], &*other.sound);
-    let audible = Audible::for_budget(budget, sound_pair, &spans);
+    let audible = spans.audible_error(budget, sound_pair);
     let audible_error = measured.audible.zip(audible).map(|(pilot_error, audible)| {
         // The finer run has up to as large an error as the change.
         Measured {

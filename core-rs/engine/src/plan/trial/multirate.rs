@@ -17,7 +17,6 @@ use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::content::IslandContent;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
-use crate::plan::trial::audible::Audible;
 use crate::plan::trial::horizon;
 use crate::plan::trial::macrostep::{self, Growth};
 use crate::plan::trial::pilot_run::{find_excerpt, is_affordable, play};
@@ -290,7 +289,8 @@ fn compare_with_every_frame(
         db,
         over: excerpt.end() as f64 / spans.rate,
         spectral: None,
-        audible: Audible::for_budget(budget, (&slow_run.sound, &every_frame_run.sound), &spans)
+        audible: spans
+            .audible_error(budget, (&slow_run.sound, &every_frame_run.sound))
             .filter(|_| !slow_run.is_lost),
     }))
 }

@@ -1,12 +1,12 @@
 //! The result of a trial: an island and its error, kept as a record that a later plan can read.
 
+use crate::body_modes::linear::NoModes;
 use crate::island::inside::BodyPlan;
 use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::choice::{BodyChoice, SteppedChoice};
 use crate::plan::constants::{OVERSAMPLING_MAX, SUBSTEPS_MAX};
 use crate::plan::passes::assemble::{Assembled, AssemblyOptions, Shape};
-use crate::plan::passes::linear::NoModes;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::truncate::KeptModes;
 use crate::plan::report::row::Measured;

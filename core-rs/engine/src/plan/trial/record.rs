@@ -5,12 +5,12 @@
 //! keys: the hash of all that does not depend on time leads to the lengths that earlier series of the island played,
 //! and the hash of that and of the events up to one such length leads to what the series found.
 
+use crate::hearing::{Audible, JUST_NOTICEABLE};
 use crate::network::Error;
-use crate::plan::constants::{JUST_NOTICEABLE, LENGTHS_MAX};
+use crate::plan::constants::LENGTHS_MAX;
 use crate::plan::report::content::{IslandContent, hex_of};
 use crate::plan::report::row::Measured;
 use crate::plan::trial::allowance::{Allowance, Taken};
-use crate::plan::trial::audible::Audible;
 
 /// What a series of trials took and found, as numbers that can be written and read.
 #[derive(Clone, Debug, Default, PartialEq)]

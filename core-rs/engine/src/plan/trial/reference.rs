@@ -6,6 +6,7 @@
 use std::ops::RangeInclusive;
 use std::rc::Rc;
 
+use crate::hearing::Audible;
 use crate::maths::pow;
 use crate::network::Error;
 use crate::plan::budget::Budget;
@@ -16,7 +17,6 @@ use crate::plan::constants::{
 };
 use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::trial::allowance::{Allowance, TrialError};
-use crate::plan::trial::audible::Audible;
 use crate::plan::trial::candidates::{Candidate, Family, has_fine};
 use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
 use crate::plan::trial::runs::Runs;
@@ -40,7 +40,7 @@ impl Reference {
     /// Whether it is as exact as a reference should be.
     fn is_exact(&self, budget: &Budget) -> bool {
         match self.audible {
-            Some(audible) => audible.excess(budget) <= REFERENCE_SHARE,
+            Some(audible) => budget.excess(&audible) <= REFERENCE_SHARE,
             None => self.error <= (budget.asked() - REFERENCE_MARGIN_DB).min(REFERENCE_DB),
         }
     }
@@ -52,7 +52,7 @@ impl Reference {
 
     fn is_better(&self, other: &Self, budget: &Budget) -> bool {
         match (self.audible, other.audible) {
-            (Some(audible), Some(other_audible)) => audible.excess(budget) < other_audible.excess(budget),
+            (Some(audible), Some(other_audible)) => budget.excess(&audible) < budget.excess(&other_audible),
             _ => self.error < other.error,
         }
     }
@@ -211,7 +211,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
             let reached = Reference {
                 candidate: candidate.counted(&run),
                 error: error_of_finer(run_change, change_before),
-                audible: Audible::for_budget(self.budget, (&coarser_run.sound, &run.sound), self.spans),
+                audible: self.spans.audible_error(self.budget, (&coarser_run.sound, &run.sound)),
                 run,
             };
             let gains_nothing = change_before.is_some_and(|change_before| run_change > change_before - EQUAL_ERRORS_DB);

@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
+use crate::hearing::Audible;
 use crate::maths::sqrt;
 use crate::network::Error;
 use crate::plan::budget::Budget;
@@ -18,7 +19,6 @@ use crate::plan::constants::{
 use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
-use crate::plan::trial::audible::Audible;
 use crate::plan::trial::candidates::{Candidate, candidates, has_fine};
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};
 use crate::plan::trial::horizon;
@@ -202,7 +202,9 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             };
             run_pair.compare(growth)
         });
-        let audible = Audible::for_budget(self.budget, (&run.sound, &reference.run.sound), self.spans);
+        let audible = self
+            .spans
+            .audible_error(self.budget, (&run.sound, &reference.run.sound));
         let audible = audible.zip(reference.audible).filter(|_| parting.is_none());
         Tried {
             error: amplitude_sum([run_difference, reference.error]),
@@ -229,7 +231,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
 
     /// The audible error, as a multiple of what a budget of pitch allows.
     fn excess(&self, tried: &Tried) -> f64 {
-        tried.audible.map_or(0.0, |audible| audible.excess(self.budget))
+        tried.audible.map_or(0.0, |audible| self.budget.excess(&audible))
     }
 
     /// Whether a candidate that misses the budget is enough better than `other` to be worth its cost.

@@ -1,7 +1,9 @@
 //! How far apart two runs of the same beginning are, and which errors follow from that.
 
+use crate::hearing::Audible;
 use crate::maths::{decibels, log10, pow, sqrt};
 use crate::plan::IslandPlan;
+use crate::plan::budget::Budget;
 use crate::plan::constants::{EARLY_CHECK, PILOT_PARTS, PILOT_SECONDS};
 use crate::plan::trial::pilot_run::frames_per_second;
 use crate::waveform::worst_ratio;
@@ -47,6 +49,14 @@ impl Spans {
             n_out: island_plan.network.outputs().len(),
             frames: [2, 1, 0].map(|thirds| n_frames.saturating_sub(thirds * third_frames)),
             rate,
+        }
+    }
+
+    /// The audible error of a run against a finer one of the same length; `None` unless the budget is one of pitch.
+    pub(in crate::plan) fn audible_error(&self, budget: &Budget, sound_pair: (&[f64], &[f64])) -> Option<Audible> {
+        match *budget {
+            Budget::Cents { upto, .. } => Some(Audible::new(sound_pair, self.n_out, self.rate, upto)),
+            Budget::Error(_) | Budget::Method(_) => None,
         }
     }
 

@@ -1,9 +1,9 @@
 //! A linear body: masses, springs and dampers as matrices, and whether its damping is proportional to mass and
 //! stiffness.
 
+use crate::body_modes::constants::{MODAL_MASSES_MAX, RELATIVE_TOLERANCE};
+use crate::body_modes::viscosity::Viscosity;
 use crate::network::{LinkKind, MatKind, Network};
-use crate::plan::constants::{MODAL_MASSES_MAX, RELATIVE_TOLERANCE};
-use crate::plan::passes::viscosity::Viscosity;
 use crate::units::Rate;
 
 /// Why a body has no modes here.

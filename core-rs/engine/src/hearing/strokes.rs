@@ -1,10 +1,10 @@
 //! Strokes in a sound: when each begins, and how strong it is.
 
-use crate::maths::log10;
-use crate::plan::constants::{
+use crate::hearing::constants::{
     MISSING_POWER_RATIO, ONSET_ENERGY_SHARE, ONSET_POWER_RATIO, ONSET_SEARCH_SECONDS, QUIET_POWER_RATIO,
     SHORTEST_SECONDS, STROKES_HOP,
 };
+use crate::maths::log10;
 
 /// Errors of the strokes of a sound, each at its worst.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,8 +1,8 @@
 //! An undamped mode that damping does not couple with others: its poles are the roots of s² + c·s + ω².
 
 use super::{ComplexModes, Coordinates, Pole};
-use crate::plan::constants::{COUPLING_ERROR_MAX, COUPLING_NONE, CRITICAL_TOLERANCE};
-use crate::plan::passes::linear::NoModes;
+use crate::body_modes::constants::{COUPLING_ERROR_MAX, COUPLING_NONE, CRITICAL_TOLERANCE};
+use crate::body_modes::linear::NoModes;
 
 /// Adds the modes that belong to undamped mode `mode` with damping `c` [1/s].
 pub(super) fn add(modes: &mut ComplexModes, coordinates: &Coordinates, mode: usize, c: f64) -> Result<(), NoModes> {

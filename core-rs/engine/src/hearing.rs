@@ -1,13 +1,15 @@
-//! What is heard of the difference of two runs: pitch and decay of the strongest partials, levels of third octaves, and
-//! when strokes begin and how strong they are.
+//! What is heard of the difference of two sounds: pitch and decay of the strongest partials, levels of third octaves,
+//! and when strokes begin and how strong they are.
 
+mod constants;
 mod levels;
 mod partials;
 mod strokes;
+pub(crate) mod third_octaves;
 
-use crate::plan::budget::Budget;
-use crate::plan::constants::{JUST_NOTICEABLE, MEAN_ROUNDING, MOVED_SHARE};
-use crate::plan::trial::waveform_error::Spans;
+pub use constants::JUST_NOTICEABLE;
+pub(crate) use constants::{HIGHEST_AUDIBLE, QUIET_POWER_RATIO, SHORTEST_SECONDS};
+use constants::{MEAN_ROUNDING, MOVED_SHARE};
 
 /// The audible error of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,21 +29,21 @@ pub struct Audible {
 }
 
 impl Audible {
-    /// The error of a run against a finer one, with partials up to `upto` [Hz]. Both are compared from where the finer
-    /// one begins to sound.
-    fn new(run: &[f64], finer: &[f64], spans: &Spans, upto: f64) -> Self {
-        let n_outputs = spans.n_out.max(1);
+    /// The error of a run against a finer one of the same length (n_frames · n_out), at `rate` [Hz], with partials up to
+    /// `upto` [Hz]. Both are compared from where the finer one begins to sound.
+    pub(crate) fn new((run, finer): (&[f64], &[f64]), n_out: usize, rate: f64, upto: f64) -> Self {
+        let n_outputs = n_out.max(1);
         (0..n_outputs).fold(Self::default(), |worst, output| {
             let [run_sound, finer_sound] = [run, finer]
                 .map(|sound| -> Vec<f64> { sound.iter().skip(output).step_by(n_outputs).copied().collect() });
             let sound_begin = begin_of_sound(&finer_sound);
             let [run_sound, finer_sound] = [run_sound, finer_sound].map(|sound| without_mean(&sound[sound_begin..]));
-            let (cents, t60) = partials::pitch_errors(&run_sound, &finer_sound, spans.rate, upto);
-            let strokes = strokes::stroke_errors(&run_sound, &finer_sound, spans.rate);
+            let (cents, t60) = partials::pitch_errors(&run_sound, &finer_sound, rate, upto);
+            let strokes = strokes::stroke_errors(&run_sound, &finer_sound, rate);
             worst.with(Self {
                 cents,
                 t60,
-                level: levels::level_error(&run_sound, &finer_sound, spans.rate),
+                level: levels::level_error(&run_sound, &finer_sound, rate),
                 first_stroke: strokes.first,
                 later_stroke: strokes.later,
                 stroke_level: strokes.level,
@@ -49,22 +51,14 @@ impl Audible {
         })
     }
 
-    /// The same if the budget is one of pitch, else `None`; both sounds are equally long.
-    pub(in crate::plan) fn for_budget(budget: &Budget, (run, finer): (&[f64], &[f64]), spans: &Spans) -> Option<Self> {
-        match *budget {
-            Budget::Cents { upto, .. } => Some(Self::new(run, finer, spans, upto)),
-            Budget::Error(_) | Budget::Method(_) => None,
-        }
-    }
-
     /// The larger error of each.
-    pub(in crate::plan) fn with(self, other: Self) -> Self {
+    pub(crate) fn with(self, other: Self) -> Self {
         let [first_errors, other_errors] = [self, other].map(|error| error.values());
         Self::from(std::array::from_fn(|i| first_errors[i].max(other_errors[i])))
     }
 
     /// Both errors in the worst case: the sum of each.
-    pub(in crate::plan) fn plus(self, other: Self) -> Self {
+    pub(crate) fn plus(self, other: Self) -> Self {
         let [first_errors, other_errors] = [self, other].map(|error| error.values());
         Self::from(std::array::from_fn(|i| first_errors[i] + other_errors[i]))
     }
@@ -81,18 +75,12 @@ impl Audible {
         ]
     }
 
-    /// The largest of them, as a multiple of what a budget of pitch allows; 0 for any other budget.
-    pub(in crate::plan) fn excess(&self, budget: &Budget) -> f64 {
-        match *budget {
-            Budget::Cents { cents, .. } => {
-                let error_limits = self.values().into_iter().zip(JUST_NOTICEABLE);
-                let worst_excess = error_limits
-                    .map(|(error, threshold)| error / threshold)
-                    .fold(0.0, f64::max);
-                worst_excess * JUST_NOTICEABLE[0] / cents
-            }
-            Budget::Error(_) | Budget::Method(_) => 0.0,
-        }
+    /// The largest of them, as a multiple of what is just noticeable.
+    pub(crate) fn worst_excess(&self) -> f64 {
+        let error_limits = self.values().into_iter().zip(JUST_NOTICEABLE);
+        error_limits
+            .map(|(error, threshold)| error / threshold)
+            .fold(0.0, f64::max)
     }
 }
 
@@ -143,16 +131,14 @@ mod tests {
 
     #[test]
     fn audible_ignores_rounding_at_rest() {
-        let spans = Spans {
-            n_out: 1,
-            rate: 32_000.0,
-            frames: [3_200, 6_400, 9_600],
-        };
         let resting_sound = |ulp: f64| -> Vec<f64> {
             let noise_sample = |i: u32| -9.8e-5 + ulp * f64::from(i.count_ones() % 2);
             (0..9_600).map(noise_sample).collect()
         };
-        let audible = |ulp: f64| Audible::new(&resting_sound(ulp), &resting_sound(2.0 * ulp), &spans, 5_000.0);
+        let audible = |ulp: f64| {
+            let (run, finer) = (resting_sound(ulp), resting_sound(2.0 * ulp));
+            Audible::new((&run, &finer), 1, 32_000.0, 5_000.0)
+        };
         assert_eq!(audible(1e-20), Audible::default());
         assert!(audible(1e-9).level > 5.0);
     }

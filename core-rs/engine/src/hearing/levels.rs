@@ -7,9 +7,9 @@
 
 use std::f64::consts::PI;
 
+use crate::hearing::constants::{BAND_VALUES_MIN, COMPARED_POWER_MIN, FADE_OUT_PARTS, MISSING_POWER_RATIO};
+use crate::hearing::third_octaves::{Band, bands, powers};
 use crate::maths::{log10, pow, sincos, sqrt};
-use crate::plan::constants::{BAND_VALUES_MIN, COMPARED_POWER_MIN, FADE_OUT_PARTS, MISSING_POWER_RATIO};
-use crate::plan::trial::third_octaves::{Band, bands, powers};
 
 /// The largest level difference among the third octaves that are heard in `b` [dB].
 pub(super) fn level_error(a: &[f64], b: &[f64], rate: f64) -> f64 {

@@ -1,9 +1,9 @@
 //! The positions of all MATs of a body from the amplitudes of its modes, and the reverse.
 
-use crate::island::modal::ComplexPart;
+use crate::body_modes::complex_modes::ComplexPart;
+use crate::body_modes::complex_modes::{ComplexModes, Sum};
+use crate::body_modes::normal_modes::{Modes, Row};
 use crate::network::Network;
-use crate::plan::passes::complex_modes::{ComplexModes, Sum};
-use crate::plan::passes::modes::{Modes, Row};
 use crate::units::Rate;
 
 /// Which transform a table of mode shapes is for: it is stored in the order in which that transform reads it.

@@ -4,8 +4,8 @@
 //! Each mode then has a loss ζ of its own. It follows without the shapes of the modes: if a vector r contains φ·r of a
 //! mode, then Z·r contains ζ times that.
 
+use crate::body_modes::constants::{MIXED_MODES_TOLERANCE, RELATIVE_TOLERANCE};
 use crate::network::{LinkKind, MatKind, Network};
-use crate::plan::constants::{MIXED_MODES_TOLERANCE, RELATIVE_TOLERANCE};
 
 /// One end and its share, the other end (`None` if held) and its share, and z.
 type Damper = (usize, f64, Option<(usize, f64)>, f64);

@@ -3,10 +3,10 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use crate::maths::{log10, pow, sincos};
-use crate::plan::constants::{
+use crate::hearing::constants::{
     BAND_VALUES_MIN_PARTED, COMPARED_POWER_MIN, HIGHEST_AUDIBLE, LOWEST_THIRD_OCTAVE, MISSING_POWER_RATIO, RATE_SHARE,
 };
+use crate::maths::{log10, pow, sincos};
 
 /// Centres of third octaves [Hz]: 1 kHz times 2^(i/3), from 25 Hz up to 20 kHz, or up to `RATE_SHARE` of the rate if
 /// that is lower.
@@ -14,7 +14,7 @@ const CENTRE_HERTZ: f64 = 1_000.0;
 
 /// Mean difference of the levels of two sounds [dB], (n_frames · n_out) each, `b` the reference: over the third octaves
 /// within 60 dB of its strongest, summed over outputs that are normalised to equal power.
-pub(in crate::plan) fn level_difference(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
+pub(crate) fn level_difference(a: &[f64], b: &[f64], n_out: usize, rate: f64) -> f64 {
     let n_frames = b.len() / n_out.max(1);
     let bands = bands(n_frames, rate, BAND_VALUES_MIN_PARTED);
     let (mut sound_powers, mut reference_powers) = (vec![0.0; bands.len()], vec![0.0; bands.len()]);

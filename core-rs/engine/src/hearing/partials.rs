@@ -4,11 +4,11 @@
 
 use std::f64::consts::{PI, TAU};
 
-use crate::maths::{atan2, log, log2, sincos};
-use crate::plan::constants::{
+use crate::hearing::constants::{
     DECAY_FIT_MAX, PARTIALS_HOP, PARTIALS_MAX, QUIET_POWER_RATIO, SHORTEST_SECONDS, WINDOWS_MIN,
 };
-use crate::plan::trial::third_octaves::{length, powers};
+use crate::hearing::third_octaves::{length, powers};
+use crate::maths::{atan2, log, log2, sincos};
 
 /// Largest error of a pitch [cents], and of a T60 relative to itself, among partials up to `upto` [Hz]; `b` is the
 /// reference.

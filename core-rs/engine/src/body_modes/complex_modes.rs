@@ -9,19 +9,27 @@ mod decoupled;
 
 use std::ops::Range;
 
+use crate::body_modes::constants::{ANGLE_MIN, COUPLING_NONE, DAMPED_MASSES_MAX};
+use crate::body_modes::linear::{Damper, Linear, NoModes};
+use crate::body_modes::normal_modes::Row;
 use crate::network::Network;
-use crate::plan::constants::{ANGLE_MIN, COUPLING_NONE, DAMPED_MASSES_MAX};
-use crate::plan::passes::linear::{Damper, Linear, NoModes};
-use crate::plan::passes::modes::Row;
 use crate::spectrum::all_eigenvalues;
 use crate::units::Rate;
 
 /// A complex number: real and imaginary part.
-pub(in crate::plan) type Complex = [f64; 2];
+pub(crate) type Complex = [f64; 2];
+
+/// The complex mode and the part of it that an oscillator is, and the sign with which it is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ComplexPart {
+    pub(crate) mode: usize,
+    pub(crate) part: usize,
+    pub(crate) sign: f64,
+}
 
 /// How a mode evolves by itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::plan) enum Pole {
+pub(crate) enum Pole {
     /// −decay ± iω [1/s, rad/s].
     Pair { decay: f64, omega: f64 },
     /// −decay [1/s].
@@ -32,14 +40,14 @@ pub(in crate::plan) enum Pole {
 
 /// What an output sums of a body.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(in crate::plan) struct Sum {
-    pub(in crate::plan) positions: Row,
-    pub(in crate::plan) velocities: Row,
+pub(crate) struct Sum {
+    pub(crate) positions: Row,
+    pub(crate) velocities: Row,
 }
 
 impl Sum {
     /// Of positions alone.
-    pub(in crate::plan) fn from_positions(positions: Row) -> Self {
+    pub(crate) fn from_positions(positions: Row) -> Self {
         Self {
             positions,
             velocities: Row::new(),
@@ -49,18 +57,18 @@ impl Sum {
 
 /// The modes of a body.
 #[derive(Debug, Default)]
-pub(in crate::plan) struct ComplexModes {
+pub(crate) struct ComplexModes {
     /// (n_modes)
-    pub(in crate::plan) poles: Vec<Pole>,
+    pub(crate) poles: Vec<Pole>,
     /// The number of each mode at t = 0   (n_modes)
-    pub(in crate::plan) start: Vec<Complex>,
+    pub(crate) start: Vec<Complex>,
     /// What each output sees of each mode: the real part of the product with the mode's number; for a free mode,
     /// position and velocity each with their own factor   (n_out, n_modes)
-    pub(in crate::plan) output_shapes: Vec<Vec<Complex>>,
+    pub(crate) output_shapes: Vec<Vec<Complex>>,
     /// What 1 N·s at each struck point adds to each mode   (n_struck, n_modes)
-    pub(in crate::plan) struck_shapes: Vec<Vec<Complex>>,
+    pub(crate) struck_shapes: Vec<Vec<Complex>>,
     /// What each output hears when the body is at rest   (n_out)
-    pub(in crate::plan) rest: Vec<f64>,
+    pub(crate) rest: Vec<f64>,
 }
 
 /// The body in the coordinates of its undamped modes.
@@ -89,12 +97,7 @@ enum Damping {
 
 impl ComplexModes {
     /// The modes of a network that is one linear body, heard by `outputs` and struck at some MATs.
-    pub(in crate::plan) fn new(
-        network: &Network,
-        outputs: &[Sum],
-        struck: &[usize],
-        rate: Rate,
-    ) -> Result<Self, NoModes> {
+    pub(crate) fn new(network: &Network, outputs: &[Sum], struck: &[usize], rate: Rate) -> Result<Self, NoModes> {
         let coordinates = Coordinates::new(network, outputs, struck, rate)?;
         let mut complex_modes = Self {
             output_shapes: vec![Vec::new(); outputs.len()],
@@ -125,12 +128,12 @@ impl ComplexModes {
         Ok(complex_modes)
     }
 
-    pub(in crate::plan) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.poles.len()
     }
 
     /// Damped frequency [Hz] and decay rate [1/s] of a mode.
-    pub(in crate::plan) fn pitch(&self, mode: usize) -> (f64, f64) {
+    pub(crate) fn pitch(&self, mode: usize) -> (f64, f64) {
         match self.poles[mode] {
             Pole::Pair { decay, omega } => (omega / std::f64::consts::TAU, decay),
             Pole::Real { decay } => (0.0, decay),
@@ -158,7 +161,7 @@ impl ComplexModes {
     }
 
     /// Whether a mode is too slow for its recurrence.
-    pub(in crate::plan) fn unfit(&self, rate: Rate) -> Option<NoModes> {
+    pub(crate) fn unfit(&self, rate: Rate) -> Option<NoModes> {
         let is_too_slow = |pole: &Pole| match *pole {
             Pole::Pair { decay, omega } => (decay * decay + omega * omega).sqrt() * rate.step() < ANGLE_MIN,
             Pole::Real { .. } | Pole::Free => false,

@@ -1,8 +1,8 @@
 //! Undamped modes that damping couples: the eigenvalue problem of their state.
 
 use super::{Complex, ComplexModes, Coordinates, Pole};
-use crate::plan::constants::{COUPLED_MODES_MAX, COUPLING_ERROR_MAX, COUPLING_NONE, COUPLING_ROUNDING};
-use crate::plan::passes::linear::NoModes;
+use crate::body_modes::constants::{COUPLED_MODES_MAX, COUPLING_ERROR_MAX, COUPLING_NONE, COUPLING_ROUNDING};
+use crate::body_modes::linear::NoModes;
 use crate::spectrum::{General, general, inverse};
 
 /// Sets of undamped modes that `damping` (n, n) couples, each in rising order.

@@ -6,14 +6,14 @@
 
 use std::ops::Range;
 
-use crate::plan::constants::{FREQUENCY_TOLERANCE, ROW_ROUNDING};
-use crate::plan::passes::modes::Modes;
+use crate::body_modes::constants::{FREQUENCY_TOLERANCE, ROW_ROUNDING};
+use crate::body_modes::normal_modes::Modes;
 use crate::units::Rate;
 
 impl Modes {
     /// Rotates modes of the same frequency towards the rows that move the body, and towards its start and rest
     /// positions. The remaining ones are then moved by exactly nothing.
-    pub(in crate::plan) fn rotate(&mut self, moved_rows: &[usize], rate: Rate) {
+    pub(crate) fn rotate(&mut self, moved_rows: &[usize], rate: Rate) {
         let step = if self.is_discrete { rate.step() } else { 1.0 };
         // Δλ = 2ω Δω
         let is_same_frequency =

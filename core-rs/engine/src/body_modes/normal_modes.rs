@@ -1,10 +1,10 @@
 //! A linear body as its modes, seen from where it is struck and heard.
 
+use crate::body_modes::constants::{ANGLE_MIN, PROBE_VECTORS, RELATIVE_TOLERANCE};
+use crate::body_modes::linear::{Linear, NoModes};
+use crate::body_modes::viscosity::{Viscosity, probe};
 use crate::cell::{Cell, Ratios};
 use crate::network::Network;
-use crate::plan::constants::{ANGLE_MIN, PROBE_VECTORS, RELATIVE_TOLERANCE};
-use crate::plan::passes::linear::{Linear, NoModes};
-use crate::plan::passes::viscosity::{Viscosity, probe};
 use crate::spectrum::all_eigenvalues;
 use crate::units::Rate;
 
@@ -111,7 +111,7 @@ impl Modes {
     }
 
     /// The same modes with some of the rows only.
-    pub(in crate::plan) fn seen_by(&self, rows: &[usize]) -> Self {
+    pub(crate) fn seen_by(&self, rows: &[usize]) -> Self {
         Self {
             lambda: self.lambda.clone(),
             zeta: self.zeta.clone(),
