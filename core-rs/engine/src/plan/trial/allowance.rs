@@ -39,16 +39,48 @@ pub(in crate::plan) struct Taken {
     pub(in crate::plan) drawn: f64,
     /// The least allowance that gives the same results [s].
     pub(in crate::plan) needed: f64,
-    /// What was left when the series began [s], if its results depend on that.
-    pub(in crate::plan) left: Option<f64>,
+    /// What was left when the series began, if its results depend on that.
+    pub(in crate::plan) left: Option<WorkLeft>,
     /// The series ended because the allowance was spent.
     pub(in crate::plan) is_refused: bool,
     /// How far the longest trial of the series played [frames of the scene].
     pub(in crate::plan) frames: u64,
 }
 
-/// What is left after a trial was refused: nothing.
-const SPENT: f64 = -1.0;
+/// What is left of an allowance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::plan) enum WorkLeft {
+    /// So much work [s].
+    Seconds(f64),
+    /// Nothing: a trial was refused.
+    Spent,
+}
+
+impl WorkLeft {
+    /// Whether it pays for a total of `seconds` of work.
+    fn pays_for(self, seconds: f64) -> bool {
+        match self {
+            Self::Seconds(left) => seconds <= left,
+            Self::Spent => false,
+        }
+    }
+
+    /// As a number of a record. (A reserve that is overdrawn by exactly 1 s reads as spent: its trial is played again.)
+    pub(in crate::plan) fn to_number(self) -> f64 {
+        match self {
+            Self::Seconds(left) => left,
+            Self::Spent => -1.0,
+        }
+    }
+
+    /// What such a number means.
+    pub(in crate::plan) fn from_number(number: f64) -> Self {
+        match number {
+            -1.0 => Self::Spent,
+            left => Self::Seconds(left),
+        }
+    }
+}
 
 /// The work that the trials of one plan may take [s], and what they have taken.
 #[derive(Debug)]
@@ -97,26 +129,26 @@ impl Allowance {
         }
     }
 
-    /// What was left when the current series began [s].
-    fn left(&self) -> f64 {
-        if self.n_refused.get() > 0 {
-            return SPENT;
+    /// What was left when the current series began.
+    fn left(&self) -> WorkLeft {
+        match self.n_refused.get() {
+            0 => WorkLeft::Seconds(self.total - self.drawn_before.get()),
+            _ => WorkLeft::Spent,
         }
-        self.total - self.drawn_before.get()
     }
 
-    /// Begins a series of trials and returns how much work is left for it [s].
-    pub(in crate::plan) fn begin(&self) -> f64 {
+    /// Begins a series of trials and returns how much work is left for it.
+    pub(in crate::plan) fn begin(&self) -> WorkLeft {
         self.drawn_before.set(self.drawn_before.get() + self.drawn.take());
         self.needed.set(0.0);
         self.frames.set(0);
         self.left()
     }
 
-    /// What the current series has taken, if `left` [s] was left when it began.
-    pub(in crate::plan) fn taken(&self, left: f64) -> Taken {
+    /// What the current series has taken, if so much was left when it began.
+    pub(in crate::plan) fn taken(&self, left: WorkLeft) -> Taken {
         let is_refused = self.n_refused.get() > 0;
-        let is_bound = is_refused || self.needed.get() > left;
+        let is_bound = is_refused || !left.pays_for(self.needed.get());
         Taken {
             drawn: self.drawn.get(),
             needed: self.needed.get(),
@@ -130,8 +162,8 @@ impl Allowance {
     pub(in crate::plan) fn begin_replay_if_enough(&self, taken: &Taken) -> bool {
         let work_left = self.begin();
         match taken.left {
-            Some(recorded_left) => recorded_left.to_bits() == work_left.to_bits(),
-            None => taken.needed <= work_left,
+            Some(recorded_left) => recorded_left == work_left,
+            None => work_left.pays_for(taken.needed),
         }
     }
 
@@ -156,7 +188,7 @@ impl Allowance {
     /// still fit.
     pub(in crate::plan) fn draw(&self, seconds: f64) -> Result<(), TrialError> {
         let work_drawn = self.drawn.get() + seconds;
-        if work_drawn > self.left() {
+        if !self.left().pays_for(work_drawn) {
             self.n_refused.set(self.n_refused.get() + 1);
             return Err(TrialError::AllowanceSpent);
         }
@@ -181,7 +213,7 @@ impl Allowance {
     /// [`TrialError::AllowanceSpent`] if less is left. The allowance then counts as spent.
     pub(in crate::plan) fn affords(&self, seconds: f64) -> Result<(), TrialError> {
         let work_drawn = self.drawn.get() + seconds;
-        if work_drawn > self.left() {
+        if !self.left().pays_for(work_drawn) {
             return self.draw(f64::INFINITY);
         }
         self.needed.set(self.needed.get().max(work_drawn));
@@ -192,12 +224,18 @@ impl Allowance {
     pub(in crate::plan) fn share_left(&self, seconds: f64) -> f64 {
         let work_drawn = self.drawn.get();
         self.needed.set(self.needed.get().max(work_drawn + seconds));
-        ((self.left() - work_drawn) / seconds).clamp(0.0, 1.0)
+        match self.left() {
+            WorkLeft::Seconds(left) => ((left - work_drawn) / seconds).clamp(0.0, 1.0),
+            WorkLeft::Spent => 0.0,
+        }
     }
 
     /// A separate allowance of the part `share` (0 to 1) of what is left.
     pub(in crate::plan) fn fraction(&self, share: f64) -> Self {
-        Self::with_total((share * (self.left() - self.drawn.get())).max(0.0))
+        match self.left() {
+            WorkLeft::Seconds(left) => Self::with_total((share * (left - self.drawn.get())).max(0.0)),
+            WorkLeft::Spent => Self::with_total(0.0),
+        }
     }
 
     /// Takes what was drawn from such a separate part. If the part ran out, that does not end other trials.
@@ -289,7 +327,7 @@ mod tests {
         first_allowance.draw(0.75).unwrap();
         assert!(first_allowance.draw(0.5).is_err());
         let taken = first_allowance.taken(work_left);
-        assert!(taken.is_refused && taken.left == Some(1.0));
+        assert!(taken.is_refused && taken.left == Some(WorkLeft::Seconds(1.0)));
         let replay_allowance = Allowance::new(1, 1.0);
         assert!(replay_allowance.begin_replay_if_enough(&taken));
         replay_allowance.replay(&taken);

@@ -10,7 +10,7 @@ use crate::network::Error;
 use crate::plan::constants::LENGTHS_MAX;
 use crate::plan::report::content::{IslandContent, hex_of};
 use crate::plan::report::row::Measured;
-use crate::plan::trial::allowance::{Allowance, Taken};
+use crate::plan::trial::allowance::{Allowance, Taken, WorkLeft};
 
 /// What a series of trials took and found, as numbers that can be written and read.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -35,7 +35,11 @@ pub trait TrialStore {
 impl TrialRecord {
     /// The record with `taken` at its head.
     fn with_header(mut self, taken: &Taken) -> Self {
-        let header_numbers = [Some(taken.drawn), Some(taken.needed), taken.left];
+        let header_numbers = [
+            Some(taken.drawn),
+            Some(taken.needed),
+            taken.left.map(WorkLeft::to_number),
+        ];
         self.numbers.splice(0..0, header_numbers);
         self.counts.insert(0, vec![u32::from(taken.is_refused)]);
         self
@@ -52,7 +56,7 @@ impl TrialRecord {
         let taken = Taken {
             drawn: header_numbers[0].filter(|drawn| *drawn >= 0.0)?,
             needed: header_numbers[1]?,
-            left: header_numbers[2],
+            left: header_numbers[2].map(WorkLeft::from_number),
             is_refused: match self.counts.remove(0)[..] {
                 [0] => false,
                 [1] => true,
@@ -143,8 +147,8 @@ impl<'a> Series<'a> {
         lengths.find_map(|frames| find(self.store, &self.key(frames), allowance))
     }
 
-    /// Keeps the record of the current series, which began with `left` of the allowance [s].
-    pub(in crate::plan) fn keep(&self, allowance: &Allowance, left: f64, record: TrialRecord) {
+    /// Keeps the record of the current series, which began with `left` of the allowance.
+    pub(in crate::plan) fn keep(&self, allowance: &Allowance, left: WorkLeft, record: TrialRecord) {
         let series_frames = allowance.taken(left).frames;
         keep(self.store, &self.key(series_frames), (allowance, left), record);
         let mut lengths = self.lengths();
@@ -192,11 +196,11 @@ pub(in crate::plan) fn find(store: &dyn TrialStore, key: &str, allowance: &Allow
     })
 }
 
-/// Keeps the record of trials of known length, which began with `left` of the allowance [s].
+/// Keeps the record of trials of known length, which began with `left` of the allowance.
 pub(in crate::plan) fn keep(
     store: &dyn TrialStore,
     key: &str,
-    (allowance, left): (&Allowance, f64),
+    (allowance, left): (&Allowance, WorkLeft),
     record: TrialRecord,
 ) {
     let work_taken = allowance.taken(left);
@@ -205,6 +209,6 @@ pub(in crate::plan) fn keep(
 }
 
 /// The key for trials whose results depend on what was left.
-fn key_with_left(key: &str, left: f64) -> String {
-    hex_of(format_args!("{key} {:016x}", left.to_bits()))
+fn key_with_left(key: &str, left: WorkLeft) -> String {
+    hex_of(format_args!("{key} {:016x}", left.to_number().to_bits()))
 }
