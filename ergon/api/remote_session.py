@@ -24,18 +24,18 @@ from .options import SessionOptions
 if TYPE_CHECKING:
     from ergon.repl.wire.remote import RemoteSession
 
-_LOOK = 0.05  # [s] between two looks whether the engine answers
+_POLL_INTERVAL = 0.05  # [s] between two looks whether the engine answers
 # On Windows a process that outlives its terminal: in a group of its own, without a window.
-_ALONE = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0) | getattr(
+_DETACHED_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0) | getattr(
     subprocess, "CREATE_NO_WINDOW", 0
 )
 # Options that the engine's process gets in another way.
-_OURS = ("socket", "journal")
+_SEPARATE_OPTIONS = ("socket", "journal")
 
 
 def serve(path: str | None, options: SessionOptions, report: Report) -> None:
     """Run the engine in this process, until the session ends."""
-    with _refused():
+    with _errors_as_option_errors():
         _serve(path, options, _place(options), report)
 
 
@@ -44,12 +44,12 @@ def join(path: str | None, options: SessionOptions, report: Report) -> RemoteSes
 
     Raises OptionError, and EngineExitError where the new process ends before it answers.
     """
-    with _refused():
+    with _errors_as_option_errors():
         return _join(path, options, _place(options), report)
 
 
 @contextlib.contextmanager
-def _refused() -> Iterator[None]:
+def _errors_as_option_errors() -> Iterator[None]:
     """Turn errors of a socket into an OptionError."""
     from ergon.repl.wire.local_socket import SocketError
 
@@ -81,13 +81,13 @@ def _serve(path: str | None, options: SessionOptions, socket_path: Path, report:
     from ergon.repl.wire.local_socket import ServerSocket
     from ergon.repl.wire.serve import SessionServer
 
-    door = ServerSocket(
+    server_socket = ServerSocket(
         socket_path
     )  # before anything sounds: two engines at one place are one too many
     try:
         session = begin(path, options, report)
     except BaseException:
-        door.close()
+        server_socket.close()
         raise
     about = {
         "version": __version__,
@@ -95,7 +95,7 @@ def _serve(path: str | None, options: SessionOptions, socket_path: Path, report:
         "journal": "" if session.journal is None else str(session.journal.path.absolute()),
     }
     follow = partial(SoundingPlaces, session.schedule)
-    SessionServer(session, door, about, stop_on_signals, follow).run()
+    SessionServer(session, server_socket, about, stop_on_signals, follow).run()
 
 
 # --- the prompt's process ------------------------------------------------------------------------
@@ -154,7 +154,7 @@ def _start(
             stdout=sink,
             stderr=sink,
             start_new_session=True,
-            creationflags=_ALONE,
+            creationflags=_DETACHED_FLAGS,
         )
         try:
             while True:
@@ -166,7 +166,7 @@ def _start(
                 with contextlib.suppress(NoSessionError):
                     remote = RemoteSession(socket_path, _command(options))
                     break
-                time.sleep(_LOOK)
+                time.sleep(_POLL_INTERVAL)
             _pass_on(log_file.read())
         except ProtocolError as error:
             process.terminate()
@@ -205,7 +205,7 @@ def _as_options(options: SessionOptions) -> Iterator[str]:
     """The options, as a command line for the engine."""
     for field in fields(options):
         option, value = f"--{field.name.replace('_', '-')}", getattr(options, field.name)
-        if field.name in _OURS or value == field.default:
+        if field.name in _SEPARATE_OPTIONS or value == field.default:
             continue
         if value is True:
             yield option

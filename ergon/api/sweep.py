@@ -121,7 +121,7 @@ def sweep(
     check_target(picture, force=options.force, inputs=loaded.inputs)
     variants = _variants(score, options, loaded, varied, combined, report)
     variants_wanted = _wanted(str(score), options, variants)
-    known_rows = _known(table, variants_wanted, folder)
+    known_rows = _rows_by_variant(table, variants_wanted, folder)
     for variant in variants_wanted:
         if variant.file and variant.number not in known_rows:
             check_target(folder / variant.file, force=options.force, inputs=loaded.inputs)
@@ -251,7 +251,9 @@ def _version() -> str:
     return versioned_key("sweep")
 
 
-def _known(table: Table, variants_wanted: Sequence[_Wanted], folder: Path) -> dict[int, SweepRow]:
+def _rows_by_variant(
+    table: Table, variants_wanted: Sequence[_Wanted], folder: Path
+) -> dict[int, SweepRow]:
     """Rows of an earlier run that are still valid: a sound file that is wanted is there,
     unchanged.
     """

@@ -56,7 +56,7 @@ def glide(
     head, _, parameter = target.rpartition(".")
     check(piece, target)
     if value.startswith("x") and _numbers_of(texts, piece, target):
-        part, module, _ = _known(piece, head)[0]
+        part, module, _ = _named_modules(piece, head)[0]
         if module.kind != "BANK":
             now = value_on(piece, (part, module.name), parameter, beat)
             value = value_text(piece, target, q.factor(value) * now, value_on)
@@ -70,7 +70,7 @@ def value_text(piece: Piece, target: str, value: float, value_on: ValueOn) -> st
     is that of the first, the factor of their values without automation.
     """
     module_path, _, parameter = target.rpartition(".")
-    part, module, _ = _known(piece, module_path)[0]
+    part, module, _ = _named_modules(piece, module_path)[0]
     if module.kind == "BANK":
         return f"x{value:.12g}"
     if automatable.named_module(module_path, piece.keys, piece.instruments) is not None:
@@ -83,7 +83,7 @@ def check(piece: Piece, target: str) -> None:
     """Raise EditError if a parameter cannot glide."""
     module_path, _, parameter = target.rpartition(".")
     parameter = "f" if parameter == TRANSPOSE else parameter
-    named_modules = _known(piece, module_path)
+    named_modules = _named_modules(piece, module_path)
     if not named_modules:
         raise EditError(f"{target} cannot change gradually; leave out `over` to set it at once")
     _, module, is_ca = named_modules[0]
@@ -91,7 +91,7 @@ def check(piece: Piece, target: str) -> None:
         raise EditError(f"{module_path} {refusal_text}; leave out `over` to set it at once")
 
 
-def _known(piece: Piece, module_path: str) -> list[automatable.Automatable]:
+def _named_modules(piece: Piece, module_path: str) -> list[automatable.Automatable]:
     return automatable.named_modules(module_path, piece.keys, piece.instruments, piece.families)
 
 

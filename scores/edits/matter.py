@@ -109,7 +109,7 @@ def _set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
     home = owner.home(name)
     changes = _as_written(owner, home, changes)
     if home is not None:
-        written_tree = edit.tree(_node(texts, home, owner.file))
+        written_tree = edit.tree(_written_node(texts, home, owner.file))
         for field, text in changes.items():
             if text is not None:
                 texts = texts.put((*home, field), text, owner.file)
@@ -236,7 +236,7 @@ def written_quantity(value: float, name: str, *, is_ca: bool) -> str:
 def gain(texts: Texts, name: str | None, level: str) -> Texts:
     """Set the gain of an instrument's routes, or of all channels (None). Raises EditError."""
     if name is None:
-        if _node(texts, ("mix",), texts.path) is None:
+        if _written_node(texts, ("mix",), texts.path) is None:
             raise EditError("the score has no mix, so it has no master gain")
         return texts.put(("mix", "master", "gain"), level)
     is_routed = False
@@ -336,10 +336,12 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
     contrary_names = _OTHERS.get(name, ()) if owner.kind in ("", "CEL") else ()
     if owner.followed.written(*contrary_names):
         twin = (
-            _plain(current_values) if contrary_names == _TUNED else _tuned(current_values, target)
+            _stiffness_and_viscosity(current_values)
+            if contrary_names == _TUNED
+            else _frequency_and_decay(current_values, target)
         )
         changes = dict.fromkeys(contrary_names)
-        changes |= {field: _text(x, field, owner) for field, x in twin.items() if x}
+        changes |= {field: _amount_text(x, field, owner) for field, x in twin.items() if x}
         current_values = {**current_values, **twin}
     if not value.startswith("x"):
         return {**changes, name: value}
@@ -350,8 +352,8 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
     node = owner.followed.nodes.get(name)
     if "calib" in owner.followed.nodes and not owner.written.written(name):
         node = None  # the measured value is used, not the written one
-    if isinstance(node, Scalar) and _is_said(owner, name, node.text):
-        scaled = _scaled(node.text, factor)
+    if isinstance(node, Scalar) and _is_as_written(owner, name, node.text):
+        scaled = _scaled_text(node.text, factor)
         if scaled is not None:
             return {**changes, name: scaled}
     amount = current_values.get(name)
@@ -361,7 +363,7 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
             "`transpose`, or `set` with `over` and a length"
         )
     if isinstance(amount, tuple):
-        amount_texts = [_text(number * factor, name, owner) for number in amount]
+        amount_texts = [_amount_text(number * factor, name, owner) for number in amount]
         is_list = isinstance(amount, Each)
         return {
             **changes,
@@ -369,7 +371,7 @@ def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) ->
         }
     if not isinstance(amount, float):
         raise EditError(f"{quote(target)} has no value that could be multiplied: set a value first")
-    return {**changes, name: _text(amount * factor, name, owner)}
+    return {**changes, name: _amount_text(amount * factor, name, owner)}
 
 
 def _current_values(owner: _Owner, piece: Piece) -> Mapping[str, object]:
@@ -381,7 +383,7 @@ def _current_values(owner: _Owner, piece: Piece) -> Mapping[str, object]:
     return owner.followed.by_name
 
 
-def _is_said(owner: _Owner, name: str, text: str) -> bool:
+def _is_as_written(owner: _Owner, name: str, text: str) -> bool:
     """Whether a field has the value of its text; a transposition makes it differ."""
     field = (KINDS[owner.kind].table if owner.kind else KEY).by_name.get(name)
     if field is None or not isinstance(field.shape, Text):
@@ -414,17 +416,17 @@ def _as_written(owner: _Owner, home: tuple[str, ...] | None, changes: Changes) -
     return changes_written
 
 
-def _plain(current_values: Mapping[str, object]) -> dict[str, float]:
+def _stiffness_and_viscosity(current_values: Mapping[str, object]) -> dict[str, float]:
     """K and Z from a damped frequency and its decay."""
-    mass, f, t60 = (_number(current_values, name) for name in ("M", "f", "t60"))
+    mass, f, t60 = (_current_number(current_values, name) for name in ("M", "f", "t60"))
     sigma = LN_1000 / t60 if t60 else 0.0
     omega = 2.0 * math.pi * f
     return {"K": mass * (omega * omega + sigma * sigma), "Z": 2.0 * mass * sigma}
 
 
-def _tuned(current_values: Mapping[str, object], target: str) -> dict[str, float]:
+def _frequency_and_decay(current_values: Mapping[str, object], target: str) -> dict[str, float]:
     """The damped frequency and decay from K and Z."""
-    mass, k, z = (_number(current_values, name) for name in ("M", "K", "Z"))
+    mass, k, z = (_current_number(current_values, name) for name in ("M", "K", "Z"))
     sigma = z / (2.0 * mass)
     square = k / mass - sigma * sigma
     if square <= 0.0:
@@ -432,12 +434,12 @@ def _tuned(current_values: Mapping[str, object], target: str) -> dict[str, float
     return {"f": math.sqrt(square) / (2.0 * math.pi), "t60": LN_1000 / sigma if sigma else 0.0}
 
 
-def _number(current_values: Mapping[str, object], name: str) -> float:
+def _current_number(current_values: Mapping[str, object], name: str) -> float:
     value = current_values.get(name)
     return value if isinstance(value, float) else 0.0
 
 
-def _scaled(text: str, factor: float) -> str | None:
+def _scaled_text(text: str, factor: float) -> str | None:
     """A number or a range times a factor, with the same unit; None for a note or a fraction."""
     scaled_texts = []
     for amount_text in text.split(".."):
@@ -448,12 +450,12 @@ def _scaled(text: str, factor: float) -> str | None:
     return "..".join(scaled_texts)
 
 
-def _text(value: float, name: str, owner: _Owner) -> str:
+def _amount_text(value: float, name: str, owner: _Owner) -> str:
     is_plain = owner.is_ca and name in ("M", "K", "Z")
     return f"{value:.9g}{'' if is_plain else _UNITS.get(name, '')}"
 
 
-def _node(texts: Texts, path: tuple[str, ...], file: str) -> document.Node | None:
+def _written_node(texts: Texts, path: tuple[str, ...], file: str) -> document.Node | None:
     is_own = file == texts.path
     node = texts.section(path[0]) if is_own else texts.document(file).root
     for name in path[1:] if is_own else path:

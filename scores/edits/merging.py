@@ -43,7 +43,7 @@ def merged(texts_before: Texts, texts_now: Texts, typed: Texts) -> tuple[Texts, 
 
     Raises EditError if a text cannot be read.
     """
-    merge, dropped = _with(texts_before, texts_now, typed, [*changed(texts_before, typed)])
+    merge, dropped = _with_spots(texts_before, texts_now, typed, [*changed(texts_before, typed)])
     if merge.load().piece is not None:
         return merge, dropped
     # Some typed value needs something that the files no longer have: find the values that can be
@@ -53,7 +53,7 @@ def merged(texts_before: Texts, texts_now: Texts, typed: Texts) -> tuple[Texts, 
     while count != len(spots_left):
         count = len(spots_left)
         for spot in spots_left[:]:
-            single, lost = _with(texts_before, merge, typed, [spot])
+            single, lost = _with_spots(texts_before, merge, typed, [spot])
             if lost or single.load().piece is not None:
                 spots_left.remove(spot)
                 merge, dropped = (merge, [*dropped, spot]) if lost else (single, dropped)
@@ -63,9 +63,14 @@ def merged(texts_before: Texts, texts_now: Texts, typed: Texts) -> tuple[Texts, 
 def changed(texts_before: Texts, texts_after: Texts) -> Iterator[Spot]:
     """The places at which two texts differ."""
     for file in (texts_after.path, *texts_after.overlay):
-        text_before, text_after = _text(texts_before, file), _text(texts_after, file)
+        text_before, text_after = (
+            _text_of_file(texts_before, file),
+            _text_of_file(texts_after, file),
+        )
         if text_before != text_after:
-            paths = _differing(_tree(text_before, file), _tree(text_after, file), ())
+            paths = _differing(
+                _tree_of_text(text_before, file), _tree_of_text(text_after, file), ()
+            )
             yield from (Spot(file, path) for path in paths)
 
 
@@ -74,7 +79,7 @@ def differ(a: Texts, b: Texts, spot: Spot) -> bool:
     return _value_of(a, spot) != _value_of(b, spot)
 
 
-def _with(
+def _with_spots(
     texts_before: Texts, texts_now: Texts, typed: Texts, spots: list[Spot]
 ) -> tuple[Texts, list[Spot]]:
     dropped = []
@@ -86,17 +91,17 @@ def _with(
         )
         if value_now == typed_value:
             continue
-        if value_now != value_before or _text(texts_now, spot.file) is None:
+        if value_now != value_before or _text_of_file(texts_now, spot.file) is None:
             dropped.append(spot)
             continue
         try:
-            texts_now = _put(texts_now, spot, value_before, typed_value)
+            texts_now = _with_value(texts_now, spot, value_before, typed_value)
         except EditError:
             dropped.append(spot)
     return texts_now, dropped
 
 
-def _put(texts_now: Texts, spot: Spot, value_before: _Value, typed_value: _Value) -> Texts:
+def _with_value(texts_now: Texts, spot: Spot, value_before: _Value, typed_value: _Value) -> Texts:
     """The texts with a value set at a place; comments are kept if possible. Raises EditError."""
     if isinstance(typed_value, Missing):
         return texts_now.remove(spot.path, file=spot.file)
@@ -104,15 +109,15 @@ def _put(texts_now: Texts, spot: Spot, value_before: _Value, typed_value: _Value
         return texts_now.put(spot.path, "[]" if isinstance(value_before, list) else "{}", spot.file)
     try:
         if isinstance(typed_value, list):
-            return _items_put(texts_now, spot, value_before, typed_value)
+            return _with_items(texts_now, spot, value_before, typed_value)
         if isinstance(typed_value, str) and "\n" in typed_value and isinstance(value_before, str):
-            return _rows_put(texts_now, spot, edit.rows(value_before), edit.rows(typed_value))
+            return _with_rows(texts_now, spot, edit.rows(value_before), edit.rows(typed_value))
     except EditError:  # write the whole value instead
         pass
     return texts_now.put(spot.path, edit.flow(typed_value), spot.file)
 
 
-def _items_put(
+def _with_items(
     texts_now: Texts, spot: Spot, value_before: _Value, typed_items: list[Tree]
 ) -> Texts:
     items_before = value_before if isinstance(value_before, list) else []
@@ -135,7 +140,9 @@ def _items_put(
     return texts_now
 
 
-def _rows_put(texts_now: Texts, spot: Spot, rows_before: list[str], typed_rows: list[str]) -> Texts:
+def _with_rows(
+    texts_now: Texts, spot: Spot, rows_before: list[str], typed_rows: list[str]
+) -> Texts:
     if len(typed_rows) < len(rows_before):
         raise EditError("lines were removed")
     for number, (row_before, typed_row) in enumerate(zip(rows_before, typed_rows, strict=False)):
@@ -152,11 +159,11 @@ def _rows_put(texts_now: Texts, spot: Spot, rows_before: list[str], typed_rows: 
     return texts_now
 
 
-def _text(texts: Texts, file: str) -> str | None:
+def _text_of_file(texts: Texts, file: str) -> str | None:
     return texts.text if file == texts.path else texts.overlay.get(str(Path(file)))
 
 
-def _tree(text: str | None, file: str) -> Tree:
+def _tree_of_text(text: str | None, file: str) -> Tree:
     return None if text is None else edit.tree(edit.read(text, file).root)
 
 
@@ -181,15 +188,17 @@ def _differing(value_before: _Value, value_after: _Value, path: edit.Path) -> It
         for name in tree_value
     )
     for name in names:
-        yield from _differing(_entry(value_before, name), _entry(value_after, name), (*path, name))
+        yield from _differing(
+            _child_value(value_before, name), _child_value(value_after, name), (*path, name)
+        )
 
 
 def _value_of(texts: Texts, spot: Spot) -> _Value:
-    spot_value: _Value = _tree(_text(texts, spot.file), spot.file)
+    spot_value: _Value = _tree_of_text(_text_of_file(texts, spot.file), spot.file)
     for name in spot.path:
-        spot_value = _entry(spot_value, name)
+        spot_value = _child_value(spot_value, name)
     return spot_value
 
 
-def _entry(tree_value: _Value, name: str | int) -> _Value:
+def _child_value(tree_value: _Value, name: str | int) -> _Value:
     return tree_value.get(str(name), _MISSING) if isinstance(tree_value, dict) else _MISSING

@@ -34,7 +34,7 @@ def with_matter(texts: Texts, piece: Piece, scene: Scene) -> Texts:
     """The texts with what a scene plays and they lack, written and routed as in the scene; the same
     object if they lack nothing. What both have stays as it is. Raises EditError.
     """
-    needed = _played(scene.piece)
+    needed = _played_names(scene.piece)
     names_here = {*piece.keys, *piece.instruments, *piece.families, *piece.players}
     missing_names = needed - names_here
     if not missing_names:
@@ -61,7 +61,7 @@ def with_matter(texts: Texts, piece: Piece, scene: Scene) -> Texts:
     return _routed(texts_now, piece, scene, names)
 
 
-def _played(piece: Piece) -> set[str]:
+def _played_names(piece: Piece) -> set[str]:
     """The players that play in a scene, their keys, what these touch, and what is struck or led."""
     family = piece.note_families()
     players = {play.player for play in piece.parts}
@@ -71,13 +71,13 @@ def _played(piece: Piece) -> set[str]:
     touched = {
         part.name
         for part in piece.instruments.values()
-        if any(keys & {*_ends(module)} for module in part.modules)
+        if any(keys & {*_end_parts(module)} for module in part.modules)
     }
     parts = {family.get(part, part) for part in struck | led | touched}
     return players | keys | parts
 
 
-def _ends(module: Module) -> Iterator[str]:
+def _end_parts(module: Module) -> Iterator[str]:
     """The parts at the ends of a link."""
     for end in module.fields.get("between") or ():
         yield end.part
@@ -106,28 +106,28 @@ def _with_parts_of(
     }
     unread_names, all_names = [*names], set(names)
     while unread_names:
-        new_names = {*_words(entries.get(unread_names.pop()))} & entries.keys() - all_names
+        new_names = {*_names_in(entries.get(unread_names.pop()))} & entries.keys() - all_names
         all_names |= new_names
         unread_names += new_names
     return all_names
 
 
-def _words(value_tree: edit.Tree) -> Iterator[str]:
+def _names_in(value_tree: edit.Tree) -> Iterator[str]:
     """The names in the texts of a value."""
     if isinstance(value_tree, dict):
         for name, value in value_tree.items():
             yield name
-            yield from _words(value)
+            yield from _names_in(value)
     elif isinstance(value_tree, list):
         for value in value_tree:
-            yield from _words(value)
+            yield from _names_in(value)
     elif value_tree is not None:
         yield from _NAME.findall(value_tree)
 
 
 def _with_files(texts: Texts, scene: Scene) -> Texts:
     """The texts with the files that a scene uses and they do not. Raises EditError."""
-    used_here, used_there = _used(texts), _used(scene.texts)
+    used_here, used_there = _used_files(texts), _used_files(scene.texts)
     new_files = [used for used in used_there if used not in used_here]
     prefixes = {used.prefix for used in used_here if used.prefix}
     if clashing := next((used for used in new_files if used.prefix in prefixes), None):
@@ -145,7 +145,7 @@ def _with_files(texts: Texts, scene: Scene) -> Texts:
     return texts.put(("use",), edit.flow(rows))
 
 
-def _used(texts: Texts) -> list[_Used]:
+def _used_files(texts: Texts) -> list[_Used]:
     """The files that a score uses."""
     used_files = []
     for node in items(texts, "use"):
@@ -171,7 +171,7 @@ def _with_links(texts: Texts, piece: Piece, scene: Scene, needed: set[str]) -> T
         entry = _entries(scene.texts, "instruments").get(name)
         modules = entry.get("modules") if isinstance(entry, dict) else None
         for module in instrument.modules:
-            end_parts = {*_ends(module)}
+            end_parts = {*_end_parts(module)}
             is_new = module.name not in module_names_here and end_parts and end_parts <= needed
             if is_new and isinstance(modules, dict) and module.name in modules:
                 path = "instruments", name, "modules", module.name

@@ -77,7 +77,7 @@ def play_scene(
         new_entries = [
             entry.with_fields(at=written(piece, beat + begin), until=stop)
             for line in lines
-            for begin, entry in _looped(line, scene.beats)
+            for begin, entry in _repeated_entries(line, scene.beats)
             if beat + begin < last_beat
         ]
         edits.append(parts.ending(texts, piece, player, beat, new_entries))
@@ -115,7 +115,7 @@ def tuned(texts: Texts, piece: Piece, scene: Scene) -> Texts:
 
     The text has no glide: the version says how long the parameters glide. Raises EditError.
     """
-    for target, value in _parameters(piece, scene.piece):
+    for target, value in _changed_parameters(piece, scene.piece):
         texts = matter.set_value(texts, piece, target, value)
     return texts
 
@@ -139,7 +139,7 @@ def has_events_from(piece: Piece, beat: float) -> bool:
     return not event_beats or max(event_beats) >= beat - SAME
 
 
-def _looped(line: PlacedEntry, beats: float) -> Iterator[tuple[float, Entry]]:
+def _repeated_entries(line: PlacedEntry, beats: float) -> Iterator[tuple[float, Entry]]:
     """The entries that repeat an entry every `beats`, each with its first beat."""
     entry = line.entry.with_fields(times=None, until=None)
     if isinstance(line.starts, Steps):
@@ -184,7 +184,7 @@ def _defined(texts: Texts, names_here: Names | None, scene: Scene) -> Texts:
     return texts
 
 
-def _parameters(piece_now: Piece, scene_piece: Piece) -> Iterator[tuple[str, str]]:
+def _changed_parameters(piece_now: Piece, scene_piece: Piece) -> Iterator[tuple[str, str]]:
     """The parameters that differ between two pieces, each with its value in the second."""
     pairs: list[tuple[Key | Instrument, Key | Instrument | None]] = [
         *((key, piece_now.keys.get(key.name)) for key in scene_piece.keys.values()),
@@ -315,7 +315,9 @@ def _struck(
         if start + beat < last_beat:
             entry_tree = {"until": until, **fields, "at": written(piece, start + beat)}
             entry_tree["until"] = entry_tree.pop("until")  # last, as written by hand
-            texts = texts.put(("strikes", _free(texts, strikes.name)), edit.flow(entry_tree))
+            texts = texts.put(
+                ("strikes", _free_section_name(texts, strikes.name)), edit.flow(entry_tree)
+            )
     return texts
 
 
@@ -341,14 +343,14 @@ def _melody(
     rows = [row(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME]
     if not rows or start >= last_beat:
         return texts
-    name = _free(texts, strikes.name, "phrases")
+    name = _free_section_name(texts, strikes.name, "phrases")
     phrase: edit.Tree = {"length": f"{scene.beats:.12g}", "entries": rows}
     texts = texts.put(("phrases", name), edit.flow(phrase))
     play_fields: edit.Tree = {"play": name, "at": written(piece, start), "until": until}
-    return texts.put(("strikes", _free(texts, strikes.name)), edit.flow(play_fields))
+    return texts.put(("strikes", _free_section_name(texts, strikes.name)), edit.flow(play_fields))
 
 
-def _free(texts: Texts, name: str, section: str = "strikes") -> str:
+def _free_section_name(texts: Texts, name: str, section: str = "strikes") -> str:
     """A name that is free in a section: `rain`, `rain-2`, …"""
     section_tree = edit.tree(texts.section(section))
     taken_names = section_tree if isinstance(section_tree, dict) else {}

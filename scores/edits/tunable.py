@@ -101,7 +101,7 @@ class TunablePart:
         part = self._definition
         reach = part.reach if isinstance(part, Key) else 1.0
         ca_rate = part.ca_rate if isinstance(part, Instrument) else None
-        modules = [_with(module, values) for module in part.modules]
+        modules = [_module_with_values(module, values) for module in part.modules]
         assembly = Assembly(seed=self.piece.seed)
         points = [module for module in modules if module.kind in HOLDERS]
         space = part.space if isinstance(part, Instrument) else None
@@ -124,7 +124,7 @@ class TunablePart:
         return all((end.part, end.module) in assembly.mats for end in end_targets)
 
 
-def _with(module: Module, values: Mapping[FieldKey, float]) -> Module:
+def _module_with_values(module: Module, values: Mapping[FieldKey, float]) -> Module:
     field_numbers: dict[str, float] = {}
     fields = dict(module.fields)
     for (name, field, place), number in values.items():

@@ -233,12 +233,12 @@ def _converge(notes: Sequence[Any]) -> list[Any]:
     return [note for pair in pairs for note in pair][: len(notes)]
 
 
-def _pinky(notes: Sequence[Any]) -> list[Any]:
+def _with_top_note(notes: Sequence[Any]) -> list[Any]:
     """Each note but the highest, and the highest after it."""
     return [played_note for note in notes[:-1] for played_note in (note, notes[-1])]
 
 
-def _thumb(notes: Sequence[Any]) -> list[Any]:
+def _with_lowest_note(notes: Sequence[Any]) -> list[Any]:
     """The lowest before each other note."""
     return [played_note for note in notes[1:] for played_note in (notes[0], note)]
 
@@ -258,8 +258,8 @@ ORDERS: Mapping[str, Callable[[Sequence[Any]], Sequence[Any]]] = {
     "converge": _converge,
     "diverge": lambda n: _converge(n)[::-1],
     "disconverge": lambda n: [*_converge(n), *_converge(n)[-2::-1]],
-    "pinkyup": _pinky,
-    "pinkyupdown": lambda n: _back(_pinky(n)),
-    "thumbup": _thumb,
-    "thumbupdown": lambda n: _back(_thumb(n)),
+    "pinkyup": _with_top_note,
+    "pinkyupdown": lambda n: _back(_with_top_note(n)),
+    "thumbup": _with_lowest_note,
+    "thumbupdown": lambda n: _back(_with_lowest_note(n)),
 }

@@ -20,7 +20,7 @@ _Module = tuple[str, str]  # a part and a module in it; "": the part as a whole
 _Entry = TypeVar("_Entry", Automation, Strikes)
 
 
-class _Known(NamedTuple):
+class _Meaning(NamedTuple):
     """What an entry means, and the modules on which that depends (None: on more)."""
 
     entry: Any
@@ -35,7 +35,7 @@ class _Section(NamedTuple):
     section: object
     entries: tuple[Any, ...]
     meanings: tuple[Any, ...]
-    known: list[_Known | None]
+    known: list[_Meaning | None]
     uses: Counter[_Module]
     states: dict[_Module, Any]
 
@@ -68,7 +68,8 @@ class KnownEntries:
         if section_before is None:
             section_before = _Section(None, (), (), [], Counter(), {})
         states_now = {
-            module_key: _state(module_key, names, owner) for module_key in section_before.states
+            module_key: _module_state(module_key, names, owner)
+            for module_key in section_before.states
         }
         changed_modules = {
             module_key
@@ -89,11 +90,11 @@ class KnownEntries:
         forgotten = section_before.known[
             replaced_range.start : replaced_range.start + len(replaced_range.before)
         ]
-        meanings_by_number: list[_Known | None] = replaced_range.put(
+        meanings_by_number: list[_Meaning | None] = replaced_range.put(
             section_before.known, [None] * len(replaced_range.now)
         )
         if changed_modules:
-            stale: list[_Known | None] = [
+            stale: list[_Meaning | None] = [
                 meaning
                 for meaning in meanings_by_number
                 if meaning and not changed_modules.isdisjoint(meaning.modules or ())
@@ -114,10 +115,12 @@ class KnownEntries:
                 continue
             has_no_report = names.collector.n_reports == n_reports
             modules = modules_of(entry, entries[number]) if has_no_report else None
-            meanings_by_number[number] = _Known(entry, modules)
+            meanings_by_number[number] = _Meaning(entry, modules)
             uses.update(modules or ())
         uses = +uses
-        states = {w: states_now[w] if w in states_now else _state(w, names, owner) for w in uses}
+        states = {
+            w: states_now[w] if w in states_now else _module_state(w, names, owner) for w in uses
+        }
         names.reached |= {part_name for part_name, _ in uses if owner(part_name) is not None}
         is_new_alone = len(unknown) == len(replaced_range.now) and len(
             section_before.meanings
@@ -143,7 +146,7 @@ class KnownEntries:
         return meanings
 
 
-def _state(module_key: _Module, names: PartNames, owner: Callable[[str], Any]) -> Any:
+def _module_state(module_key: _Module, names: PartNames, owner: Callable[[str], Any]) -> Any:
     """What a result depends on in a module, without its place in the text; None if it is not
     there.
     """

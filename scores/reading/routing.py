@@ -26,13 +26,13 @@ def routed(mix: Mix, parts: Mapping[str, Key | Instrument], part_names: PartName
             message += "`reference: SI` from the master, or write a gain here"
             part_names.collector.error("E111", message, route.place)
     note_routes = (
-        note_route for route in mix.routes for note_route in _each_note(route, part_names)
+        note_route for route in mix.routes for note_route in _note_routes(route, part_names)
     )
     routes_read = (_route(route, parts, part_names, mix.rooms) for route in note_routes)
     return replace(mix, routes=tuple(route for route in routes_read if route is not None))
 
 
-def _each_note(route: Route, part_names: PartNames) -> Iterable[Route]:
+def _note_routes(route: Route, part_names: PartNames) -> Iterable[Route]:
     """A route, or one from each note of an instrument that has notes."""
     name = Name(part_names.spelled(route.part), route.place)
     return (replace(route, part=member_name) for member_name in part_names.members(name))

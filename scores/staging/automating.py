@@ -88,7 +88,7 @@ def automation_points(
             unsettled.pop(module_key).entries["f"],
             leds[module_key].numbers_written["f"],
         )
-        chord_curves[module_key[0]] = _curve(piece, order, value_alone, extent, collector)
+        chord_curves[module_key[0]] = _parameter_curve(piece, order, value_alone, extent, collector)
         for module in moved(piece.instruments[module_key[0]]):
             member = module_key[0], module.name
             unsettled.setdefault(member, lines.get(member) or Tracks({}, math.inf))
@@ -98,16 +98,16 @@ def automation_points(
         led = leds.get(module_key) or known_automation.led(piece, module_key)
         assert led is not None
         curves = {
-            name: _curve(piece, order, led.numbers_written[name], extent, collector)
+            name: _parameter_curve(piece, order, led.numbers_written[name], extent, collector)
             for name, order in track.entries.items()
         }
         chord_curve = chord_curves.get(module_key[0])
         if chord_curve is not None and led.module not in moved(piece.instruments[module_key[0]]):
             chord_curve = None
-        points_made = _points(led, curves, chord_curve)
+        points_made = _module_points(led, curves, chord_curve)
         if led.cost * len(points_made) > MAX_POINTS:
             message = f"automation: a {led.module.kind} changes more than {MAX_POINTS:,} times"
-            collector.error("E105", message, _place(piece, module_key[0]))
+            collector.error("E105", message, _automation_place(piece, module_key[0]))
         elif points_made:
             points_by_module[module_key] = points_made
             if chord_curve is None and _is_settled(track, curves, start_beat, begins):
@@ -128,7 +128,7 @@ def _is_settled(tracks: Tracks, curves: Mapping[str, Curve], beat: float, instan
     return beat > -math.inf
 
 
-def _place(piece: Piece, part: str) -> Place:
+def _automation_place(piece: Piece, part: str) -> Place:
     """Where the first automation of a part is written."""
     lines = (
         line.place for line in piece.automation if any(name == part for name, _ in line.modules)
@@ -139,14 +139,14 @@ def _place(piece: Piece, part: str) -> Place:
     return next(chain(lines, notes))
 
 
-def _points(led: Led, curves: Mapping[str, Curve], chord_curve: Curve | None) -> Points:
+def _module_points(led: Led, curves: Mapping[str, Curve], chord_curve: Curve | None) -> Points:
     """The points of a module with automated parameters, which may also follow the automation of a
     `chord_curve` instrument.
     """
     all_curves = [*curves.values(), *([] if chord_curve is None else [chord_curve])]
     numbers_by_values: dict[tuple[float, ...], tuple[float, ...]] = {}
     points = []
-    for t, values in _values(all_curves):
+    for t, values in _curve_values(all_curves):
         if values not in numbers_by_values:  # a swing has the same values in every period
             numbers = led.numbers(dict(zip(curves, values, strict=False)))
             if chord_curve is not None:
@@ -154,10 +154,10 @@ def _points(led: Led, curves: Mapping[str, Curve], chord_curve: Curve | None) ->
             numbers_by_values[values] = numbers
         points.append((max(0.0, t), *numbers_by_values[values]))
     within = set().union(*(curve.within for curve in all_curves))
-    return _chords(points, within) if within else points
+    return _with_chord_means(points, within) if within else points
 
 
-def _values(curves: Sequence[Curve]) -> Iterator[tuple[float, tuple[float, ...]]]:
+def _curve_values(curves: Sequence[Curve]) -> Iterator[tuple[float, tuple[float, ...]]]:
     """The values of curves at each instant at which one of them has a point."""
     if len(curves) == 1:
         (curve,) = curves
@@ -166,7 +166,7 @@ def _values(curves: Sequence[Curve]) -> Iterator[tuple[float, tuple[float, ...]]
     return ((t, tuple(curve.evaluate(t) for curve in curves)) for t in instants)
 
 
-def _chords(points: Points, curved_instants: Container[float]) -> Points:
+def _with_chord_means(points: Points, curved_instants: Container[float]) -> Points:
     """Points moved so that their chords have the same means as the curve through them, to fourth
     order.
 
@@ -203,7 +203,7 @@ def value_on(piece: Piece, module_key: ModuleKey, parameter: str, beat: float) -
     extent = Extent(beat, beat, instant)
     tracks = KnownAutomation().tracks(replace(piece, automation=tuple(lines), strikes=()))
     order = tracks[module_key].entries[parameter] if lines else []
-    curve = _curve(piece, order, led.numbers_written[parameter], extent, Collector())
+    curve = _parameter_curve(piece, order, led.numbers_written[parameter], extent, Collector())
     return curve.evaluate(instant)
 
 
@@ -293,7 +293,7 @@ def value_at(points: Points, instant: float) -> tuple[float, ...]:
     return tuple(a + (b - a) * share for a, b in zip(low, high, strict=True))
 
 
-def _curve(
+def _parameter_curve(
     piece: Piece, order: Sequence[Entry], value_alone: float, extent: Extent, collector: Collector
 ) -> Curve:
     """The curve of one parameter: its automation entries one after another, its own value in

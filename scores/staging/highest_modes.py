@@ -35,10 +35,10 @@ def highest_modes(piece: Piece, built: BuiltNetwork) -> list[HighestMode]:
     """The highest modes of the first 256 bodies of instruments in SI units, in the order of the
     score.
     """
-    return list(_each(piece, built))
+    return list(_bodies(piece, built))
 
 
-def _each(piece: Piece, built: BuiltNetwork) -> Iterator[HighestMode]:
+def _bodies(piece: Piece, built: BuiltNetwork) -> Iterator[HighestMode]:
     assembly = built.assembly
     bodies_left = _BODIES_MAX
     for instrument in piece.instruments.values():
@@ -70,7 +70,7 @@ def warn_low_modes(modes: list[HighestMode]) -> list[Diagnostic]:
         if mode.hertz >= FULL or is_shipped(Path(mode.module.place.file)):
             continue
         message = f"{quote(mode.name)} has no mode above {mode.hertz / 1e3:.3g} kHz"
-        help = f"{_enough(mode)} would reach about {FULL / 1e3:g} kHz"
+        help = f"{_count_needed(mode)} would reach about {FULL / 1e3:g} kHz"
         place = mode.module.place
         warnings.append(Diagnostic("W331", message, place, None, help))
     return warnings
@@ -118,7 +118,7 @@ def _instant(points: Points, factor: float) -> float:
     return points[0][0]
 
 
-def _enough(mode: HighestMode) -> str:
+def _count_needed(mode: HighestMode) -> str:
     """What to write so that the highest mode is at about 5 kHz."""
     module, fields = mode.module, mode.module.fields
     masses, factor_needed = member_count(module.kind, fields), FULL / mode.hertz

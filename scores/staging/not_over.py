@@ -87,7 +87,10 @@ class NotOver(Generic[_Line]):
     ) -> _Look:
         """The last look at these lines at `since` or before, of which changed lines are left."""
         for look in sorted(self._looks, key=lambda look: look.since, reverse=True):
-            if look.since <= since and (carried_look := _carried(look, columns, plays)) is not None:
+            if (
+                look.since <= since
+                and (carried_look := _carried_over(look, columns, plays)) is not None
+            ):
                 return carried_look
         return _Look(columns, -math.inf, [*range(len(columns[0]))], {}, {})
 
@@ -96,7 +99,9 @@ def _line(columns: _Columns, number: int) -> Any:
     return tuple([column[number] for column in columns])
 
 
-def _carried(look: _Look, columns: _Columns, plays: Callable[..., Plays | None]) -> _Look | None:
+def _carried_over(
+    look: _Look, columns: _Columns, plays: Callable[..., Plays | None]
+) -> _Look | None:
     """A look for nearly the same lines: changed lines are left. None if one of them was over, or
     changes the count of one that was.
     """

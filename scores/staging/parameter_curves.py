@@ -153,7 +153,7 @@ def glide_path(piece: Piece, entry: Entry, value: float) -> GlidePath:
     `value` is that of the parameter as written.
     """
     tempo, line = piece.tempo_map, entry.automation
-    to_path, _ = _SCALES.get(line.parameter, (_same, _same))
+    to_path, _ = _SCALES.get(line.parameter, (_unscaled, _unscaled))
     values = [to_path(point.amount.applied_to(value)) for point in line.points]
     approaches: list[Approach] = [point.way for point in line.points]
     if line.over is not None:
@@ -183,7 +183,7 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
             add_glide(replace(piece, tempo_map=goes), entry, moving)
             curve.to(start_instant, moving.evaluate(goes.seconds(tempo.stop_beat)))
         return
-    to_path, from_scale = _SCALES.get(line.parameter, (_same, _same))
+    to_path, from_scale = _SCALES.get(line.parameter, (_unscaled, _unscaled))
     instants, values, approaches, stop_instant = glide_path(piece, entry, curve.initial)
     value_before = curve.evaluate(start_instant)
     is_over = (
@@ -200,7 +200,7 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
         )
     path = list(zip(instants, values, approaches, strict=True))
     if len(path) > 1 and not is_over:
-        times, spacing = _places(piece, curve, start_instant, stop_instant)
+        times, spacing = _glide_instants(piece, curve, start_instant, stop_instant)
         times = times[max(0, bisect_right(times, begins) - 1) :]
         # Points near a corner are not corrected for curvature.
         corner_reach = spacing * (1.0 + SAME)
@@ -213,7 +213,7 @@ def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.in
     curve.to(stop_instant, from_scale(end))
 
 
-def _places(
+def _glide_instants(
     piece: Piece, curve: Curve, start_instant: float, stop_instant: float
 ) -> tuple[list[float], float]:
     """The instants on the grid within a glide that have points, and the time between them [s]."""
@@ -224,7 +224,7 @@ def _places(
     return [place * step for place in places[::stride]], stride * step
 
 
-def _same(value: float) -> float:
+def _unscaled(value: float) -> float:
     return value
 
 

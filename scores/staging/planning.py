@@ -172,7 +172,7 @@ def make(
         return Planned(planner.plan(draft, _DRAFT_SHARE), draft, is_kept=planner.finish())
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     plan_made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
-    missed = _missed(plan_made, accuracy.error, is_foreseen=is_foreseen)
+    missed = _missed_errors(plan_made, accuracy.error, is_foreseen=is_foreseen)
     if accuracy.method is None and accuracy.error is None:
         missed += _missed_by_ear(plan_made, accuracy.cents)
     notes = [("W403", sentence) for sentence in missed]
@@ -290,7 +290,7 @@ def _is_met(row: _core.PlanRow, accuracy: Accuracy) -> bool:
     return db is not None and db <= budget_db and row.spectral_db is None
 
 
-def _missed(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list[str]:
+def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list[str]:
     """A sentence for parts whose error is above `error`, unknown, or known for some time only.
 
     One sentence for each island. If hands or a session play, no error is known beforehand.

@@ -97,10 +97,13 @@ def glides(
     """
     under_way = {(g.part, g.module): g for g in running if g.stop > start}
     old, new = (
-        dict(_values(*pair, under_way))
+        dict(_gliding_values(*pair, under_way))
         for pair in ((piece_before, piece_after), (piece_after, piece_before))
     )
-    forms = dict(_forms(piece_before, piece_after)), dict(_forms(piece_after, piece_before))
+    forms = (
+        dict(_body_forms(piece_before, piece_after)),
+        dict(_body_forms(piece_after, piece_before)),
+    )
     glides_by_module = {}
     for module_key, values in new.items():
         current = under_way.get(module_key)
@@ -118,7 +121,7 @@ def glides(
     links_before = _links(piece_before, piece_after)
     for module_key, module in _links(piece_after, piece_before).items():
         current = under_way.get(module_key)
-        if module_key not in links_before and _joins(module, piece_before):
+        if module_key not in links_before and _joins_earlier_part(module, piece_before):
             values = _module_values(module) or (1.0,)
             values_now = (0.0,) if current is None else current.evaluate(start)
             glide = Glide(*module_key, values_now, values, start, start + seconds)
@@ -172,7 +175,7 @@ def leaving_links(
         link
         for link in leaving
         if (link.glide.part, link.glide.module) not in staying
-        and all(_stays(end, piece_before, piece_after) for end in link.module.fields["between"])
+        and all(_end_stays(end, piece_before, piece_after) for end in link.module.fields["between"])
     )
 
 
@@ -186,7 +189,7 @@ def with_leaving(piece: Piece, links: Iterable[LeavingLink]) -> Piece:
     return replace(piece, instruments=instruments) if instruments != piece.instruments else piece
 
 
-def _changed(piece: Piece, other_piece: Piece) -> Iterator[tuple[Key | Instrument, Module]]:
+def _changed_modules(piece: Piece, other_piece: Piece) -> Iterator[tuple[Key | Instrument, Module]]:
     """The modules of a piece, with their parts, that are not the same objects in another piece."""
     for part in _parts(piece):
         part_before = other_piece.keys.get(part.name) or other_piece.instruments.get(part.name)
@@ -219,40 +222,40 @@ def _links(piece: Piece, other_piece: Piece) -> dict[tuple[str, str], Module]:
     """
     return {
         (part.name, link.name): link
-        for part, module in _changed(piece, other_piece)
+        for part, module in _changed_modules(piece, other_piece)
         if isinstance(part, Instrument) and part.ca_rate is None and module.kind in LINKS
         for link in single_links(module)
     }
 
 
-def _stays(end: Target, piece_before: Piece, piece_after: Piece) -> bool:
+def _end_stays(end: Target, piece_before: Piece, piece_after: Piece) -> bool:
     """Whether the module at an end exists in both pieces, with the same number of members."""
-    old, new = _named(end, piece_before), _named(end, piece_after)
+    old, new = _module_at(end, piece_before), _module_at(end, piece_after)
     if old is None or new is None or old.kind != new.kind:
         return False
     return old.kind in _POINTS or old.fields == new.fields
 
 
-def _named(end: Target, piece: Piece) -> Module | None:
+def _module_at(end: Target, piece: Piece) -> Module | None:
     part = piece.keys.get(end.part) or piece.instruments.get(end.part)
     modules = () if part is None else part.modules
     return next((module for module in modules if module.name == end.module), None)
 
 
-def _joins(module: Module, piece_before: Piece) -> bool:
+def _joins_earlier_part(module: Module, piece_before: Piece) -> bool:
     """Whether a link has an end in a part that the earlier piece has too."""
     end_parts = {end.part for end in module.fields["between"]}
     return any(end in piece_before.keys or end in piece_before.instruments for end in end_parts)
 
 
-def _values(
+def _gliding_values(
     piece: Piece, other_piece: Piece, gliding: Iterable[tuple[str, str]]
 ) -> Iterator[tuple[tuple[str, str], _Values]]:
     """The parameters that can glide, by (part, module), as the piece sees them: of modules that
     have changed from another piece, and of those that are `gliding`.
     """
     gliding_keys = {
-        (part.name, module.name) for part, module in _changed(piece, other_piece)
+        (part.name, module.name) for part, module in _changed_modules(piece, other_piece)
     }.union(gliding)
     names = {name for name, _ in gliding_keys}
     for part in _parts(piece):
@@ -267,9 +270,11 @@ def _values(
                 yield module_key, tuple(value * scale for value in values)
 
 
-def _forms(piece: Piece, other_piece: Piece) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
+def _body_forms(
+    piece: Piece, other_piece: Piece
+) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
     """The fields of changed STRINGs and PLATEs except pitch, decay, mass and initial state."""
-    for part, module in _changed(piece, other_piece):
+    for part, module in _changed_modules(piece, other_piece):
         if isinstance(part, Instrument) and module.kind in BODIES:
             form = {
                 name: field_value

@@ -69,9 +69,9 @@ def number(word: str) -> int | None:
     return 12 * (int(match[3]) + 1) + _LETTERS[match[1]] + _SIGNS[match[2]]
 
 
-def name(note: int, *, flat: bool = False) -> str:
+def name(note_number: int, *, flat: bool = False) -> str:
     """The name of a note by its number, with a sharp or a flat."""
-    octave, step = divmod(note, 12)
+    octave, step = divmod(note_number, 12)
     return f"{(_FLAT if flat else _SHARP)[step]}{octave - 1}"
 
 
@@ -79,9 +79,9 @@ def nearest_note(frequency: float) -> tuple[str, float]:
     """The note of equal temperament (A4 = 440 Hz) next to a frequency [Hz], and how far above it
     the frequency lies [cents]."""
     semitones = 69 + 12 * math.log2(frequency / 440)
-    note = round(semitones)
-    octave, step = divmod(note, 12)
-    return f"{_USUAL[step]}{octave - 1}", 100 * (semitones - note)
+    note_number = round(semitones)
+    octave, step = divmod(note_number, 12)
+    return f"{_USUAL[step]}{octave - 1}", 100 * (semitones - note_number)
 
 
 def word_of(text: str) -> str | None:
@@ -134,11 +134,11 @@ def chord(root: str, scale: str) -> list[str]:
     """The words of the notes of a scale or a chord, by its name, above a note. Raises TextError
     where they have no name.
     """
-    steps, low = SCALES[scale], number(root)
-    if tuning.current().has_keys and low is not None:
+    steps, root_number = SCALES[scale], number(root)
+    if tuning.current().has_keys and root_number is not None:
         is_flat = root[1:2] in ("b", "♭")
-        return [name(low + step, flat=is_flat) for step in steps]
-    if low is None:
+        return [name(root_number + step, flat=is_flat) for step in steps]
+    if root_number is None:
         base = q.frequency(root)
         return [tuning.hertz_word(base * _core.pow(2.0, step / 12.0)) for step in steps]
     return tuning.current().above(root, steps)
@@ -207,7 +207,7 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
     (first_word, offset), later_words = words[0], words[1:]
     low_name, dots, high_name = first_word.partition("..")
     count = None
-    low = _read_at(low_name, offset)
+    root_number = _read_at(low_name, offset)
     high = _read_at(high_name, offset + len(low_name) + 2) if dots else None
     scale, scale_offset = "chromatic", offset
     if later_words and later_words[0][0] != "count":
@@ -223,22 +223,25 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
         word, word_offset = later_words[0]
         message = f"unknown word {quote(word)}; notes are written like {_EXAMPLE}"
         raise TextError(message, offset=word_offset, length=len(word), code="E204")
-    if high is not None and high < low:
+    if high is not None and high < root_number:
         message = f"the range {quote(first_word)} runs downwards; write the lower note first"
         suggestion = f"{high_name}..{low_name}"
         raise TextError(
             message, offset=offset, length=len(first_word), suggestion=suggestion, code="E202"
         )
-    top = HIGHEST if high is None else high
-    octaves = range((HIGHEST - low) // 12 + 1)
+    highest_number = HIGHEST if high is None else high
+    octaves = range((HIGHEST - root_number) // 12 + 1)
     if not tuning.current().has_keys:
-        names = _spelled_range(low_name, name(top) if high is None else high_name, scale)[:count]
+        names = _spelled_range(
+            low_name, name(highest_number) if high is None else high_name, scale
+        )[:count]
     else:
-        numbers = [low + 12 * octave + step for octave in octaves for step in steps]
+        numbers = [root_number + 12 * octave + step for octave in octaves for step in steps]
         is_flat = low_name[1:2] in ("b", "♭")
-        names = [low_name, *(name(note, flat=is_flat) for note in numbers[1:] if note <= top)][
-            :count
-        ]
+        names = [
+            low_name,
+            *(name(note, flat=is_flat) for note in numbers[1:] if note <= highest_number),
+        ][:count]
     if count is not None and len(names) < count:
         message = f"from {low_name} to {high_name or name(HIGHEST)} there are {len(names)} notes"
         message += f", not {count}"
@@ -248,14 +251,14 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
 
 def _spelled_range(low: str, high: str, scale: str) -> list[str]:
     """The notes of a scale from one to another, where a sharp is no flat; chromatic: all steps."""
-    tuned, top = tuning.current(), pitch(high) or 0.0
+    tuned, top_pitch = tuning.current(), pitch(high) or 0.0
     if scale == "chromatic":
         return tuned.degrees(low, high)
     match = _NOTE.fullmatch(low)
     assert match is not None
     roots = (f"{match[1]}{match[2]}{octave}" for octave in range(int(match[3]), 10))
     notes = [note for root in roots for note in tuned.above(root, SCALES[scale])]
-    return [note for note in notes if (pitch(note) or 0.0) <= top]
+    return [note for note in notes if (pitch(note) or 0.0) <= top_pitch]
 
 
 def _scale(scale: str, offset: int) -> tuple[int, ...]:
@@ -267,12 +270,12 @@ def _scale(scale: str, offset: int) -> tuple[int, ...]:
     return SCALES[scale]
 
 
-def _bounded(notes: list[str]) -> tuple[str, ...]:
-    if len(notes) > MAX_NOTES:
-        message = f"{len(notes)} notes are written; the maximum is {MAX_NOTES}"
+def _bounded(note_words: list[str]) -> tuple[str, ...]:
+    if len(note_words) > MAX_NOTES:
+        message = f"{len(note_words)} notes are written; the maximum is {MAX_NOTES}"
         raise TextError(message, code="E202")
     notes_by_pitch: dict[float | None, str] = {}
-    for note in notes:
+    for note in note_words:
         if (note_before := notes_by_pitch.setdefault(pitch(note), note)) is not note:
             message = f"{quote(note)} is written twice"
             if note_before != note:
@@ -280,7 +283,7 @@ def _bounded(notes: list[str]) -> tuple[str, ...]:
                     f"{quote(note)} is the same note as {quote(note_before)}; remove one of them"
                 )
             raise TextError(message, code="E202")
-    return tuple(notes)
+    return tuple(note_words)
 
 
 @dataclass(frozen=True)

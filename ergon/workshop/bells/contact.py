@@ -118,13 +118,15 @@ def _costs(logs: Array, variance: Array, shapes: Array, doubts: Array) -> Array:
         doubt[0] = variance  # of one length what is left of a mode is the same
         mean = np.median(residuals, axis=1)
         for _ in range(4):  # Huber's: a mode in a zero of the spectrum tells nothing
-            weight = 1.0 / np.sqrt(doubt) / np.maximum(np.sqrt(doubt), _far(residuals, mean) / 2.0)
+            weight = (
+                1.0 / np.sqrt(doubt) / np.maximum(np.sqrt(doubt), _distances(residuals, mean) / 2.0)
+            )
             mean = np.sum(weight * residuals, axis=1) / np.sum(weight, axis=1)
-        away = _far(residuals, mean) / np.sqrt(doubt)
+        away = _distances(residuals, mean) / np.sqrt(doubt)
         cost = np.where(away < 2.0, away**2, 4.0 * away - 4.0) + np.log(doubt)
         costs[first_shape, first_shape:] = np.sum(cost, axis=1)
     return costs
 
 
-def _far(residuals: Array, mean: Array) -> Array:
+def _distances(residuals: Array, mean: Array) -> Array:
     return np.asarray(np.abs(residuals - mean[:, None]))

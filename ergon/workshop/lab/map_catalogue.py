@@ -178,7 +178,7 @@ _CUTS = {
 _PRESERVED = ((10.0, -75.0), (inf, -70.0))
 
 
-def _cut(name: str, key: slow_key_scene.Key, modes: str) -> Map:
+def _cut(name: str, key: slow_key_scene.Key, modes_label: str) -> Map:
     def case(stiffness: float, frames_per_pull: float) -> MapPoint:
         return slow_key_scene.SlowKeyPoint(
             slow_key_scene.SlowKeyScene(key, 1e3 * stiffness, round(frames_per_pull))
@@ -187,7 +187,7 @@ def _cut(name: str, key: slow_key_scene.Key, modes: str) -> Map:
     def load(stiffness: float, frames_per_pull: float) -> float:
         return slow_key_scene.load(key, 1e3 * stiffness)
 
-    title = f"a slow key, modes to {modes}, pulls a string"
+    title = f"a slow key, modes to {modes_label}, pulls a string"
     pull_spacings = tuple(float(frames) for frames in range(2, 61, 2))
     return Map(name, title, "K of the spring between [kN/m]", "frames from pull to pull",
                _spaced(0.01, 1e3, 21), pull_spacings, 4.0, case, load,

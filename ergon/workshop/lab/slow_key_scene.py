@@ -19,10 +19,10 @@ from ergon.workshop.lab.truth import EXACT_DB, Truth
 
 RATE = 44_100.0
 _MASSES, _MASS, _PITCH, _T60 = 40, 4e-3, 220.0, 2.0  # of the string; [kg], [Hz], [s]
-_PULLED, _LISTENED = 7, 30
-_STRUCK = 47 / RATE  # [s]; no frame of a pull for most R
+_PULLED_MASS, _LISTENED_MASS = 7, 30
+_STRIKE_TIME = 47 / RATE  # [s]; no frame of a pull for most R
 _BUDGET_DB = -100.0  # so that no mode is left out
-_HIDDEN = 4.0  # a power of two: a factor that changes no bit
+_HIDING_STEP = 4.0  # a power of two: a factor that changes no bit
 _HIDDEN_MAX = 4.0**10  # the stiffest spring is then looser than any that is refused
 
 
@@ -69,10 +69,10 @@ class SlowKeyScene:
         network.part("string", ca_rate=RATE)
         string = network.string("s", masses=_MASSES, M=_MASS * RATE**2, f=_PITCH, t60=_T60)
         network.part("cut", ca_rate=RATE)
-        joint = network.ref("c", row[-1], string + _PULLED, K=self.K / self.hidden)
-        network.listen("string", positions=[(string + _LISTENED, 1, 1.0)])
+        joint = network.ref("c", row[-1], string + _PULLED_MASS, K=self.K / self.hidden)
+        network.listen("string", positions=[(string + _LISTENED_MASS, 1, 1.0)])
         timeline = _core.Timeline(network, RATE)
-        timeline.strike(row[0], _STRUCK, impulse=0.05)
+        timeline.strike(row[0], _STRIKE_TIME, impulse=0.05)
         if self.hidden != 1.0:
             timeline.fade(joint, self.hidden, self.hidden, 0.0, 1.0)
         return NetworkAndTimeline(network, timeline)
@@ -116,7 +116,7 @@ class SlowKeyPoint:
                 played, plan = _planned(scene)
             except _core.UnstableError as error:
                 reason = str(error)
-                scene = replace(scene, hidden=scene.hidden * _HIDDEN)
+                scene = replace(scene, hidden=scene.hidden * _HIDING_STEP)
             else:
                 return self._ran(played, plan, n_frames)
         return Outcome(None, reason=reason)
@@ -171,7 +171,7 @@ def load(key: Key, K: float) -> float:
     stiffness[:n, :n] = 2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
     stiffness *= k * (1.0 + 4.0 * sigma / omega**2 * RATE)
     joint_row = np.zeros(n + 1)
-    joint_row[[_PULLED, n]] = 1.0, -1.0
+    joint_row[[_PULLED_MASS, n]] = 1.0, -1.0
     root_mass = np.sqrt(np.array([m] * n + [key.M[-1]])) * RATE
     scaled = (stiffness + K * np.outer(joint_row, joint_row)) / np.outer(root_mass, root_mass)
     return float(np.linalg.eigvalsh(scaled)[-1]) / 4.0

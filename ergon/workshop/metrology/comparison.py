@@ -147,16 +147,16 @@ def chi_squared(calibration: Calibration, second_calibration: Calibration) -> tu
     For two calibrations of the same key its mean is this number. Combinations that the
     covariance makes certain, to five digits, are left out and not counted.
     """
-    certain_differences = [
+    comparable = [
         d for d in differences(calibration, second_calibration) if d.deviations is not None
     ]
-    if not certain_differences:
+    if not comparable:
         return 0.0, 0
-    first_names, second_names = ([d.names[i] for d in certain_differences] for i in (0, 1))
+    first_names, second_names = ([d.names[i] for d in comparable] for i in (0, 1))
     covariance = calibration.covariance(first_names) + second_calibration.covariance(second_names)
     size = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    components = vectors.T @ np.array([d.deviations for d in certain_differences])
+    components = vectors.T @ np.array([d.deviations for d in comparable])
     is_certain = values > _CERTAIN
     return float(np.sum(components[is_certain] ** 2 / values[is_certain])), int(is_certain.sum())
 

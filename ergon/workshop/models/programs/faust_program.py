@@ -82,8 +82,8 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
             force_terms = [f"{sign} f_{link_words[link]}" for link, sign in links_by_point[number]]
             force_terms += [f"+ {inputs[number]}" for number in point.forces]
             yield f"  g_{word} = 0.0 {' '.join(force_terms)};"
-            for mass, share in point.shares:
-                passed[mass].append(f"+ {share!r}*g_{word}")
+            for mass_index, share in point.shares:
+                passed[mass_index].append(f"+ {share!r}*g_{word}")
     for number, (word, point) in enumerate(zip(point_words, network.points, strict=True)):
         if _moves(point):
             terms = [f"{sign} f_{link_words[link]}" for link, sign in links_by_point[number]]
@@ -158,8 +158,10 @@ def _force(
         return
     first_word, second_word = (a, b) if link.side > 0 else (b, a)
     yield f"  p_{word} = x_{first_word} - x_{second_word} - L_{word};"
-    deep = f"p_{word}" if link.exponent == 1.0 else f"pow(max(p_{word}, 0.0), {link.exponent!r})"
-    push = f"K_{word}*{deep} + Z_{word}*(d_{first_word} - d_{second_word})"
+    penetration_power = (
+        f"p_{word}" if link.exponent == 1.0 else f"pow(max(p_{word}, 0.0), {link.exponent!r})"
+    )
+    push = f"K_{word}*{penetration_power} + Z_{word}*(d_{first_word} - d_{second_word})"
     push = f"max({push}, 0.0)" if link.is_clamped else f"({push})"
     sign = "0.0 -" if link.side > 0 else ""
     yield f"  f_{word} = {sign} (p_{word} > 0.0)*{push};".replace("=  ", "= ")
