@@ -73,27 +73,29 @@ def _contact_warning(
 ) -> Diagnostic | None:
     """The warning for a contact that closed, of one point or of several; None if there is none."""
     contact = points[0].contact
-    first_closed = min(one.first for one in points if one.first is not None)
-    last_closed = max(one.last for one in points if one.last is not None)
-    if any(one.is_closed for one in points):
+    first_closed = min(stroke.first for stroke in points if stroke.first is not None)
+    last_closed = max(stroke.last for stroke in points if stroke.last is not None)
+    if any(stroke.is_closed for stroke in points):
         return None
     for player in _players(piece, simulated, contact.module, kinds):
         strokes = sorted(player.strokes)
         # No stroke closed a contact that is closed from the beginning.
         strokes_before = [
-            one for one in strokes if one.begins <= (first_closed or last_closed) / simulated.rate
+            stroke
+            for stroke in strokes
+            if stroke.begins <= (first_closed or last_closed) / simulated.rate
         ]
         later_strokes = [
-            one
-            for one in strokes[len(strokes_before) :]
-            if one.begins > last_closed / simulated.rate
+            stroke
+            for stroke in strokes[len(strokes_before) :]
+            if stroke.begins > last_closed / simulated.rate
         ]
         if (first_closed and not strokes_before) or len(strokes_before) + len(later_strokes) < len(
             strokes
         ):
             continue  # something else closed it, or several strokes did
         least = strokes_before[-1].reach * (1 - _SAME) if first_closed else 0.0
-        n_as_far = sum(one.reach >= least and one.reach > 0.0 for one in later_strokes)
+        n_as_far = sum(stroke.reach >= least and stroke.reach > 0.0 for stroke in later_strokes)
         if n_as_far:
             when = scores.where(piece, first_closed / simulated.rate)
             message = f"contact {quote(contact.full_name)} closes at {when} only, "

@@ -119,18 +119,14 @@ class Checker:
             place=score.place,
             tempo_map=times.map,
             automation=changes,
-            blocks={
-                n: block for n, block in (score["blocks"] or {}).items() if block is not MISSING
-            },
+            blocks={n: text for n, text in (score["blocks"] or {}).items() if text is not MISSING},
             phrases=tuple(self._phrases()),
             available=self._available(),
             file_meters=times.file.meters,
             used=tuple(self.names.families),
             tuning=self.names.tuning,
             tunings=self.part_names.tunings,
-            families={
-                n: tuple(family.parts.values()) for n, family in self.part_names.families.items()
-            },
+            families={n: (*notes.parts.values(),) for n, notes in self.part_names.families.items()},
         )
         begins = times.check(score, piece)
         if self.collector.has_errors():
@@ -149,15 +145,15 @@ class Checker:
         transposed = {
             part: name for name, family in notes.items() for part in family.parts.values()
         }
-        entries_by_kind = {
+        derived_values = {
             name: entry.values
             for name, entry in entries
             if isinstance(entry.values, Values) and entry.values.written("like", "from")
         }
-        transposed = {**{name: name for name in entries_by_kind}, **transposed}
+        transposed = {**{name: name for name in derived_values}, **transposed}
 
         def used() -> Iterator[tuple[str, str]]:
-            for name, values in entries_by_kind.items():
+            for name, values in derived_values.items():
                 yield from ((name, module) for module in values["modules"] or ())
             struck = (target for line in strikes for target in line.to)
             end_targets = (end for coupling in duet for end in (coupling.a, coupling.b))

@@ -62,84 +62,61 @@ class KnownEntries:
         `modules_of` tells on which modules something depends; None: it is read each time.
         `owner` gives the part of a name.
         """
-        section_before: _Section | None = None
+        earlier: _Section | None = None
         if self._memory is not None:
-            section_before = self._memory.held(self._name, None)
-        if section_before is None:
-            section_before = _Section(None, (), (), [], Counter(), {})
-        states_now = {
-            module_key: _module_state(module_key, names, owner)
-            for module_key in section_before.states
+            earlier = self._memory.held(self._name, None)
+        if earlier is None:
+            earlier = _Section(None, (), (), [], Counter(), {})
+        states_now = {module: _module_state(module, names, owner) for module in earlier.states}
+        changed = {
+            module for module, state in earlier.states.items() if states_now[module] != state
         }
-        changed_modules = {
-            module_key
-            for module_key, state in section_before.states.items()
-            if states_now[module_key] != state
-        }
-        if (
-            section_before.section is section
-            and not changed_modules
-            and None not in section_before.known
-        ):
-            names.reached |= {
-                part_name for part_name, _ in section_before.uses if owner(part_name) is not None
-            }
-            return section_before.meanings
+        if earlier.section is section and not changed and None not in earlier.known:
+            names.reached |= {part for part, _ in earlier.uses if owner(part) is not None}
+            return earlier.meanings
         entries = tuple(section.values() if isinstance(section, Mapping) else section)
-        replaced_range = changed_part(section_before.entries, entries)
-        forgotten = section_before.known[
-            replaced_range.start : replaced_range.start + len(replaced_range.before)
-        ]
-        meanings_by_number: list[_Meaning | None] = replaced_range.put(
-            section_before.known, [None] * len(replaced_range.now)
-        )
-        if changed_modules:
+        replaced = changed_part(earlier.entries, entries)
+        gone = earlier.known[replaced.start : replaced.start + len(replaced.before)]
+        results: list[_Meaning | None] = replaced.put(earlier.known, [None] * len(replaced.now))
+        if changed:
             stale: list[_Meaning | None] = [
-                meaning
-                for meaning in meanings_by_number
-                if meaning and not changed_modules.isdisjoint(meaning.modules or ())
+                result
+                for result in results
+                if result and not changed.isdisjoint(result.modules or ())
             ]
-            forgotten += stale
+            gone += stale
             ids = {*map(id, stale)}
-            meanings_by_number = [
-                None if id(meaning) in ids else meaning for meaning in meanings_by_number
-            ]
-        uses = section_before.uses.copy()
-        uses.subtract(
-            chain.from_iterable(meaning.modules or () for meaning in forgotten if meaning)
-        )
-        unknown = [number for number, meaning in enumerate(meanings_by_number) if meaning is None]
+            results = [None if id(result) in ids else result for result in results]
+        uses = earlier.uses.copy()
+        uses.subtract(chain.from_iterable(result.modules or () for result in gone if result))
+        unknown = [number for number, result in enumerate(results) if result is None]
         for number in unknown:
             n_reports = names.collector.n_reports
             if (entry := read(entries[number])) is None:
                 continue
             has_no_report = names.collector.n_reports == n_reports
             modules = modules_of(entry, entries[number]) if has_no_report else None
-            meanings_by_number[number] = _Meaning(entry, modules)
+            results[number] = _Meaning(entry, modules)
             uses.update(modules or ())
         uses = +uses
         states = {
             w: states_now[w] if w in states_now else _module_state(w, names, owner) for w in uses
         }
-        names.reached |= {part_name for part_name, _ in uses if owner(part_name) is not None}
-        is_new_alone = len(unknown) == len(replaced_range.now) and len(
-            section_before.meanings
-        ) == len(section_before.entries)
+        names.reached |= {part for part, _ in uses if owner(part) is not None}
+        is_new_alone = len(unknown) == len(replaced.now) and len(earlier.meanings) == len(
+            earlier.entries
+        )
         new_entries = [
-            meaning.entry
-            for number in unknown
-            if (meaning := meanings_by_number[number]) is not None
+            result.entry for number in unknown if (result := results[number]) is not None
         ]
-        if is_new_alone and len(new_entries) == len(unknown) and not changed_modules:
-            meanings = tuple(replaced_range.put(section_before.meanings, new_entries))
+        if is_new_alone and len(new_entries) == len(unknown) and not changed:
+            meanings = tuple(replaced.put(earlier.meanings, new_entries))
         else:
-            meanings = tuple(
-                [meaning.entry for meaning in meanings_by_number if meaning is not None]
-            )
+            meanings = tuple([result.entry for result in results if result is not None])
         if self._memory is not None:
-            remembered = [*meanings_by_number]
+            remembered = [*results]
             for number in unknown:
-                if (meaning := meanings_by_number[number]) is not None and meaning.modules is None:
+                if (result := results[number]) is not None and result.modules is None:
                     remembered[number] = None
             section_now = _Section(section, entries, meanings, remembered, uses, states)
             self._memory.hold(self._name, None, section_now)

@@ -122,9 +122,9 @@ pub(super) fn add(
         return Err(NoModes::Inexact);
     }
     // The state at t = 0 and the effect of an impulse, in the modes: through the inverse.
-    let project = |row: usize, component_of: &dyn Fn(usize) -> f64| -> f64 {
+    let project = |row: usize, entry: &dyn Fn(usize) -> f64| -> f64 {
         let left_row = &left_vectors[row * state_size..(row + 1) * state_size];
-        left_row.iter().enumerate().map(|(i, by)| by * component_of(i)).sum()
+        left_row.iter().enumerate().map(|(i, by)| by * entry(i)).sum()
     };
     let held_count = state.n_held();
     let initial_state = |row_index: usize| {
@@ -167,14 +167,10 @@ pub(super) fn add(
                 },
             ]
         };
-        let projection = |component_of: &dyn Fn(usize) -> f64| {
+        let projection = |entry: &dyn Fn(usize) -> f64| {
             [
-                project(k, component_of),
-                if is_pole_pair {
-                    project(k + 1, component_of)
-                } else {
-                    0.0
-                },
+                project(k, entry),
+                if is_pole_pair { project(k + 1, entry) } else { 0.0 },
             ]
         };
         let eigenvalue = [re, im];
