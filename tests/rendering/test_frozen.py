@@ -1,5 +1,6 @@
 """Parts that are computed before and read while the rest is played."""
 
+import contextlib
 import json
 import re
 import sys
@@ -317,6 +318,14 @@ def test_frozen_of_other_seed_rate_or_score_refused(folder: Path, capsys: Captur
     assert "the score has changed since" in refused()
 
 
+@pytest.fixture(scope="module")
+def manifest(tmp_path_factory: pytest.TempPathFactory) -> dict:
+    """What stands in the manifest of the frozen gong."""
+    with contextlib.chdir(tmp_path_factory.mktemp("gong")):
+        Path("s.yaml").write_text(SCORE)
+        return frozen("gong")
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -328,9 +337,11 @@ def test_frozen_of_other_seed_rate_or_score_refused(folder: Path, capsys: Captur
         {"rate": "NaN?"},
     ],
 )
-def test_frozen_manifests_with_hostile_values(folder: Path, change: dict):
-    text = frozen("gong")
-    Path("s.frozen/frozen.json").write_text(json.dumps(text | change))
+def test_frozen_manifests_with_hostile_values(folder: Path, manifest: dict, change: dict):
+    Path("s.frozen").mkdir()
+    Path("s.frozen/frozen.json").write_text(json.dumps(manifest))
+    exchange.read(Path("s.frozen"))
+    Path("s.frozen/frozen.json").write_text(json.dumps(manifest | change))
     with pytest.raises(exchange.NotFrozenError):
         exchange.read(Path("s.frozen"))
 
