@@ -32,12 +32,12 @@ def is_message(node: ast.AST, names: set[str]) -> bool:
     return False
 
 
-def names_of_messages(function: ast.AST) -> set[str]:
-    """Names of messages, and of errors as `name()`."""
+def names_of_messages(nodes: list[ast.AST]) -> set[str]:
+    """Names of messages, and of errors as `name()`, in the nodes of a function."""
     names = {"error()"} | {
-        f"{node.name}()" for node in ast.walk(function) if isinstance(node, ast.ExceptHandler)
+        f"{node.name}()" for node in nodes if isinstance(node, ast.ExceptHandler)
     }
-    for node in ast.walk(function):
+    for node in nodes:
         if isinstance(node, ast.Assign) and is_message(node.value, names):
             names |= {target.id for target in node.targets if isinstance(target, ast.Name)}
     return names
@@ -45,8 +45,11 @@ def names_of_messages(function: ast.AST) -> set[str]:
 
 def searches(function: ast.AST) -> Iterator[str]:
     """Expressions that look for words in a message."""
-    names = names_of_messages(function)
-    for node in ast.walk(function):
+    nodes = list(ast.walk(function))
+    names = names_of_messages(nodes)
+    for node in nodes:
+        if not isinstance(node, ast.Call | ast.Compare):
+            continue
         match node:
             case ast.Call(func=ast.Attribute(value, method)):  # `split()` alone joins lines
                 inside = method in METHODS and node.args and is_message(value, names)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from gltf_files import binary, tetrahedron
 from scipy.integrate import solve_ivp
+from sweep import few
 
 from ergon.instruments.space import gltf_file
 from ergon.instruments.space.mesh import MeshFileError
@@ -186,16 +187,19 @@ def test_damaged_glb_files_are_refused(data: bytes, said: str):
         gltf_file.read_binary(data)
 
 
-def test_gltf_node_count_limit():
+@pytest.mark.parametrize(("limit", "count"), few([(240_000, 1_000), (2_400_000, 10_000)], 1))
+def test_gltf_node_count_limit(limit: int, count: int, monkeypatch: pytest.MonkeyPatch):
+    assert gltf_file._READ_MAX == 2_400_000
+    monkeypatch.setattr(gltf_file, "_READ_MAX", limit)
     root = tetrahedron()
-    root["nodes"] = [{"mesh": 0}] * 10_000
-    root["scenes"] = [{"nodes": list(range(10_000))}]
+    root["nodes"] = [{"mesh": 0}] * count
+    root["scenes"] = [{"nodes": list(range(count))}]
     root["accessors"][1]["count"] = 40
     root["bufferViews"].append({"buffer": 0, "byteLength": 9_999})
     root["accessors"][0]["count"] = 400
     root["buffers"][0]["uri"] = "data:;base64," + base64.b64encode(bytes(9_999)).decode()
     root["bufferViews"][0]["byteLength"] = 9_999
-    with pytest.raises(MeshFileError, match="show more than 2,400,000 vertices"):
+    with pytest.raises(MeshFileError, match=f"show more than {limit:,} vertices"):
         gltf_file.read(json.dumps(root))
 
 

@@ -157,5 +157,7 @@ def test_rates_in_plan_table_and_why(capsys: pytest.CaptureFixture[str]):
 
 
 @pytest.fixture
-def folder(work_folder: Path) -> None:
+def folder(work_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ERGON_CACHE", "plans")  # of this score alone, which is planned four times
+    monkeypatch.setenv("XDG_CACHE_HOME", str(work_folder / "cache"))
     Path("s.yaml").write_text(HEAD + "rates: {gesture: 4410Hz}\n" + KEYS + REST)
