@@ -386,7 +386,7 @@ def test_page_flash_area_below_wcag_limit(chromium: browser.Browser, tmp_path: P
     server = _core.ViewServer(path, key=browser.KEY)
     shares = {}
     for how in ("t=0", "t=0&strobe"):
-        with chromium.page(WIDTH, HEIGHT) as page:
+        with chromium.page(WIDTH // 2, HEIGHT // 2) as page:  # shares are of any size
             page.open(f"{server.url}?{how}")
             page.press("3")
             page.run("ergon.page.camera.distance = 3")
