@@ -124,9 +124,13 @@ def test_metrology_fit_and_score_using_calibration(capsys: Capture):
     assert app.run(["metrology", "compare", "k.yaml", "k.yaml"]) == 0
     assert "no figure differs" in capsys.readouterr().err
     text = Path("k.yaml").read_text()
-    mass = re.match(r"ergon: 1\nM: ([0-9.]+)g", text)
-    assert mass is not None
-    assert abs(float(mass[1]) - 400) < 1
+    # Known to a hundredth, and within four of the deviations that are written beside them.
+    figures = re.findall(r"(?m)^(\w+): (\S+?)[A-Za-z/]+ # ± (\S+)$", text)
+    true = {"M": 400.0, "rest": -2.5, "K": 60.0, "Z": 1.2, "dry": 50.0, "delay": 1e3 * KEY[6]}
+    assert [name for name, *_ in figures] == [*true]
+    for name, value, deviation in figures:
+        bound = min(4.0 * float(deviation), 0.01 * abs(true[name]))
+        assert abs(float(value) - true[name]) < bound, name
     assert "modes:\n  - {M: " in text
     assert "takes:\n  - " in text
     score = "ergon: 1\nkeys:\n  k: {calib: k.yaml}\ngestures:\n  g: '0mm@0 1mm@1 0mm@2'\n"

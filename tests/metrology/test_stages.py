@@ -11,9 +11,9 @@ from ergon.workshop.metrology.stages import Measured, measure
 START = 0.4e-3  # from where a key rests to where the held-out gesture begins [m]
 
 
-def measured(row: Floats, seed: int, seconds: float = 10.0) -> tuple[Measured, float]:
-    """A key measured by `seconds` of rain; rms of its replay of knocks from their true path [m]."""
-    force, other = rain(KEY, seconds), knocks(KEY)
+def measured(row: Floats, seed: int) -> tuple[Measured, float]:
+    """A key measured by 10 s of rain; rms of its replay of knocks from their true path [m]."""
+    force, other = rain(KEY), knocks(KEY)
     begin = row[5] + START
     apart = gesture(row, other, seed + 1000, begin)
     result = measure([gesture(row, force, seed)], apart)
@@ -32,11 +32,11 @@ def deviations(outcome: Measured, row: Floats) -> dict[int, float]:
     return {i: (fit.row[i] - row[i]) / fit.deviation(i) for i in fit.columns}
 
 
-def errors_of(seeds: range, seconds: float = 10.0) -> Floats:
+def errors_of(seeds: range) -> Floats:
     """Errors of all parameters in their deviations, (seeds, 9): the modes' are the last three."""
     errors = []
     for seed in seeds:
-        result, replay = measured(KEY, seed, seconds)
+        result, replay = measured(KEY, seed)
         assert accepted_stages(result)[:2] == ["M K Z", "dry"]
         assert accepted_stages(result)[-1] == "mode"
         assert replay <= min(0.25e-6, 0.05 * QUANTUM), f"seed {seed}: {replay}"
@@ -45,8 +45,9 @@ def errors_of(seeds: range, seconds: float = 10.0) -> Floats:
     return np.array(errors)
 
 
+@pytest.mark.slow  # of the same key test_metrology_fit_and_score_using_calibration is quick
 def test_measure_known_key_single_seed():
-    errors = errors_of(range(1), 4.0)  # what is bounded by the errors of four seconds' fit
+    errors = errors_of(range(1))
     assert (np.abs(errors) < 4).all(), errors
 
 
