@@ -325,13 +325,13 @@ ENVIRONMENTS: dict[str, dict[str, str | None]] = {
     "Python whose warnings are errors": {"PYTHONWARNINGS": "error"},
 }
 # What Python reads as it starts; the others ergon reads, when it is called.
-OF_PYTHON = ("C", "Python without assertions", "Python whose warnings are errors")
+PYTHON_ENVIRONMENTS = ("C", "Python without assertions", "Python whose warnings are errors")
 
 
 @pytest.mark.parametrize(("name", "line"), crossed([*ENVIRONMENTS], LINES))
 def test_commands_without_environment_variables(here: Path, name: str, line: str) -> None:
     before = files(here)
-    started = ergon if name in OF_PYTHON else forked_ergon
+    started = ergon if name in PYTHON_ENVIRONMENTS else forked_ergon
     code, _, output = started(here, line, **ENVIRONMENTS[name])
     assert code == 0, output
     assert not [path for path in files(here) if path not in before and "." not in path]
