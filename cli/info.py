@@ -137,6 +137,7 @@ def _fields(path: Path, wav: WaveInfo) -> dict[str, object]:
         "title": wav.title,
         "score_sha256": wav.score,
         "plan_sha256": wav.plan,
+        "tracks": list(wav.tracks),
         "marks": [{"name": name, "frame": frame} for name, frame in wav.marks],
         "passed_over": [name for name, _ in wav.others],
     }
@@ -158,6 +159,8 @@ def _lines(path: Path, wav: WaveInfo, samples: str) -> str:
     if wav.plan:
         lines.append(f"plan:    sha256 {wav.plan}")
     lines += [f"channels: {words}" for words in _channels(path, wav)]
+    if wav.tracks:
+        lines.append(f"tracks:  {', '.join(name or '–' for name in wav.tracks)}")
     lines += [
         f"mark:    {name or 'without a name'}, {frame / wav.format.rate:.3f} s (frame {frame:,})"
         for name, frame in wav.marks

@@ -20,6 +20,8 @@ from typing import BinaryIO, Literal
 from ergon.common.errors import ErgonError
 from ergon.common.sound_files import foreign_form
 
+from .track_names import ixml, track_names
+
 Bits = Literal[8, 16, 24, 32, "float", "double"]  # 8, 32 and double are read, not written
 
 ORIGINATOR = "ergon"
@@ -64,6 +66,7 @@ class Stamp:
     plan: str = ""
     chunks: bytes = b""  # that say what the channels are, as they stand in the file
     marks: tuple[tuple[str, int], ...] = ()  # names and frames in the file, for WAVE files
+    tracks: tuple[str, ...] = ()  # names of the channels, for WAVE files
 
     def description(self) -> bytes:
         """The 256 bytes of the bext description; a long title is cut, a hash never."""
@@ -104,6 +107,7 @@ class WaveInfo:
     missing: int = 0  # bytes of samples that the header announces beyond the end of the file
     others: tuple[tuple[str, int], ...] = ()  # chunks that are not read, with their sizes
     marks: tuple[tuple[str, int], ...] = ()  # names and frames
+    tracks: tuple[str, ...] = ()  # names of the channels; none where the file gives none
 
     @property
     def damage(self) -> str | None:
@@ -148,6 +152,7 @@ def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = R
             _chunk(b"fact", struct.pack("<I", min(n_frames, 0xFFFFFFFF))),
             _chunk(b"bext", _BEXT.pack(stamp.description(), origin, b"", _DATE, _TIME, 0, 1, b"")),
             stamp.chunks,
+            _chunk(b"iXML", ixml(stamp.tracks, stamp.title)) if stamp.tracks else b"",
             _cue_chunks([mark for mark in stamp.marks if 0 <= mark[1] < n_frames]),
         )
     )
@@ -216,7 +221,7 @@ def parse(file: BinaryIO) -> WaveInfo:
     riff_size = int.from_bytes(head[4:8], "little")
     originator: str | None = None
     description = ""
-    descriptions = {b"axml": b"", b"chna": b""}
+    descriptions = {b"axml": b"", b"chna": b"", b"iXML": b""}
     other_chunks: list[tuple[str, int]] = []
     cues: dict[int, int] = {}
     labels: dict[int, str] = {}
@@ -273,6 +278,7 @@ def parse(file: BinaryIO) -> WaveInfo:
         missing,
         tuple(other_chunks),
         tuple((labels.get(number, str(number)), frame) for number, frame in cues.items()),
+        track_names(descriptions[b"iXML"], format.n_channels) if descriptions[b"iXML"] else (),
     )
 
 

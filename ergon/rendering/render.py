@@ -74,14 +74,14 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
     with contextlib.ExitStack() as stack:
         files = stack.enter_context(file_group(force=job.force, inputs=job.inputs))
         limiter = limiter_of(stage, job)
-        mixers: list[tuple[str, Mixer, Limiting | None]] = [
-            (job.target, stage.mixer(highpass=highpass, reference=reference), limiter)
+        mixers: list[tuple[str, Mixer, Limiting | None, tuple[str, ...]]] = [
+            (job.target, stage.mixer(highpass=highpass, reference=reference), limiter, ())
         ]
-        for path, (_, mixer) in zip(paths, stems, strict=True):
+        for path, (stem, mixer) in zip(paths, stems, strict=True):
             follows = None if limiter is None else StemLimiter(limiter, job.format.n_channels)
-            mixers.append((str(path), mixer, follows))
+            mixers.append((str(path), mixer, follows, _channel_names(stem, job.format.n_channels)))
         tracks = []
-        for name, mixer, limits in mixers:
+        for name, mixer, limits, channel_names in mixers:
             file = files.open(name, binary=True)
 
             def written_to(
@@ -90,8 +90,10 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
                 name: str = name,
                 file: BinaryIO = file,
                 limits: Limiting | None = limits,
+                channel_names: tuple[str, ...] = channel_names,
             ) -> MasterChain:
-                writer = sound.writer(name, file, job.format, job.n_frames, job.stamp)
+                stamp = replace(job.stamp, tracks=channel_names)
+                writer = sound.writer(name, file, job.format, job.n_frames, stamp)
                 return chain_of(writer, stage, job, limits, first)
 
             tracks.append(track_of(stack, job, name, mixer, written_to))
@@ -115,6 +117,13 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
         filled.recalled,
         filled.outcome,
     )
+
+
+def _channel_names(stem: str, n_channels: int) -> tuple[str, ...]:
+    """Names of the channels of a stem, for workstations."""
+    if n_channels == 1:
+        return (stem,)
+    return tuple(f"{stem} {number}" for number in range(1, n_channels + 1))
 
 
 def _recalled_or_computed(
@@ -305,7 +314,7 @@ def _simulate(
     with contextlib.closing(ahead(blocks) if is_ahead else blocks) as coming:
         for frames in coming:
             for track in tracks:
-                mixed = np.zeros((len(frames), stage.n_channels))
+                mixed = np.empty((len(frames), stage.n_channels))
                 track.mixer.process(frames, mixed)
                 if recorder is not None and track is tracks[0]:
                     recorder.take(mixed)
@@ -329,7 +338,7 @@ def frames_of(
     import numpy as np
 
     for first_frame in range(0, stop, block):
-        frames = np.zeros((min(block, stop - first_frame), simulation.n_out))
+        frames = np.empty((min(block, stop - first_frame), simulation.n_out))
         simulation.process(frames)
         yield frames
 
