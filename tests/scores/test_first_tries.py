@@ -308,6 +308,7 @@ render: {file: out.wav}
         ("[C3, E3]", "C3\u2026C4", 5, "E201", "an ellipsis (U+2026); write two points", "C3..C4"),
         ("impulse: 1mNs}}", "impulse: p\u2026f}}", 8, "E201", "an ellipsis", "p..f"),
         ("impulse: 1mNs}}", "impulse: 1mNs\u20144mNs}}", 8, "E201", "an em dash", "1mNs..4mNs"),
+        ("impulse: 1mNs}}", "impulse: 1\u20134mNs}}", 8, "E201", "an en dash", "1mNs..4mNs"),
         ("-6dB", "\u20136dB", 9, "E201", "'-' for a minus", "-6dB"),
         # Notes.
         ("A3", "A", 4, "E201", "'A' has no octave: write A3, A4 or another one", "A4"),

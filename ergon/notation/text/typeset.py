@@ -26,6 +26,10 @@ BLANK = re.compile("[\u00a0\u2007\u2009\u202f\u200b]")
 _ANY = re.compile(f"[{''.join(_CHARACTERS)}]")
 _BEFORE_UNIT = re.compile(r"(?<=\d)[\u00a0\u2007\u2009\u202f](?=[A-Za-zµμ%°])")
 _RANGE = re.compile(r"(?<=\w)\s*[\u2013\u2014]\s*(?=[\w.+-])")
+# The first number of a range, and the unit of the second.
+_WITHOUT_UNIT = re.compile(
+    r"(?<![\w.])(\d+(?:\.\d+)?)(?=\.\.-?\d+(?:\.\d+)?([A-Za-zµμ%°][\w/²³]*))"
+)
 _PLAIN = {
     **dict.fromkeys("\u00a0\u2007\u2009\u202f", " "),
     **dict.fromkeys("\u2013\u2014\u2212", "-"),
@@ -49,6 +53,8 @@ def typeset_character(word: str) -> str | None:
 
 
 def plain(word: str) -> str:
-    """A word in the characters of a score: `2g` for `2 g`, `C3..C5` for `C3–C5`."""
+    """A word in the characters of a score: `2g` for `2 g`, `C3..C5` for `C3–C5`, `2g..3g` for
+    `2–3g`.
+    """
     word = _RANGE.sub("..", _BEFORE_UNIT.sub("", word))
-    return _ANY.sub(lambda match: _PLAIN[match[0]], word)
+    return _WITHOUT_UNIT.sub(r"\1\2", _ANY.sub(lambda match: _PLAIN[match[0]], word))
