@@ -1784,6 +1784,15 @@ class Meter:
     momentary: float  # of the last 400 ms, without gating; LUFS
 
 @final
+class TruePeak:
+    """The largest absolute value of a sound between its samples (ITU-R BS.1770-4, Annex 2)."""
+
+    def __new__(cls, n_channels: int) -> Self: ...
+    def process(self, frames: _Floats) -> None:
+        """Measure frames (n_frames, n_channels)."""
+    peak: float  # at four times the rate
+
+@final
 class Lead:
     """A stream of positions that leads a virtual finger, which holds the key of the device `name`.
 

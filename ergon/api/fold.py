@@ -12,7 +12,7 @@ from ergon.common.errors import ErgonError
 from ergon.common.option import renamed
 from ergon.common.report import Report
 from ergon.exchange.wave_header import ORIGINATOR, Bits, NotWaveError
-from ergon.rendering.loudness import TruePeak, gain_to_peak
+from ergon.rendering.loudness import gain_to_peak
 
 from .errors import OptionError
 from .gain import asked_gain
@@ -122,11 +122,11 @@ def fold_file(
         FrameSpool(folder, format.n_channels) as spool,
         report.progress("folding", n_frames, format.rate) as progress,
     ):
-        true_peak, n_folded = TruePeak(format.n_channels), 0
+        true_peak, n_folded = _core.TruePeak(format.n_channels), 0
         blocks = _folded_file(path, info, sound.read_blocks(path), fold.tail)
         for block in _folded(blocks, fold, format.n_channels):
             spool.take(block)
-            true_peak.take(block)
+            true_peak.process(block)
             n_folded += len(block)
             progress.update(n_folded)
         gain = _gain(options, format, spool.peak, true_peak.peak)

@@ -66,10 +66,15 @@ class StretchStore:
 
     def put(self, key: str, sound: NDArray[np.float64], state: bytes) -> bool:
         """Store the sound (n_frames · n_out,) and the state after it; True if they were stored."""
-        samples = sound.astype("<f8", copy=False).tobytes()
-        checked_bytes = _LENGTH.pack(len(sound)) + samples + state
-        header = _HEAD.pack(_MAGIC, zlib.crc32(checked_bytes))
-        return self._folder.write(versioned_key(key), header + checked_bytes)
+        import numpy as np
+
+        samples = np.ascontiguousarray(sound, dtype="<f8").data
+        parts = _LENGTH.pack(len(sound)), samples, state
+        checksum = 0
+        for part in parts:
+            checksum = zlib.crc32(part, checksum)
+        content = b"".join([_HEAD.pack(_MAGIC, checksum), *parts])
+        return self._folder.write(versioned_key(key), content)
 
     def forget(self) -> None:
         """Remove the stretches that were used least recently, until the rest is within bounds."""

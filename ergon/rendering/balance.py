@@ -51,35 +51,37 @@ class Balance:
         """Measure frames `start` to `stop`, counted from 0 at the first frame that `take`
         receives; what `mixer` gives is in units of `unit`.
         """
+        import numpy as np
+
         self._name, self._mixer = name, mixer
         self._loudness = GatedLoudness(rate, n_channels)
         self._n_channels, self._unit = n_channels, unit
         self._start, self._stop = start, stop
-        self._pending: list[NDArray[np.float64]] = []
+        self._step: NDArray[np.float64] = np.empty((self._loudness.step, n_channels))
+        self._n_pending = 0  # frames in `_step`
         self._peaks: list[NDArray[np.float64]] = []
 
     def take(self, frames: NDArray[np.float64]) -> None:
         """Measure the next frames (n_frames, n_out)."""
         import numpy as np
 
-        mixed = np.zeros((len(frames), self._n_channels))
+        mixed = np.empty((len(frames), self._n_channels))
         self._mixer.process(frames, mixed)
-        self._pending.append(mixed)
-        step = self._loudness.step
-        if sum(map(len, self._pending)) < step:
-            return
-        pending_frames = np.concatenate(self._pending)
-        while len(pending_frames) >= step:
-            self._measure(pending_frames[:step])
-            pending_frames = pending_frames[step:]
-        self._pending = [pending_frames]
+        while len(mixed):
+            place = self._step[self._n_pending : self._n_pending + len(mixed)]
+            place[:] = mixed[: len(place)]
+            mixed = mixed[len(place) :]
+            self._n_pending += len(place)
+            if self._n_pending == len(self._step):
+                self._measure()
+                self._n_pending = 0
 
-    def _measure(self, step: NDArray[np.float64]) -> None:
+    def _measure(self) -> None:
         import numpy as np
 
-        self._loudness.take(step)
-        edges = np.arange(_PEAKS) * len(step) // _PEAKS * self._n_channels
-        self._peaks.append(np.maximum.reduceat(np.abs(step).reshape(-1), edges))
+        self._loudness.take(self._step)
+        edges = np.arange(_PEAKS) * len(self._step) // _PEAKS * self._n_channels
+        self._peaks.append(np.maximum.reduceat(np.abs(self._step).reshape(-1), edges))
 
     @property
     def n_measures(self) -> int:

@@ -14,7 +14,6 @@ from ergon.exchange.wave_header import WaveFormat
 
 from .edges import UNFADED, Edges
 from .limiting import Limiting
-from .loudness import TruePeak
 from .silence import Silence, apply_silences
 
 if TYPE_CHECKING:
@@ -153,7 +152,7 @@ class MasterChain:
         self.gain = 1.0
         self._writer = writer
         self._meter = _core.Meter(rate, n_channels)
-        self._true_peak = TruePeak(n_channels)
+        self._true_peak = _core.TruePeak(n_channels)
         self._limiter = limiter
         self.latency = limiter.latency if limiter is not None else 0
         # The index in the piece of the next frame that leaves the limiter.
@@ -202,7 +201,7 @@ class MasterChain:
         )
         unskipped = self._edges.fade(unskipped, take_start, self._start, self._stop, self._rate)
         self._meter.process(unskipped)
-        self._true_peak.take(unskipped)
+        self._true_peak.process(unskipped)
         bits = self._writer.format.bits
         if bits == "float":
             self._writer.write(_core.single(unskipped, 1.0))

@@ -1,4 +1,4 @@
-"""Integrated loudness at any gain, and true peak (ITU-R BS.1770-4)."""
+"""Integrated loudness at any gain, and the gain to a true peak (ITU-R BS.1770-4)."""
 
 from __future__ import annotations
 
@@ -17,22 +17,6 @@ _STEPS = 4  # of 100 ms in a block
 _GATE = -70.0  # [LUFS] absolute gate: quieter blocks do not count
 _RELATIVE = -10.0  # [LU] relative gate, from the mean of the other blocks
 _ROUNDS = 50  # of the search for a gain; a few are enough, as gates change little
-# The interpolation of BS.1770-4, Annex 2: phases 0 and 1 of four; 3 and 2 are these reversed.
-_PHASES = (
-    (
-        *(0.001708984375, 0.010986328125, -0.0196533203125, 0.033203125),
-        *(-0.0594482421875, 0.1373291015625, 0.97216796875, -0.102294921875),
-        *(0.047607421875, -0.026611328125, 0.014892578125, -0.00830078125),
-    ),
-    (
-        *(-0.0291748046875, 0.029296875, -0.0517578125, 0.089111328125),
-        *(-0.16650390625, 0.465087890625, 0.77978515625, -0.2003173828125),
-        *(0.1015625, -0.0582275390625, 0.0330810546875, -0.0189208984375),
-    ),
-)
-_TAPS = len(_PHASES[0])
-_SPAN = 64  # frames that are interpolated together, or not at all
-_LARGEST = max(sum(map(abs, phase)) for phase in _PHASES)  # of an interpolated value to a sample
 
 
 class GatedLoudness:
@@ -89,60 +73,6 @@ class GatedLoudness:
         import numpy as np
 
         return np.array(self.blocks[first + _STEPS - 1 : last])
-
-
-class TruePeak:
-    """The largest absolute value of a sound between its samples: at four times its rate."""
-
-    def __init__(self, n_channels: int) -> None:
-        """Measure frames of `n_channels`; before the first there is silence."""
-        import numpy as np
-
-        self.peak = 0.0
-        self._past = np.zeros((_TAPS - 1, n_channels))
-
-    def take(self, frames: NDArray[np.float64]) -> None:
-        """Measure the next frames (n_frames, n_channels)."""
-        import numpy as np
-
-        if not len(frames):
-            return
-        joined = np.concatenate([self._past, frames])
-        self._past = joined[-(_TAPS - 1) :].copy()
-        n_channels = frames.shape[1]
-        magnitudes = np.abs(joined).reshape(-1)
-        largest = float(np.max(magnitudes, initial=0.0))
-        new_magnitudes = magnitudes[(_TAPS - 1) * n_channels :]
-        self.peak = max(self.peak, float(np.max(new_magnitudes, initial=0.0)))
-        if largest * _LARGEST <= self.peak or not math.isfinite(largest):
-            return
-        # Only near samples that are loud enough may there be a larger value.
-        largest_of = np.maximum.reduceat(
-            magnitudes, np.arange(0, len(magnitudes), _SPAN * n_channels)
-        )
-        is_loud = largest_of * _LARGEST > self.peak
-        n_spans = len(frames) // _SPAN
-        loud = np.flatnonzero(is_loud[:n_spans] | is_loud[1 : n_spans + 1])
-        sounds = [joined[None]]
-        if 2 * len(loud) < n_spans:
-            rows = loud[:, None] * _SPAN + np.arange(_SPAN + _TAPS - 1)
-            sounds = [joined[rows], joined[None, n_spans * _SPAN :]]
-        self.peak = max(self.peak, *map(_largest_between, sounds))
-
-
-def _largest_between(sounds: NDArray[np.float64]) -> float:
-    """The largest absolute value between samples of sounds (n_sounds, n_frames + 11, n_channels),
-    the first 11 of which are past.
-    """
-    import numpy as np
-
-    n_frames, largest = sounds.shape[1] - (_TAPS - 1), 0.0
-    for phase in (*_PHASES, *(phase[::-1] for phase in _PHASES)):
-        between = np.zeros((len(sounds), n_frames, sounds.shape[2]))
-        for tap, factor in enumerate(phase):
-            between += factor * sounds[:, tap : tap + n_frames]
-        largest = max(largest, float(np.max(np.abs(between), initial=0.0)))
-    return largest
 
 
 def gain_to_peak(true_peak: float) -> float:

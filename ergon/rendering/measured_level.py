@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .loudness import GAIN_STEP, GatedLoudness, TruePeak, gain_to_peak
+from .loudness import GAIN_STEP, GatedLoudness, gain_to_peak
 
 if TYPE_CHECKING:
     import numpy as np
@@ -18,8 +18,10 @@ class MeasuredLevel:
 
     def __init__(self, level: Level, rate: float, n_channels: int) -> None:
         """Measure frames of `n_channels` at `rate` [Hz]."""
+        from ergon import _core
+
         self._level = level
-        self._true_peak = TruePeak(n_channels)
+        self._true_peak = _core.TruePeak(n_channels)
         self._loudness = None if level.loudness is None else GatedLoudness(rate, n_channels)
         self._peak = 0.0
 
@@ -30,7 +32,7 @@ class MeasuredLevel:
         self._peak = max(self._peak, float(np.max(np.abs(frames), initial=0.0)))
         if self._loudness is not None:
             self._loudness.take(frames)
-            self._true_peak.take(frames)
+            self._true_peak.process(np.ascontiguousarray(frames))
 
     def gain(self) -> float:
         """The gain (a ratio); 1 for silence.

@@ -86,7 +86,7 @@ mod _core {
     use super::maths::{atan2, cos, decibels, exp, ln, pow, sin};
     #[pymodule_export]
     #[pymodule_export]
-    use super::meter::Meter;
+    use super::meter::{Meter, TruePeak};
     #[pymodule_export]
     use super::mixer::{FrozenOutputs, Mixer};
     #[pymodule_export]

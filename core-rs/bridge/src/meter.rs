@@ -1,6 +1,6 @@
-//! Level meter.
+//! Meters of levels.
 
-use ergon_engine::mix::meter;
+use ergon_engine::mix::{meter, true_peak};
 use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 
@@ -41,5 +41,30 @@ impl Meter {
     #[getter]
     fn loudness(&self) -> f64 {
         self.0.loudness()
+    }
+}
+
+/// The largest absolute value of a sound between its samples (ITU-R BS.1770).
+#[pyclass(module = "ergon._core")]
+pub(crate) struct TruePeak(true_peak::TruePeak);
+
+#[pymethods]
+impl TruePeak {
+    #[new]
+    fn new(n_channels: usize) -> Self {
+        Self(true_peak::TruePeak::new(n_channels))
+    }
+
+    /// Measure frames (n_frames, n_channels).
+    fn process(&mut self, py: Python<'_>, frames: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+        let frames = rows(&frames, "frames", self.0.n_channels())?;
+        py.detach(|| self.0.process(frames));
+        Ok(())
+    }
+
+    /// Largest absolute value so far, at four times the rate.
+    #[getter]
+    fn peak(&self) -> f64 {
+        self.0.peak()
     }
 }

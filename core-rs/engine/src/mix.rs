@@ -12,3 +12,4 @@ pub mod mixer;
 pub mod pcm;
 pub mod room;
 pub mod silence_detector;
+pub mod true_peak;

@@ -118,6 +118,11 @@ impl Filter {
         self.section.is_in_state_of(&other.section)
     }
 
+    /// The section of a high-pass.
+    pub(super) fn highpass(&mut self) -> Option<&mut Section> {
+        matches!(self.weights, Weights::High).then_some(&mut self.section)
+    }
+
     /// Filter samples in place.
     pub(super) fn process(&mut self, signal: &mut [f64]) {
         let mut section = self.section.clone(); // in registers

@@ -1,6 +1,7 @@
 //! Routes of outputs to channels.
 
 mod route;
+mod span;
 mod takeover;
 
 use std::sync::Arc;
@@ -10,6 +11,7 @@ use super::filter::Tone;
 use super::frozen::{FrozenOutputs, Placed};
 use super::glide::{Glide, until, update_residual};
 use super::room::{Room, RoomSpec};
+use crate::section::SECTION_LANES;
 use route::{GROUPS_MAX, Route};
 pub use route::{RouteError, To, Treatment};
 
@@ -62,8 +64,8 @@ pub struct Mixer {
     frozen_fading_out: Vec<Option<Placed>>,
     /// Sum of the frozen outputs of one route in a span   (SPAN_FRAMES)
     frozen_sum: Vec<f64>,
-    /// What a route adds to its target in a span, before its gain   (SPAN_FRAMES)
-    signal: Vec<f64>,
+    /// What some routes add to their targets in a span, before their gains   (2 · SECTION_LANES · SPAN_FRAMES)
+    signals: Vec<f64>,
     /// Sums of the routes to each channel in a span   (n_channels · SPAN_FRAMES)
     sums: Vec<f64>,
     /// Whether any fade may be running.
@@ -90,7 +92,7 @@ impl Mixer {
             frozen: Vec::new(),
             frozen_fading_out: vec![None; FROZEN_FADING_OUT_MAX],
             frozen_sum: vec![0.0; SPAN_FRAMES],
-            signal: vec![0.0; SPAN_FRAMES],
+            signals: vec![0.0; 2 * SECTION_LANES * SPAN_FRAMES],
             sums: vec![0.0; n_channels * SPAN_FRAMES],
             is_fading: false,
             frame: 0,
@@ -336,72 +338,6 @@ impl Mixer {
             );
             frames_done += span_length;
             self.frame += span_length as u64;
-        }
-    }
-
-    /// Mix all routes and rooms of a span in which no glide begins.
-    fn mix_span(&mut self, frames: &[f64], mixed: &mut [f64]) {
-        let (first_frame, n_out, n_channels) = (self.frame, self.n_out, self.n_channels);
-        let n_frames = mixed.len().checked_div(n_channels).unwrap_or(0);
-        self.sent.fill(0.0);
-        self.sums.fill(0.0);
-        let curve_gains = self.curve_gains.chunks_exact_mut(SPAN_FRAMES);
-        for (curve, curve_gains) in self.curves.iter().zip(curve_gains) {
-            curve.fill(first_frame, &mut curve_gains[..n_frames]);
-        }
-        let signal = &mut self.signal[..n_frames];
-        let mut route_before: Option<&Route> = None;
-        let fading_out = self.fading_out.iter_mut().flatten();
-        let fading_out = fading_out.filter(|route| !route.has_faded_out(first_frame));
-        for route in self.routes.iter_mut().chain(fading_out) {
-            if let Some(route_before) = route_before.filter(|_| route.repeats) {
-                route.repeat(route_before);
-            } else {
-                let output_index = route.out;
-                let column_samples = frames.iter().skip(output_index).step_by(n_out);
-                signal.iter_mut().zip(column_samples).for_each(|(x, y)| *x = *y);
-                let fading_out = self.frozen_fading_out.iter().flatten();
-                let frozen_outputs = self.frozen.iter().chain(fading_out);
-                let mut frozen_outputs = frozen_outputs.filter(|placed| placed.out == output_index).peekable();
-                if frozen_outputs.peek().is_some() {
-                    let sums = &mut self.frozen_sum[..n_frames];
-                    sums.fill(0.0);
-                    for placed in frozen_outputs {
-                        let sums = sums.iter_mut().zip(first_frame..);
-                        sums.for_each(|(sum, n)| *sum += placed.faded_sample(n));
-                    }
-                    signal.iter_mut().zip(sums).for_each(|(x, sum)| *x += *sum);
-                }
-                route.filter(signal);
-            }
-            let shared_curve = route.shared_curve;
-            let curve_gains = shared_curve.map(|index| &self.curve_gains[index * SPAN_FRAMES..][..n_frames]);
-            let target_sums = match route.to {
-                To::Channel(channel) => &mut self.sums[channel * SPAN_FRAMES..],
-                To::Room(room) => &mut self.sent[room * SPAN_FRAMES..],
-            };
-            let group_glide = &self.groups[route.group];
-            route.add(
-                (group_glide, curve_gains),
-                first_frame,
-                signal,
-                &mut target_sums[..n_frames],
-            );
-            route_before = Some(route);
-        }
-        for (channel, sums) in self.sums.chunks_exact(SPAN_FRAMES).enumerate() {
-            let column_samples = mixed.iter_mut().skip(channel).step_by(n_channels);
-            column_samples.zip(sums).for_each(|(x, sum)| *x = *sum);
-        }
-        for (room, sent) in self.rooms.iter_mut().zip(self.sent.chunks(SPAN_FRAMES)) {
-            room.process(sent, mixed, n_channels);
-        }
-        if self.fade.is_some() || self.residual_gain.is_some() {
-            let frames = mixed.chunks_exact_mut(n_channels.max(1));
-            for (frame, n) in frames.zip(first_frame..) {
-                let total_gain = self.gain_of_all(n);
-                frame.iter_mut().for_each(|x| *x *= total_gain);
-            }
         }
     }
 

@@ -8,7 +8,7 @@
 use thiserror::Error;
 
 use super::delay::Delay;
-use crate::maths::wide::wide;
+use crate::maths::wide::{half_wide, wide};
 use crate::maths::{cos, exp, log, pow, sin, sqrt};
 use crate::section::{BUTTERWORTH_2, Section};
 
@@ -198,7 +198,7 @@ struct Block {
 }
 
 // In these functions loops go by index: closures would be compiled for the baseline, and called.
-wide! {
+half_wide! {
     #[allow(clippy::needless_range_loop)]
     fn pass(filters: &mut Filters, block: &mut Block, count: usize) {
         let Filters { b0, b1, a1, x: before, y } = filters;

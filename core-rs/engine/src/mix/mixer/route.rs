@@ -7,6 +7,7 @@ use crate::mix::delay::{Delay, Echo};
 use crate::mix::filter::{Filter, Tone};
 use crate::mix::glide::Glide;
 use crate::mix::room::RoomError;
+use crate::section::Section;
 
 /// Largest delay of a route [frames].
 pub(super) const DELAY_MAX: usize = 1 << 20;
@@ -245,9 +246,9 @@ impl Route {
             })
     }
 
-    /// Filter samples of its output in place. A sample that is not finite counts as 0 for a filter: it would keep the
-    /// channel silent long after its cause was muted.
-    pub(super) fn filter(&mut self, signal: &mut [f64]) {
+    /// Make samples of its output ready for its filters. A sample that is not finite counts as 0 for a filter: it would
+    /// keep the channel silent long after its cause was muted.
+    pub(super) fn prepare(&self, signal: &mut [f64]) {
         if self.is_squared {
             signal.iter_mut().for_each(|x| *x *= *x);
         }
@@ -256,7 +257,17 @@ impl Route {
                 *x = 0.0;
             }
         }
-        for filter in &mut self.filters {
+    }
+
+    /// The section of its first filter, if that is a high-pass.
+    pub(super) fn first_highpass(&mut self) -> Option<&mut Section> {
+        self.filters.first_mut()?.highpass()
+    }
+
+    /// Filter samples in place; `is_highpassed` says that a first filter that is a high-pass has been applied.
+    pub(super) fn filter(&mut self, signal: &mut [f64], is_highpassed: bool) {
+        let n_applied = usize::from(is_highpassed && self.first_highpass().is_some());
+        for filter in &mut self.filters[n_applied..] {
             filter.process(signal);
         }
     }

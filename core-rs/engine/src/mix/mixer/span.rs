@@ -1,0 +1,171 @@
+//! All routes and rooms in a span in which no glide begins.
+
+use super::{Mixer, Placed, Route, SPAN_FRAMES, To};
+use crate::mix::glide::Glide;
+use crate::section::{SECTION_LANES, Section, highpass_all};
+
+/// All lanes take as long as two high-passes one after the other; so fewer than this are filtered by themselves.
+const TOGETHER_MIN: usize = 3;
+
+/// What routes hear in a span, and what they add to.
+struct Span<'a> {
+    first_frame: u64,
+    n_frames: usize,
+    /// Outputs   (n_frames, n_out)
+    frames: &'a [f64],
+    n_out: usize,
+    frozen: &'a [Placed],
+    frozen_fading_out: &'a [Option<Placed>],
+    frozen_sum: &'a mut [f64],
+    groups: &'a [Glide],
+    curve_gains: &'a [f64],
+    sums: &'a mut [f64],
+    sent: &'a mut [f64],
+}
+
+impl Mixer {
+    /// Mix a span.
+    pub(super) fn mix_span(&mut self, frames: &[f64], mixed: &mut [f64]) {
+        let (first_frame, n_out, n_channels) = (self.frame, self.n_out, self.n_channels);
+        let n_frames = mixed.len().checked_div(n_channels).unwrap_or(0);
+        self.sent.fill(0.0);
+        self.sums.fill(0.0);
+        let gains = self.curve_gains.chunks_exact_mut(SPAN_FRAMES);
+        for (curve, gains) in self.curves.iter().zip(gains) {
+            curve.fill(first_frame, &mut gains[..n_frames]);
+        }
+        let mut span = Span {
+            first_frame,
+            n_frames,
+            frames,
+            n_out,
+            frozen: &self.frozen,
+            frozen_fading_out: &self.frozen_fading_out,
+            frozen_sum: &mut self.frozen_sum[..n_frames],
+            groups: &self.groups,
+            curve_gains: &self.curve_gains,
+            sums: &mut self.sums,
+            sent: &mut self.sent,
+        };
+        let mut routes = &mut self.routes[..];
+        while !routes.is_empty() {
+            let (together, later) = routes.split_at_mut(length_together(routes));
+            span.mix(together, &mut self.signals);
+            routes = later;
+        }
+        let fading_out = self.fading_out.iter_mut().flatten();
+        for route in fading_out.filter(|route| !route.has_faded_out(first_frame)) {
+            span.mix(std::slice::from_mut(route), &mut self.signals);
+        }
+        for (channel, sums) in self.sums.chunks_exact(SPAN_FRAMES).enumerate() {
+            let column = mixed.iter_mut().skip(channel).step_by(n_channels);
+            column.zip(sums).for_each(|(x, sum)| *x = *sum);
+        }
+        for (room, sent) in self.rooms.iter_mut().zip(self.sent.chunks(SPAN_FRAMES)) {
+            room.process(sent, mixed, n_channels);
+        }
+        if self.fade.is_some() || self.residual_gain.is_some() {
+            let frames = mixed.chunks_exact_mut(n_channels.max(1));
+            for (frame, n) in frames.zip(first_frame..) {
+                let gain = self.gain_of_all(n);
+                frame.iter_mut().for_each(|x| *x *= gain);
+            }
+        }
+    }
+}
+
+/// Number of routes up to the last whose signal fits into the lanes: those that repeat another take none.
+fn length_together(routes: &[Route]) -> usize {
+    let filtered = (1..routes.len()).filter(|&index| !routes[index].repeats);
+    let mut next = filtered.skip(SECTION_LANES - 1);
+    next.next().unwrap_or(routes.len())
+}
+
+impl Span<'_> {
+    /// Add routes to their targets, one after the other; `signals` (2 · SECTION_LANES, SPAN_FRAMES) have a row for each
+    /// that does not repeat the one before it.
+    fn mix(&mut self, routes: &mut [Route], signals: &mut [f64]) {
+        for (route, signal) in filtered(routes).zip(signals.chunks_exact_mut(SPAN_FRAMES)) {
+            let signal = &mut signal[..self.n_frames];
+            self.read(route.out, signal);
+            route.prepare(signal);
+        }
+        let is_together = filtered(routes).filter_map(Route::first_highpass).count() >= TOGETHER_MIN;
+        if is_together {
+            highpass_together(routes, signals, self.n_frames);
+        }
+        for (route, signal) in filtered(routes).zip(signals.chunks_exact_mut(SPAN_FRAMES)) {
+            route.filter(&mut signal[..self.n_frames], is_together);
+        }
+        let mut lane = 0;
+        for index in 0..routes.len() {
+            let (before, after) = routes.split_at_mut(index);
+            let route = &mut after[0];
+            match before.last() {
+                Some(before) if route.repeats => route.repeat(before),
+                before => lane += usize::from(before.is_some()),
+            }
+            self.add(route, &signals[lane * SPAN_FRAMES..][..self.n_frames]);
+        }
+    }
+
+    /// The samples of an output.
+    fn read(&mut self, out: usize, signal: &mut [f64]) {
+        let column = self.frames.iter().skip(out).step_by(self.n_out);
+        signal.iter_mut().zip(column).for_each(|(x, y)| *x = *y);
+        let fading_out = self.frozen_fading_out.iter().flatten();
+        let frozen = self.frozen.iter().chain(fading_out);
+        let mut frozen = frozen.filter(|placed| placed.out == out).peekable();
+        if frozen.peek().is_some() {
+            self.frozen_sum.fill(0.0);
+            for placed in frozen {
+                let sums = self.frozen_sum.iter_mut().zip(self.first_frame..);
+                sums.for_each(|(sum, n)| *sum += placed.faded_sample(n));
+            }
+            let sums = self.frozen_sum.iter();
+            signal.iter_mut().zip(sums).for_each(|(x, sum)| *x += *sum);
+        }
+    }
+
+    /// Add the signal of a route to its target.
+    fn add(&mut self, route: &mut Route, signal: &[f64]) {
+        let (curve_gains, n_frames) = (self.curve_gains, self.n_frames);
+        let shared = route.shared_curve;
+        let gains = shared.map(|index| &curve_gains[index * SPAN_FRAMES..][..n_frames]);
+        let to = match route.to {
+            To::Channel(channel) => &mut self.sums[channel * SPAN_FRAMES..],
+            To::Room(room) => &mut self.sent[room * SPAN_FRAMES..],
+        };
+        let group = &self.groups[route.group];
+        route.add((group, gains), self.first_frame, signal, &mut to[..n_frames]);
+    }
+}
+
+/// The routes that do not repeat the one before them.
+fn filtered(routes: &mut [Route]) -> impl Iterator<Item = &mut Route> {
+    let routes = routes.iter_mut().enumerate();
+    routes.filter_map(|(index, route)| (index == 0 || !route.repeats).then_some(route))
+}
+
+/// Filter the signal of each route whose first filter is a high-pass by that filter.
+fn highpass_together(routes: &mut [Route], signals: &mut [f64], n_frames: usize) {
+    let (signals, unused) = signals.split_at_mut(SECTION_LANES * SPAN_FRAMES);
+    let mut unused = unused.chunks_exact_mut(SPAN_FRAMES);
+    let pairs = filtered(routes).zip(signals.chunks_exact_mut(SPAN_FRAMES));
+    let mut pairs = pairs.filter_map(|(route, signal)| Some((route.first_highpass()?, signal)));
+    let mut sections = [const { Section::IDENTITY }; SECTION_LANES];
+    let mut highpasses: [Option<&mut Section>; SECTION_LANES] = Default::default();
+    let mut rows: [&mut [f64]; SECTION_LANES] = Default::default();
+    for ((section, place), row) in sections.iter_mut().zip(&mut highpasses).zip(&mut rows) {
+        if let Some((highpass, signal)) = pairs.next() {
+            *section = highpass.clone();
+            (*place, *row) = (Some(highpass), signal);
+        } else if let Some(signal) = unused.next() {
+            *row = signal;
+        }
+    }
+    highpass_all(&mut sections, &mut rows, n_frames);
+    for (highpass, section) in highpasses.into_iter().flatten().zip(&sections) {
+        highpass.take_over(section);
+    }
+}
