@@ -88,16 +88,18 @@ def _partitura_notes(path: Path) -> list[tuple[float, int, float]]:
         rows = unfolded.note_array()
         columns = rows["onset_quarter"], rows["pitch"], rows["duration_quarter"]
         notes += [
-            (float(at), int(pitch), float(lasting))
-            for at, pitch, lasting in zip(*columns, strict=True)
+            (float(onset), int(pitch), float(lasting))
+            for onset, pitch, lasting in zip(*columns, strict=True)
         ]
     return notes
 
 
 def _from_first(notes: list[tuple[float, int, float]]) -> list[tuple[float, int, float]]:
     """Notes in order, from the first on; partitura keeps 32 bits of a time."""
-    begin = min(at for at, _, _ in notes)
-    return sorted((round(at - begin, 2), pitch, round(lasting, 2)) for at, pitch, lasting in notes)
+    begin = min(onset for onset, _, _ in notes)
+    return sorted(
+        (round(onset - begin, 2), pitch, round(lasting, 2)) for onset, pitch, lasting in notes
+    )
 
 
 @pytest.mark.parametrize("name", _NAMES.split())
