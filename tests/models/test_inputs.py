@@ -170,6 +170,7 @@ def test_import_command_options_and_refusals(capsys: pytest.CaptureFixture[str])
     assert Path("m.yaml").read_text() == before
     for words in (["--set", "k"], ["--feed", "in1=none.wav"], ["--set", "a=1", "--set", "a=2"]):
         assert app.run(["import", "m.mdl", "-f", *words]) == 2
+        assert words[0] in capsys.readouterr().err
     assert app.run(["import", "none.mdl"]) == 2
 
 

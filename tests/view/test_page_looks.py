@@ -94,20 +94,22 @@ def test_page_labels_without_overlap(chromium: browser.Browser, url: str) -> Non
                     assert across <= 2 or down <= 3, (view, name, other)
 
 
-def test_page_contrast_in_projector_mode(chromium: browser.Browser, url: str) -> None:
-    """Contrast by WCAG 2.2 against the background: what rests at the beginning is seen."""
+def test_page_contrast_of_resting_points(chromium: browser.Browser, url: str) -> None:
+    """Contrast by WCAG 2.2 against the background: what rests at the beginning is seen, on a
+    screen by 1.4.11 and by a projector as words of 1.4.3.
+    """
     with chromium.page(1280, 720) as page:
         page.open(f"{url}?t=0")
         seen = np.array(page.run(SEEN))[:, :2]
         rests = [*range(0, CELLS, 3), *range(CELLS + WIRE, len(seen), 3)]  # the wire is bent
         points = seen[rests].tolist()
-        dark = np.array(page.run(f"{LIGHT % 0}({points})"))
+        plain = np.array(page.run(f"{LIGHT % 0}({points})"))
         page.run("ergon.page.look.projector = true")
         bright = np.array(page.run(f"{LIGHT % 0}({points})"))
         page.open(f"{url}?t=0&projector")
         assert page.run("ergon.page.look.projector")
     ground = 0.2126 * 0.012 / 12.92 + 0.7152 * 0.016 / 12.92 + 0.0722 * 0.03 / 12.92
-    assert (dark + 0.05).min() / (ground + 0.05) < 3.0
+    assert (plain + 0.05).min() / (ground + 0.05) >= 3.0
     assert (bright + 0.05).min() / (ground + 0.05) >= 4.5
 
 

@@ -162,7 +162,7 @@ export function presets(model, aspect) {
   const looks = [
     fullest(all, 0.35, aspect, least),
     // From behind the listener, so that the loudspeakers in front and overhead are seen.
-    { target: [0, 0, 0.3 * room], distance: 0.95 * room, yaw: 0, pitch: -0.12 },
+    { target: [0, 0, 0.26 * room], distance: 1.12 * room, yaw: 0, pitch: -0.09 },
     fitting(dome, 0, 1.5, aspect, least),
     fitting(dome, 0.5, 0.3, aspect, least),
   ];

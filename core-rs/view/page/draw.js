@@ -11,7 +11,9 @@ const HIDDEN = -3; // value of light that marks a hidden point
 const SPARK = 3.2; // radii [px of 720 lines]
 const CONTACT = 26;
 const CROWD = 2; // contacts at once that are drawn at full size; if there are more, each is smaller
-const LIFT = 0.6; // least brightness of a point for a projector: 5 : 1 against the background (WCAG 2.2, 1.4.3)
+// Least brightness of points and of lines, and least radius [px] of points. At rest a point has 3 : 1 or more against the
+// background (WCAG 2.2, 1.4.11), for a projector 4.5 : 1 (1.4.3).
+const LEAST = { screen: { lift: 0.42, net: 0, smallest: 2 }, projector: { lift: 0.62, net: 0.3, smallest: 3 } };
 const KEY_GAP = 0.8; // of the distance to the next key, so that keys stay apart
 
 export class Drawing {
@@ -57,7 +59,7 @@ export class Drawing {
     const { model } = story;
     this.follow(model);
     const [width, height] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
-    this.always = { M: look.matrix, view: [width / 2, height / 2], px: height / 720, rest: { unit: 0 }, state: { unit: 1 }, gain: 1, whole: motion.whole, lift: look.projector ? LIFT : 0 };
+    this.always = { M: look.matrix, view: [width / 2, height / 2], px: height / 720, rest: { unit: 0 }, state: { unit: 1 }, gain: 1, whole: motion.whole, ...LEAST[look.projector ? "projector" : "screen"] };
     this.clear();
     if (look.trails) {
       for (let k = TRAIL; k > 0; k--) {

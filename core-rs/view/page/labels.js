@@ -96,13 +96,14 @@ function lowest(coordinates, part) {
 
 const LETTER = 7; // [px] at the size of the page's words
 const LINE = 16; // [px]
+const GAP = 2; // [px] between labels that stand beside each other
 const FAR = 7; // lines: a label that would be farther from its point is hidden; the pointer still shows it
 const TURNS = 12; // directions in which a free place is sought
 
 /** The place of a label [px], as near to its point as it covers none placed before; null if none is free. */
 function placed(taken, [x, y], words, width, height) {
   const half = (words.length * LETTER) / 2;
-  const covers = (place) => taken.some((other) => Math.abs(other.x - place.x) < half + other.half && Math.abs(other.y - place.y) < LINE);
+  const covers = (place) => taken.some((other) => Math.abs(other.x - place.x) < half + other.half + GAP && Math.abs(other.y - place.y) < LINE);
   if (x >= 0 && x <= width) x = Math.max(half, Math.min(width - half, x)); // no label is cut at an edge
   const fits = (place) => place.x > half && place.x < width - half && place.y > LINE && place.y < height - 3 * LINE;
   for (let ring = 0; ring <= FAR; ring++) {

@@ -10,7 +10,9 @@ uniform mat4 M;          // metres to picture
 uniform vec2 view;       // half the picture [px]
 uniform float px;        // what a pixel of a picture of 720 lines is here
 uniform float whole;     // [m] the radius of all
-uniform float lift;      // least brightness of what is seen, for a projector; 0: none
+uniform float lift;      // least brightness of a point
+uniform float net;       // least brightness of a line between points
+uniform float smallest;  // [px] least radius of a point
 float near(float w){ return clamp(2.3 * whole / w, .7, 5.); }   // what is near is larger
 `;
 
@@ -28,9 +30,13 @@ vec3 heat(float e){ return mix(mix(vec3(.10,.20,.55), vec3(.25,.72,1.), smoothst
 vec3 updown(float s){ return s > 0. ? mix(vec3(.40,.44,.50), vec3(1.,.66,.24), s) : mix(vec3(.40,.44,.50), vec3(.16,.26,.85), -s); }
 `;
 
-// A grey is added to what is darker than a projector shows.
+// What is darker than it may be is brightened in its own hue; where a hue has no more light, a grey is added.
 const LIFTED = `
-vec3 lifted(vec3 c, float share){ return c + max(0., share * lift - dot(c, vec3(.2126, .7152, .0722))); }
+float lightness(vec3 c){ return dot(c, vec3(.2126, .7152, .0722)); }
+vec3 lifted(vec3 c, float least){
+  vec3 bright = min(c * max(1., least / max(lightness(c), 1e-3)), max(c, 1.));
+  return bright + max(0., least - lightness(bright));
+}
 `;
 
 // A shape smaller than a pixel is drawn as one pixel, and darker in proportion to its area.
@@ -73,11 +79,11 @@ void main(){
   float size = px * (style > 1.5 ? 7. : style > .5 ? 1.4 : 1.6 + 1.8 * e) * near(b.w);
   size = min(size, .45 * apart * FOCAL * view.y / b.w);                // a crowd stays points
   float spread, dim;
-  float radius = least(size, dim);
-  if (lift > 0.) { radius = max(radius, 3.); dim = 1.; }
+  float radius = max(least(size, dim), smallest);
   gl_Position = capsule(a, b, q, radius, spread);
   vec3 c = style > .5 ? updown(s.w) * ((style > 1.5 ? .95 : .30) + 1.2 * e) : heat(e) * (.28 + 1.6 * e * e * e);
-  col = vec4(lifted(c * mix(1., dim, .75) / pow(spread, .6), 1.) * gain, 1.);
+  // What moves is brighter than what rests.
+  col = vec4(lifted(c * mix(1., dim, .75) / pow(spread, .6), lift * (1. + .8 * e)) * gain, 1.);
 }`,
     SOFT,
   ],
@@ -94,7 +100,7 @@ void main(){
   float light = min(texelFetch(state, place(ends.x), 0).z, texelFetch(state, place(ends.y), 0).z);
   gl_Position = light < 0. || t >= broken ? vec4(2., 2., 2., 1.) : M * vec4(gl_VertexID == 0 ? a : b, 1.);
   float strain = abs(b.z - a.z) / max(length(b.xy - a.xy), 1e-6);
-  col = vec4(lifted(updown(s.w) * gain * (.10 + .22 * s.z + .45 * clamp(strain, 0., 1.)), .5), 1.);
+  col = vec4(lifted(updown(s.w) * gain * (.10 + .22 * s.z + .45 * clamp(strain, 0., 1.)), net), 1.);
 }`,
     `#version 300 es
 precision highp float;

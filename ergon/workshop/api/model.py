@@ -131,7 +131,7 @@ def _unfed(inputs: Mapping[str, Input], port_names: Sequence[str]) -> tuple[str,
         if name not in port_names:
             suggestion = nearest(name, port_names)
             meant = f"; did you mean {suggestion}?" if suggestion else ""
-            raise OptionError("input", f"the model has no input {quote(name)}{meant}")
+            raise OptionError("feed", f"the model has no input {quote(name)}{meant}")
     return tuple(name for name in port_names if name not in inputs)
 
 
@@ -176,7 +176,7 @@ def _miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
     if options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
     if options.inputs:
-        raise OptionError("input", "models of miPhysics have no inputs; leave this option out")
+        raise OptionError("feed", "models of miPhysics have no inputs; leave this option out")
     rate = str(RATE)
     for parameter, value in options.values.items():
         if parameter != "rate":
@@ -234,21 +234,22 @@ def _input(name: str, file: str | Path, beside: str | Path) -> Input:
         is_fitting = (info.format.rate, info.format.n_channels) == (RATE, 1)
         blocks = [block[:, 0] for block in read_blocks(path)] if is_fitting else []
     except (NotWaveError, OSError) as error:
-        raise OptionError("input", f"{file}: {error}", value=name) from None
+        reason = getattr(error, "strerror", None) or error
+        raise OptionError("feed", f"{file}: {reason}", value=name) from None
     if not is_fitting:
         message = f"{file} has {info.format.n_channels} channels at {info.format.rate:,} Hz; "
         message += f"a model is fed by one at {RATE:,} Hz"
-        raise OptionError("input", message, value=name)
+        raise OptionError("feed", message, value=name)
     if info.n_frames < 2:
-        raise OptionError("input", f"{file} has no sound", value=name)
+        raise OptionError("feed", f"{file} has no sound", value=name)
     folder = Path(beside).resolve()
     if not path.resolve().is_relative_to(folder):
         message = f"{file} lies outside {folder}, and a score names files of its own folder"
-        raise OptionError("input", message, value=name)
+        raise OptionError("feed", message, value=name)
     first_value, last_value = (float(value) for value in [*blocks[0][:2], *blocks[-1][-1:]][:2])
     least = min(float(block.min()) for block in blocks)
     highest = max(float(block.max()) for block in blocks)
     if not isfinite(least + highest):
-        raise OptionError("input", f"{file} has samples that are no numbers", value=name)
+        raise OptionError("feed", f"{file} has samples that are no numbers", value=name)
     file_of_score = path.resolve().relative_to(folder).as_posix()
     return Input(file_of_score, first_value, last_value, least, highest, info.n_frames)
