@@ -78,7 +78,7 @@ def _lines(bell: Bell) -> str:
     order = np.argsort(-bell.energy)[:_SHOWN]
     for i in sorted(order):
         deviation = bell.deviation
-        level = 20.0 * np.log10(np.maximum(np.abs(bell.levels[i] * bell.listened[i]), 1e-10))
+        levels_db = 20.0 * np.log10(np.maximum(np.abs(bell.levels[i] * bell.listened[i]), 1e-10))
         rows.append(
             (
                 str(i + 1),
@@ -86,33 +86,28 @@ def _lines(bell: Bell) -> str:
                 "" if deviation is None else f"{1731.23 * deviation.f[i] / bell.f[i]:.2g} cents",
                 seconds(float(bell.t60[i])),
                 "" if deviation is None else f"{100.0 * _deviation(bell, i) / bell.t60[i]:.2g} %",
-                *(f"{stroke_level:.1f} dB" for stroke_level in level),
+                *(f"{level_db:.1f} dB" for level_db in levels_db),
                 f"{100.0 * bell.energy[i]:.2g} %",
             )
         )
     lines = table(rows, right=True).splitlines()
     if len(bell.f) > _SHOWN:
         lines.append(f"and {plural(len(bell.f) - _SHOWN, 'mode')} that are softer")
-    for stroke_level in bell.strokes:
-        residual_db = 10.0 * np.log10(max(1.0 - stroke_level.explained, 1e-12))
-        contact = f", contact {1e3 * stroke_level.contact:.2g} ms" if stroke_level.contact else ""
+    for stroke in bell.strokes:
+        residual_db = 10.0 * np.log10(max(1.0 - stroke.explained, 1e-12))
+        contact = f", contact {1e3 * stroke.contact:.2g} ms" if stroke.contact else ""
         if (
-            stroke_level.contact is None
-            and sum(other_level.place == stroke_level.place for other_level in bell.strokes) > 1
+            stroke.contact is None
+            and sum(other_stroke.place == stroke.place for other_stroke in bell.strokes) > 1
         ):
             contact = ", contact time not measurable from these strokes"
         impulse = (
-            f"impulse {stroke_level.impulse:.2g} of the hardest"
-            if stroke_level.impulse != 1.0
-            else "hardest"
+            f"impulse {stroke.impulse:.2g} of the hardest" if stroke.impulse != 1.0 else "hardest"
         )
         explained_text = (
-            f"{100.0 * stroke_level.explained:.2f} % of the energy explained, "
-            f"{residual_db:.1f} dB left"
+            f"{100.0 * stroke.explained:.2f} % of the energy explained, {residual_db:.1f} dB left"
         )
-        lines.append(
-            f"{stroke_level.name} at {stroke_level.place}: {explained_text}; {impulse}{contact}"
-        )
+        lines.append(f"{stroke.name} at {stroke.place}: {explained_text}; {impulse}{contact}")
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 

@@ -32,8 +32,8 @@ def musicxml(path: Path) -> tuple[dict[str, object], list[str]]:
         return f"{plural(len(part.notes), 'note')}, {reach}{levels}"
 
     parts = {f"part {part.label}": notes_of(part) for part in score.parts[:_PARTS_MAX]}
-    if n_silent_parts := len(score.parts) - len(parts):
-        parts["and"] = plural(n_silent_parts, "more part")
+    if n_unlisted_parts := len(score.parts) - len(parts):
+        parts["and"] = plural(n_unlisted_parts, "more part")
     tempos = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in score.tempos]
     read: dict[str, object] = {
         "title": score.title or "none",

@@ -74,15 +74,17 @@ def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, by
     prepared = prepare(loaded, name or "-", options, Report())
     stage = prepared.stage
     job = replace(prepared.job, format=replace(prepared.job.format, bits="double"), stretches=None)
-    start_time, cpu = time.perf_counter(), time.process_time()
+    start_time, start_cpu = time.perf_counter(), time.process_time()
     with scores.computing(stage, loaded, Report()):
         frames, outcome, _ = render_array(stage, job, lambda _: None)
-    cpu, wall = time.process_time() - cpu, time.perf_counter() - start_time
+    cpu_seconds, wall = time.process_time() - start_cpu, time.perf_counter() - start_time
     sound_measures = measures(frames, stage.rate)
     rows = stage.plan.rows() if stage.plan is not None else []
     errors = [row.error_db for row in rows if row.error_db is not None]
-    audible = [row.audible for row in rows if row.audible is not None]
-    cents = [abs(difference.cents) for difference in audible if difference.cents is not None]
+    audible_differences = [row.audible for row in rows if row.audible is not None]
+    cents = [
+        abs(difference.cents) for difference in audible_differences if difference.cents is not None
+    ]
     figures: Figures = {
         "seconds": len(frames) / stage.rate,
         "loudness_lufs": outcome.loudness,
@@ -91,7 +93,7 @@ def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, by
         "pitch_hz": sound_measures.pitch,
         "partial_hz": sound_measures.partial,
         "t60_s": sound_measures.t60,
-        "cpu_s": cpu,
+        "cpu_s": cpu_seconds,
         "x_real_time": len(frames) / stage.rate / wall,
         "plan_cost": sum(row.cost for row in rows),
         "error_db": max(errors, default=None),

@@ -192,17 +192,17 @@ def _tracks(data: bytes, n_channels: int) -> list[str]:
 
 
 def _ambisonics(channels: Sequence[ElementTree.Element]) -> ChannelLayout | None:
-    expected = []
+    acn_numbers = []
     for channel in channels:
         block = channel.find("audioBlockFormat")
         if block is None or (block.findtext("normalization") or "SN3D").strip() != "SN3D":
             return None
         n, m = _number(block.findtext("order")), _number(block.findtext("degree"))
-        expected.append(n * n + n + m)
-    order = next((n for n in range(8) if (n + 1) ** 2 == len(expected)), None)
+        acn_numbers.append(n * n + n + m)
+    order = next((n for n in range(8) if (n + 1) ** 2 == len(acn_numbers)), None)
     return (
         ChannelLayout(order=order)
-        if order is not None and expected == [*range(len(expected))]
+        if order is not None and acn_numbers == [*range(len(acn_numbers))]
         else None
     )
 
@@ -211,28 +211,28 @@ def _speakers(
     channels: Sequence[ElementTree.Element | str], root: ElementTree.Element
 ) -> ChannelLayout | None:
     """The loudspeakers of definitions in the file, or of labels of common ones."""
-    packs = (pack.get("absoluteDistance") for pack in root.iter("audioPackFormat"))
-    radius = next((_number(pack) for pack in packs if pack), 1.0)
+    distance_texts = (pack.get("absoluteDistance") for pack in root.iter("audioPackFormat"))
+    radius = next((_number(text) for text in distance_texts if text), 1.0)
     speakers: list[Angles] = []
     effects = []
-    for channel, pack in enumerate(channels):
-        if isinstance(pack, str) or _is_effects(pack):
-            common = place_of(pack) if isinstance(pack, str) else None
-            if common is None:
+    for channel, definition in enumerate(channels):
+        if isinstance(definition, str) or _is_effects(definition):
+            common_direction = place_of(definition) if isinstance(definition, str) else None
+            if common_direction is None:
                 effects.append(channel)
             else:
-                speakers.append((*common[:2], radius))
+                speakers.append((*common_direction[:2], radius))
             continue
-        block = pack.find("audioBlockFormat")
+        block = definition.find("audioBlockFormat")
         if block is None:
             return None
-        place = {
+        coordinates = {
             p.get("coordinate"): p.text for p in block.findall("position") if not p.get("bound")
         }
-        if not {"azimuth", "elevation"} <= place.keys():
+        if not {"azimuth", "elevation"} <= coordinates.keys():
             return None
-        distance = _number(place.get("distance") or "1") * radius
-        azimuth, elevation = _number(place["azimuth"]), _number(place["elevation"])
+        distance = _number(coordinates.get("distance") or "1") * radius
+        azimuth, elevation = _number(coordinates["azimuth"]), _number(coordinates["elevation"])
         if not (
             abs(azimuth) <= 360.0 and abs(elevation) <= 90.0 and 0.0 <= distance <= _DISTANCE_MAX
         ):

@@ -264,6 +264,9 @@ def parse(file: BinaryIO) -> WaveInfo:
     if samples is None or format is None:
         raise NotWaveError("this WAVE file holds no samples")
     offset, size, missing = samples
+    names = track_names(descriptions[b"iXML"], format.n_channels)
+    if descriptions[b"iXML"] and not names:  # nothing of it is understood
+        other_chunks.append(("iXML", len(descriptions[b"iXML"])))
     return WaveInfo(
         container,
         format,
@@ -278,7 +281,7 @@ def parse(file: BinaryIO) -> WaveInfo:
         missing,
         tuple(other_chunks),
         tuple((labels.get(number, str(number)), frame) for number, frame in cues.items()),
-        track_names(descriptions[b"iXML"], format.n_channels) if descriptions[b"iXML"] else (),
+        names,
     )
 
 

@@ -41,12 +41,14 @@ def apply_silences(
             continue
         frame_numbers = np.arange(first_frame, end)
         gains = np.ones(len(frame_numbers), np.float32)
-        fade = np.clip(silence.start + fall - 1 - frame_numbers, 0, fall).astype(np.float32)
-        rise_fade = np.clip(frame_numbers - stop + 1, 0, rise).astype(np.float32)
-        gains[frame_numbers >= silence.start] = (fade / np.float32(fall))[
+        frames_until_silent = np.clip(silence.start + fall - 1 - frame_numbers, 0, fall).astype(
+            np.float32
+        )
+        frames_since_stop = np.clip(frame_numbers - stop + 1, 0, rise).astype(np.float32)
+        gains[frame_numbers >= silence.start] = (frames_until_silent / np.float32(fall))[
             frame_numbers >= silence.start
         ]
-        gains[frame_numbers >= stop] = (rise_fade / np.float32(rise))[frame_numbers >= stop]
+        gains[frame_numbers >= stop] = (frames_since_stop / np.float32(rise))[frame_numbers >= stop]
         is_shaped = gains != 1.0
         frames = frames.copy()
         single = frames[is_shaped].astype(np.float32) * gains[is_shaped, None]

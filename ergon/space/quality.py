@@ -42,14 +42,14 @@ class Quality:
     loudness: tuple[float, float]  # least, most [dB]
 
 
-def energy_vectors(
+def localisation_vectors(
     gains: NDArray[np.float64], array: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """rV and rE (n_sources, 3), and energies (n_sources,), of gains (n_sources, n_loudspeakers)."""
-    energies = gains * gains
-    energy, amplitude = energies.sum(1), gains.sum(1)
+    squared_gains = gains * gains
+    energy, amplitude = squared_gains.sum(1), gains.sum(1)
     velocity = (gains @ array) / np.where(amplitude == 0.0, 1.0, amplitude)[:, None]
-    return velocity, (energies @ array) / np.where(energy == 0.0, 1.0, energy)[:, None], energy
+    return velocity, (squared_gains @ array) / np.where(energy == 0.0, 1.0, energy)[:, None], energy
 
 
 def qualities(places: tuple[Point, ...]) -> list[Quality]:
@@ -66,9 +66,9 @@ def qualities(places: tuple[Point, ...]) -> list[Quality]:
         "AllRAD 5": lambda: harmonics(5, sources) @ allrad(5, array).T,
     }
     rows = []
-    for name, gains in ways.items():
+    for name, compute_gains in ways.items():
         try:
-            rows.append(quality(name, gains(), sources, array))
+            rows.append(quality(name, compute_gains(), sources, array))
         except ArrayError:
             break
     return rows
@@ -81,7 +81,7 @@ def quality(
     array: NDArray[np.float64],
 ) -> Quality:
     """How gains (n_sources, n_loudspeakers) place sources."""
-    velocity, vector, energy = energy_vectors(gains, array)
+    velocity, vector, energy = localisation_vectors(gains, array)
     length = np.linalg.norm(vector, axis=1)
     towards = vector / np.where(length == 0.0, 1.0, length)[:, None]
     angles_off = np.degrees(np.arccos(np.clip((towards * sources).sum(1), -1.0, 1.0)))

@@ -44,17 +44,17 @@ class Source(Shape):
         return f"a take, or {self.constant.what}"
 
 
-def _fields(unit: Text, quantity: str, quantities: Quantities) -> tuple[Field, ...]:
+def _fields(value_shape: Text, quantity: str, quantities: Quantities) -> tuple[Field, ...]:
     return (
         Field("to", ENDPOINT, "the MAT that it drives", required=True),
-        Field("from", Source(unit), f"where its {quantity} comes from", required=True),
+        Field("from", Source(value_shape), f"where its {quantity} comes from", required=True),
         Field("at", k.WHEN, "when a take begins", shown="the beginning"),
         Field("scale", k.NUMBER, "factor of a take", 1.0),
     )
 
 
-def _kind(name: str, unit: Text, quantity: str) -> Kind:
-    fields = partial(_fields, unit, quantity)
+def _kind(name: str, value_shape: Text, quantity: str) -> Kind:
+    fields = partial(_fields, value_shape, quantity)
     return kind(name, "input", f"an imposed {quantity}", fields, space=fields)
 
 

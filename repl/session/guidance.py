@@ -99,22 +99,26 @@ class Guidance:
         guides |= {
             player: HandGuide(player, 1.0, 1.0) for player in players if player in self.driven
         }
-        is_over = bool(guides) and schedule.engine.frame >= self._remake_at
-        if running is self._running and not is_over:
+        is_remake_due = bool(guides) and schedule.engine.frame >= self._remake_at
+        if running is self._running and not is_remake_due:
             return None
         self._running = running
         if not guides and not self._guided:
             return None
         began = self._making.began()
-        frame, rate, every = (
+        frame, rate, tick_frames = (
             schedule.moments.first_frame(self._making.expected),
             schedule.rate,
             schedule.engine.tick_frames,
         )
-        ticks = range(frame // every, frame // every + int(_PATH_SECONDS * rate) // every)
+        ticks = range(
+            frame // tick_frames, frame // tick_frames + int(_PATH_SECONDS * rate) // tick_frames
+        )
         paths = dict(self._release_paths(guides))
         paths |= {
-            player: _guided_path(running, player, guide, ticks, every, drives=player in self.driven)
+            player: _guided_path(
+                running, player, guide, ticks, tick_frames, drives=player in self.driven
+            )
             for player, guide in guides.items()
         }
         self._remake_at = frame + int(_PATH_SECONDS / 2 * rate)
@@ -178,13 +182,13 @@ def _guided_path(
 
 def _without_short_rests(plays: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Join spans that no long rest separates."""
-    rests: list[tuple[float, float]] = []
+    joined_spans: list[tuple[float, float]] = []
     for start, stop in sorted(plays):
-        if rests and start - rests[-1][1] <= _REST_MAX:
-            rests[-1] = rests[-1][0], max(stop, rests[-1][1])
+        if joined_spans and start - joined_spans[-1][1] <= _REST_MAX:
+            joined_spans[-1] = joined_spans[-1][0], max(stop, joined_spans[-1][1])
         else:
-            rests.append((start, stop))
-    return rests
+            joined_spans.append((start, stop))
+    return joined_spans
 
 
 def _steps(

@@ -19,8 +19,8 @@ from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.reading.playing import Gesture, Play
 
 # The length of a gesture, and one sentence for each thing that its transformations lost.
-_Length = tuple[Length, tuple[str, ...]]
-_NOTHING: tuple[str, ...] = ()
+_LengthAndLosses = tuple[Length, tuple[str, ...]]
+_NO_LOSSES: tuple[str, ...] = ()
 
 MAX_STRIKES = 2_000_000  # in a piece: some 340 MB
 
@@ -55,30 +55,32 @@ def _starts(
     """Beats on which each line of the parts is played; lines in `known_plays` are not computed
     again.
     """
-    starts = known_plays.starts(piece)
-    if not starts.unknown:
-        return known_plays.beats(starts)
-    lengths: dict[tuple[str, tuple[Transform, ...], float], _Length] = {}
+    known_starts = known_plays.starts(piece)
+    if not known_starts.unknown:
+        return known_plays.beats(known_starts)
+    lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses] = {}
     room = MAX_OCCURRENCES - sum(
-        starts_and_count[1] for starts_and_count in starts.values if starts_and_count is not None
+        starts_and_count[1]
+        for starts_and_count in known_starts.values
+        if starts_and_count is not None
     )
     reported: dict[int, Sequence[float] | None] = {}
-    for number in starts.unknown:
+    for number in known_starts.unknown:
         n_reports = collector.n_reports
         beats = _line(piece, piece.parts[number], begins[number], lengths, room, collector)
         n_beats = 0 if beats is None else len(beats)
         room -= n_beats
         if collector.n_reports == n_reports:
-            starts.values[number] = beats, n_beats
+            known_starts.values[number] = beats, n_beats
         else:
             reported[number] = beats
-    known_plays.keep_starts(piece, starts)
+    known_plays.keep_starts(piece, known_starts)
     if not reported:
-        return known_plays.beats(starts)
+        return known_plays.beats(known_starts)
     return tuple(
         [
             starts_and_count[0] if starts_and_count else reported[number]
-            for number, starts_and_count in enumerate(starts.values)
+            for number, starts_and_count in enumerate(known_starts.values)
         ]
     )
 
@@ -87,7 +89,7 @@ def _line(
     piece: Piece,
     play: Play,
     begin: float,
-    lengths: dict[tuple[str, tuple[Transform, ...], float], _Length],
+    lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses],
     room: int,
     collector: Collector,
 ) -> Sequence[float] | None:
@@ -96,11 +98,11 @@ def _line(
         return _pattern(piece, play, begin, lengths, room, collector)
     beats = None
     gesture = piece.gestures.get(play.what)
-    length, notes = Length(), _NOTHING
+    length, losses = Length(), _NO_LOSSES
     if gesture is not None:
-        length, notes = _length(piece, gesture, play, begin, lengths)
-    for note in notes:
-        collector.error("W315", f"{quote(play.what)}: {note}", play.place)
+        length, losses = _length(piece, gesture, play, begin, lengths)
+    for loss in losses:
+        collector.error("W315", f"{quote(play.what)}: {loss}", play.place)
     if gesture is not None or (_check_take_transforms(play, collector) and play.every is not None):
         beats = _beats(piece, play, begin, length, room, collector)
     if gesture is not None and gesture.bar_checks and not play.do:
@@ -112,7 +114,7 @@ def _pattern(
     piece: Piece,
     play: Play,
     begin: float,
-    lengths: dict[tuple[str, tuple[Transform, ...], float], _Length],
+    lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses],
     room: int,
     collector: Collector,
 ) -> Sequence[float]:
@@ -125,9 +127,9 @@ def _pattern(
             for chain in play.chains:
                 _check_take_transforms(replace(play, what=name, do=chain), collector)
             continue
-        pattern_lengths[name], notes = _length(piece, gesture, play, begin, lengths)
-        for note in notes:
-            collector.error("W315", f"{quote(name)}: {note}", play.place)
+        pattern_lengths[name], losses = _length(piece, gesture, play, begin, lengths)
+        for loss in losses:
+            collector.error("W315", f"{quote(name)}: {loss}", play.place)
     try:
         return steps(
             tempo,
@@ -247,8 +249,8 @@ def _length(
     gesture: Gesture,
     play: Play,
     begin: float,
-    lengths: dict[tuple[str, tuple[Transform, ...], float], _Length],
-) -> _Length:
+    lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses],
+) -> _LengthAndLosses:
     """The length of a gesture from beat `begin` on, after its transformations."""
     chain = (*gesture.do, *play.do)
     if not chain:

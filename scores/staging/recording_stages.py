@@ -52,9 +52,9 @@ def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | Non
         ):
             raise
         stage(piece, seed=seed, planned=True, store=store)
-        for approach_ways in _ways(piece, store):
+        for stage_options in _ways(piece, store):
             try:
-                return stage(seed=seed, record=True, **approach_ways)
+                return stage(seed=seed, record=True, **stage_options)
             except StageError:
                 continue
         raise
@@ -97,10 +97,10 @@ def solo(
 ) -> Stage:
     """One gesture or take alone on a key, at the beginning of the piece."""
     key_place = piece.keys[key].place
-    hand = Player(key, "virtual", key, None, None, None, key_place)
+    player = Player(key, "virtual", key, None, None, None, key_place)
     gesture_or_take = piece.gestures.get(name) or piece.takes[name]
     play = Play(
-        hand.name,
+        player.name,
         name,
         Position(),
         every=None,
@@ -113,6 +113,6 @@ def solo(
         until_place=None,
     )
     piece_alone = replace(
-        piece, parts=(play,), starts=((0.0,),), players={hand.name: hand}, strikes=()
+        piece, parts=(play,), starts=((0.0,),), players={player.name: player}, strikes=()
     )
     return stage_or_plan(piece_alone)

@@ -67,7 +67,7 @@ def test_render_with_energy_doubling_exits_4(
     assert "error[E401]" in err
     assert f"{module}" in err
     assert "created energy: " in err
-    assert "or leave the method to the plan" in err
+    assert "remove `method` from `accuracy`" in err
     assert not Path("x.wav").exists()
 
 
@@ -149,11 +149,11 @@ def test_plan_warns_of_unmeasured_error() -> None:
         diverges=False,
     )
     plan = SimpleNamespace(rows=lambda: [row])
-    (text,) = planning._missed(plan, -60.0, is_foreseen=True)  # type: ignore[arg-type]
+    (text,) = planning._missed_errors(plan, -60.0, is_foreseen=True)  # type: ignore[arg-type]
     assert text.startswith("gong: the error is unknown")
     assert "it may be above the -60 dB that you asked for" in text
     # Where hands play nothing can be measured beforehand.
-    assert planning._missed(plan, -60.0, is_foreseen=False) == []  # type: ignore[arg-type]
+    assert planning._missed_errors(plan, -60.0, is_foreseen=False) == []  # type: ignore[arg-type]
 
 
 def _frames(simulation: _core.Simulation) -> NDArray[np.float64]:

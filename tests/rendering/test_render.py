@@ -229,17 +229,20 @@ def test_render_channel_count_below_and_above_mix(tmp_path: Path) -> None:
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("level", [Level(), Level(normalise=0.5)])
 def test_failing_render_leaves_no_file(tmp_path: Path, threads: int, level: Level) -> None:
+    n_threads = threading.active_count()
     wanted = order(
         tmp_path / "x.wav", 24, level, threads=threads, stems=tmp_path / "stems", block=100
     )
     with pytest.raises(ArithmeticError, match="bell"):
         render(Stage(fail_at=3000), wanted, quiet)
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
-    assert threading.active_count() == 1
+    assert threading.active_count() == n_threads
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_render_interrupted_leaves_no_file(tmp_path: Path, threads: int) -> None:
+    n_threads = threading.active_count()
+
     def interrupt(done: int) -> None:
         if done >= 500:
             raise KeyboardInterrupt
@@ -247,7 +250,7 @@ def test_render_interrupted_leaves_no_file(tmp_path: Path, threads: int) -> None
     with pytest.raises(KeyboardInterrupt):
         render(Stage(), order(tmp_path / "x.wav", threads=threads, block=100), interrupt)
     assert list(tmp_path.iterdir()) == []
-    assert threading.active_count() == 1
+    assert threading.active_count() == n_threads
 
 
 def test_render_refuses_foreign_file_before_work(tmp_path: Path) -> None:
@@ -282,6 +285,7 @@ def test_stem_paths_of_instrument_names() -> None:
 
 
 def test_ahead_iterator_order_and_exceptions() -> None:
+    n_threads = threading.active_count()
     assert list(ahead(iter(range(100)))) == list(range(100))
 
     def broken():
@@ -303,4 +307,4 @@ def test_ahead_iterator_order_and_exceptions() -> None:
     coming = ahead(endless())
     assert next(coming) == 0
     coming.close()
-    assert threading.active_count() == 1
+    assert threading.active_count() == n_threads

@@ -99,7 +99,9 @@ def test_take_summary_skips_hidden_values(tmp_path: Path):
     assert (x.low, x.high, x.first, x.last) == (1.0, 2.0, 2.0, 1.0)
     assert y.low > y.high
     path.write_text("t [s],x [mm]\n0,1\n0,2\n")
-    with pytest.raises(TakeError, match=r"a\.csv:3: times must rise"):
+    with pytest.raises(
+        TakeError, match=r"a\.csv:3: the time 0 is not later than the time 0 of the row before"
+    ):
         summary(path)
 
 

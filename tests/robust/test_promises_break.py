@@ -24,12 +24,12 @@ LEFT_OUT = shutil.ignore_patterns(
 BREAKS = {
     "scores/test_confined.py::test_files_outside_score_folder_are_refused": (
         "ergon/notation/text/bounds.py",
-        "return any(real.is_relative_to(folder) for folder in self.folders)",
+        "return any(real_path.is_relative_to(folder) for folder in self.folders)",
         "return True",
     ),
     "scores/test_confined.py::test_check_output_hides_text_of_outside_file": (
         "ergon/notation/text/bounds.py",
-        "return any(real.is_relative_to(folder) for folder in self.folders)",
+        "return any(real_path.is_relative_to(folder) for folder in self.folders)",
         "return True",
     ),
     "cli/test_inputs_kept.py::test_commands_never_overwrite_their_inputs": (
@@ -66,8 +66,8 @@ BREAKS = {
     ),
     "scores/test_corrupted_takes.py::test_damaged_takes_are_refused": (
         "scores/gesture/npz.py",
-        "    except Exception as error:\n        why = ",
-        "    except ImportError as error:\n        why = ",
+        "    except Exception as error:\n        reason = ",
+        "    except ImportError as error:\n        reason = ",
     ),
     "plan/test_plan_store.py::test_plan_store_rewrites_damaged_files": (
         "ergon/exchange/plan_store.py",

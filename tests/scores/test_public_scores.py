@@ -14,8 +14,6 @@ import pytest
 from ergon.scores.gesture.musicxml_file import notes_of
 
 pytestmark = pytest.mark.slow
-partitura = pytest.importorskip("partitura")
-music21 = pytest.importorskip("music21")
 
 _NAMES = """
     bach/bwv11.6.mxl
@@ -82,6 +80,7 @@ def _pitch(word: str) -> int:
 
 
 def _partitura_notes(path: Path) -> list[tuple[float, int, float]]:
+    partitura = pytest.importorskip("partitura")
     notes = []
     for part in partitura.load_musicxml(path).parts:
         unfolded = partitura.score.unfold_part_maximal(part, ignore_leaps=True)
@@ -104,6 +103,7 @@ def _from_first(notes: list[tuple[float, int, float]]) -> list[tuple[float, int,
 
 @pytest.mark.parametrize("name", _NAMES.split())
 def test_notes_of_public_musicxml_files(name):
+    music21 = pytest.importorskip("music21")
     path = Path(music21.__file__).parent / "corpus" / name
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -8,7 +8,7 @@ from ergon.space import fold_filters
 from ergon.space.ambisonics import encoder
 from ergon.space.directions import point, spread_directions, unit_vectors
 from ergon.space.panning import ArrayError
-from ergon.space.quality import energy_vectors, quality
+from ergon.space.quality import localisation_vectors, quality
 
 DOME = fold_filters.Field(dome())
 RING = fold_filters.Field(dome(((24, 0.0, 0.0),)))
@@ -60,7 +60,7 @@ def test_fold_decoded_ambisonics_loudness():
             encoder(order, up)
             @ fold_filters.to_field(fold_filters.Field(order=order), DOME)[:, :, 0]
         )
-        energy = energy_vectors(gains, ARRAY)[2]
+        energy = localisation_vectors(gains, ARRAY)[2]
         assert abs(10.0 * np.log10(energy.mean())) < 0.5, order
 
 

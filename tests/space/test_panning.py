@@ -19,7 +19,7 @@ def theirs() -> Theirs:
 
 def same_table(ours: np.ndarray, gains: np.ndarray) -> None:
     """rE of every source, and the table made of it."""
-    vectors = quality.energy_vectors(ours, ARRAY)[1]
+    vectors = quality.localisation_vectors(ours, ARRAY)[1]
     np.testing.assert_allclose(vectors, their_energy_vectors(gains, ARRAY), atol=1e-6)
     a, b = (quality.quality("", one, SOURCES, ARRAY) for one in (ours, gains))
     np.testing.assert_allclose(a.energy_length, b.energy_length, atol=1e-6)

@@ -40,7 +40,7 @@ class FileBounds:
         """Whether any file may be named."""
         return self.folders is None
 
-    def allow(self, path: Path) -> bool:
+    def allows(self, path: Path) -> bool:
         """Whether a path, with links followed, lies inside the bounds; the file need not exist."""
         if self.folders is None or _is_installed(path):
             return True

@@ -112,7 +112,7 @@ class Files:
                 return path
             if self._sealed and is_text and shipped(path) is None:
                 continue
-            if not self.bounds.allow(path) or is_file(path):
+            if not self.bounds.allows(path) or is_file(path):
                 return path
         return None
 
@@ -156,7 +156,7 @@ class Files:
     def _is_inside(
         self, path: Path, name: str, asked_place: Place, label: str, help: str = _HELP
     ) -> bool:
-        inside = self._holds(path) or self.bounds.allow(path)
+        inside = self._holds(path) or self.bounds.allows(path)
         if not inside:
             message = f"{label}{name} lies outside the score's folder"
             self.collector.error("E112", message, asked_place, help=help)

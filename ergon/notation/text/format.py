@@ -158,15 +158,15 @@ def _columns(lines: list[str], columns: int) -> list[str]:
     if _is_aligned(lines, rows.values(), rows):
         return lines
     widths = [
-        max((len(row[k]) for _, row, _ in rows.values() if len(row) > k), default=0)
+        max((len(words[k]) for _, words, _ in rows.values() if len(words) > k), default=0)
         for k in range(columns)
     ]
-    indent = min((row[0] for row in rows.values()), key=len)
+    indent = min((row_indent for row_indent, _, _ in rows.values()), key=len)
     out = list(lines)
     for i, (_, words, comment) in rows.items():
         cells = [word.ljust(width) for word, width in zip(words, widths, strict=False)]
-        row = indent + _COLUMN_GAP.join(cells).rstrip()
-        out[i] = f"{row}  {comment}" if comment else row
+        row_text = indent + _COLUMN_GAP.join(cells).rstrip()
+        out[i] = f"{row_text}  {comment}" if comment else row_text
     return out
 
 

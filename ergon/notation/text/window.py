@@ -48,18 +48,18 @@ def last_items(
     """
     if not is_plain(text):
         return None
-    head_text, tail, node = _head(text, name, value), "", value
+    heads, tail, node = _head(text, name, value), "", value
     for word in path:
         entry = _entry(node, word)
-        if entry is None or head_text is None or entry[2]:
+        if entry is None or heads is None or entry[2]:
             return None
         name, value_below, _ = entry
         if text[node.start] == "{":
             head_text, tail = _head_within(text, name, value_below), "}" + tail
         else:
             head_text = _head(text, name, value_below)
-        head_text, node = None if head_text is None else head_text + head_text, value_below
-    if head_text is None or not isinstance(node, document.Sequence):
+        heads, node = None if head_text is None else heads + head_text, value_below
+    if heads is None or not isinstance(node, document.Sequence):
         return None
     first = len(node.items) - 1 if first is None else max(first, 0)
     if not 0 <= first < len(node.items):
@@ -73,7 +73,7 @@ def last_items(
         if not _DASH.fullmatch(text, line, start) or text[end - 1] != "}":
             return None
         start, stop = line, _line_end(text, end)
-    return Window(head_text + text[start:stop] + tail, len(head_text), start, stop, first, tail)
+    return Window(heads + text[start:stop] + tail, len(heads), start, stop, first, tail)
 
 
 def line_window(text: str, name: Scalar, value: Node, path: Path) -> Window | None:

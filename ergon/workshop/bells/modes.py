@@ -110,7 +110,7 @@ def _reach(modes: Modes, mode: int) -> float:
 
 
 def _without_modes(
-    modes: Modes, rest: Array, worst: list[int], sound: Array, rate: float
+    modes: Modes, residual: Array, worst: list[int], sound: Array, rate: float
 ) -> tuple[Modes, Array]:
     """The modes without some; neighbours of each removed mode are fitted again to take over its
     energy.
@@ -123,14 +123,17 @@ def _without_modes(
         other_modes = near_modes[near_modes != mode]
         if not other_modes.size:
             continue
-        residual = rest + synthesise(modes.some(near_modes), rest.size, rate)
+        near_sound = residual + synthesise(modes.some(near_modes), residual.size, rate)
         low, top = float(f[near_modes].min()) - reach, float(f[near_modes].max()) + reach
-        signal, slow, centre = Bands(residual, rate).take(max(low, 1.0), top)
-        skip = ceil(_SKIP * slow / (top - low))
+        signal, band_rate, centre = Bands(near_sound, rate).take(max(low, 1.0), top)
+        skip = ceil(_SKIP * band_rate / (top - low))
         signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _POLISHED))]
-        z = np.exp((-d[other_modes] + 2j * np.pi * (f[other_modes] - centre)) / slow)
+        z = np.exp((-d[other_modes] + 2j * np.pi * (f[other_modes] - centre)) / band_rate)
         z, _, _ = polish_poles(signal, z)
-        new_f, new_d = centre + np.angle(z) * slow / (2.0 * np.pi), -np.log(np.abs(z)) * slow
+        new_f, new_d = (
+            centre + np.angle(z) * band_rate / (2.0 * np.pi),
+            -np.log(np.abs(z)) * band_rate,
+        )
         is_fit = (
             (np.abs(new_f - f[other_modes]) < reach) & (new_d > _DECAYS[0]) & (new_d < _FASTEST)
         )

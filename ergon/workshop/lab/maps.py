@@ -176,11 +176,11 @@ def _judged(surveyed_map: Map, spot: Spot, case: MapPoint, frames: Floats) -> Sp
         reason = "accuracy is not known: no finer run went through"
         return replace(spot, reason=reason)
     hear = case.scene.hear
-    y, x = hear(frames), hear(truth.frames)
-    error = early_db(y, x, case.scene.rate, surveyed_map.judged)
+    sound, true_sound = hear(frames), hear(truth.frames)
+    error = early_db(sound, true_sound, case.scene.rate, surveyed_map.judged)
     sure = truth.change_db < max(error, right_db) + _SURE_DB
     accurate = error <= right_db if sure else None
-    if not x.any():
+    if not true_sound.any():
         accurate, reason = None, "accuracy is not known: nothing sounds"
     else:
         reason = "" if sure else "accuracy is not known: finer runs differ as much"
@@ -188,7 +188,7 @@ def _judged(surveyed_map: Map, spot: Spot, case: MapPoint, frames: Floats) -> Sp
         spot,
         accurate=accurate,
         error_db=error,
-        spectral_db=spectral(y, x).difference,
+        spectral_db=spectral(sound, true_sound).difference,
         reason=reason or spot.reason,
     )
 

@@ -29,7 +29,7 @@ def parts_beside(cursor: Cursor, file: Document) -> tuple[XmlPart, ...]:
     folder = Path(file.file).parent
     path = folder / take.text
     try:
-        return read_score(path).parts if FileBounds.around(folder).allow(path) else ()
+        return read_score(path).parts if FileBounds.around(folder).allows(path) else ()
     except (TakeError, ValueError):  # ValueError: a name that no file can have
         return ()
 
