@@ -30,9 +30,9 @@ impl Mixer {
         let n_frames = mixed.len().checked_div(n_channels).unwrap_or(0);
         self.sent.fill(0.0);
         self.sums.fill(0.0);
-        let gains = self.curve_gains.chunks_exact_mut(SPAN_FRAMES);
-        for (curve, gains) in self.curves.iter().zip(gains) {
-            curve.fill(first_frame, &mut gains[..n_frames]);
+        let curve_gains = self.curve_gains.chunks_exact_mut(SPAN_FRAMES);
+        for (curve, curve_gains) in self.curves.iter().zip(curve_gains) {
+            curve.fill(first_frame, &mut curve_gains[..n_frames]);
         }
         let mut span = Span {
             first_frame,
@@ -47,19 +47,19 @@ impl Mixer {
             sums: &mut self.sums,
             sent: &mut self.sent,
         };
-        let mut routes = &mut self.routes[..];
-        while !routes.is_empty() {
-            let (together, later) = routes.split_at_mut(length_together(routes));
-            span.mix(together, &mut self.signals);
-            routes = later;
+        let mut unmixed_routes = &mut self.routes[..];
+        while !unmixed_routes.is_empty() {
+            let (next_routes, later_routes) = unmixed_routes.split_at_mut(length_together(unmixed_routes));
+            span.mix(next_routes, &mut self.signals);
+            unmixed_routes = later_routes;
         }
         let fading_out = self.fading_out.iter_mut().flatten();
         for route in fading_out.filter(|route| !route.has_faded_out(first_frame)) {
             span.mix(std::slice::from_mut(route), &mut self.signals);
         }
         for (channel, sums) in self.sums.chunks_exact(SPAN_FRAMES).enumerate() {
-            let column = mixed.iter_mut().skip(channel).step_by(n_channels);
-            column.zip(sums).for_each(|(x, sum)| *x = *sum);
+            let column_samples = mixed.iter_mut().skip(channel).step_by(n_channels);
+            column_samples.zip(sums).for_each(|(x, sum)| *x = *sum);
         }
         for (room, sent) in self.rooms.iter_mut().zip(self.sent.chunks(SPAN_FRAMES)) {
             room.process(sent, mixed, n_channels);
@@ -67,8 +67,8 @@ impl Mixer {
         if self.fade.is_some() || self.residual_gain.is_some() {
             let frames = mixed.chunks_exact_mut(n_channels.max(1));
             for (frame, n) in frames.zip(first_frame..) {
-                let gain = self.gain_of_all(n);
-                frame.iter_mut().for_each(|x| *x *= gain);
+                let total_gain = self.gain_of_all(n);
+                frame.iter_mut().for_each(|x| *x *= total_gain);
             }
         }
     }
@@ -76,9 +76,9 @@ impl Mixer {
 
 /// Number of routes up to the last whose signal fits into the lanes: those that repeat another take none.
 fn length_together(routes: &[Route]) -> usize {
-    let filtered = (1..routes.len()).filter(|&index| !routes[index].repeats);
-    let mut next = filtered.skip(SECTION_LANES - 1);
-    next.next().unwrap_or(routes.len())
+    let filtered_indices = (1..routes.len()).filter(|&index| !routes[index].repeats);
+    let mut indices_beyond_lanes = filtered_indices.skip(SECTION_LANES - 1);
+    indices_beyond_lanes.next().unwrap_or(routes.len())
 }
 
 impl Span<'_> {
@@ -99,11 +99,11 @@ impl Span<'_> {
         }
         let mut lane = 0;
         for index in 0..routes.len() {
-            let (before, after) = routes.split_at_mut(index);
-            let route = &mut after[0];
-            match before.last() {
-                Some(before) if route.repeats => route.repeat(before),
-                before => lane += usize::from(before.is_some()),
+            let (earlier_routes, later_routes) = routes.split_at_mut(index);
+            let route = &mut later_routes[0];
+            match earlier_routes.last() {
+                Some(route_before) if route.repeats => route.repeat(route_before),
+                route_before => lane += usize::from(route_before.is_some()),
             }
             self.add(route, &signals[lane * SPAN_FRAMES..][..self.n_frames]);
         }
@@ -111,14 +111,14 @@ impl Span<'_> {
 
     /// The samples of an output.
     fn read(&mut self, out: usize, signal: &mut [f64]) {
-        let column = self.frames.iter().skip(out).step_by(self.n_out);
-        signal.iter_mut().zip(column).for_each(|(x, y)| *x = *y);
+        let column_samples = self.frames.iter().skip(out).step_by(self.n_out);
+        signal.iter_mut().zip(column_samples).for_each(|(x, y)| *x = *y);
         let fading_out = self.frozen_fading_out.iter().flatten();
-        let frozen = self.frozen.iter().chain(fading_out);
-        let mut frozen = frozen.filter(|placed| placed.out == out).peekable();
-        if frozen.peek().is_some() {
+        let frozen_outputs = self.frozen.iter().chain(fading_out);
+        let mut frozen_outputs = frozen_outputs.filter(|placed| placed.out == out).peekable();
+        if frozen_outputs.peek().is_some() {
             self.frozen_sum.fill(0.0);
-            for placed in frozen {
+            for placed in frozen_outputs {
                 let sums = self.frozen_sum.iter_mut().zip(self.first_frame..);
                 sums.for_each(|(sum, n)| *sum += placed.faded_sample(n));
             }
@@ -130,37 +130,42 @@ impl Span<'_> {
     /// Add the signal of a route to its target.
     fn add(&mut self, route: &mut Route, signal: &[f64]) {
         let (curve_gains, n_frames) = (self.curve_gains, self.n_frames);
-        let shared = route.shared_curve;
-        let gains = shared.map(|index| &curve_gains[index * SPAN_FRAMES..][..n_frames]);
-        let to = match route.to {
+        let shared_curve = route.shared_curve;
+        let route_gains = shared_curve.map(|index| &curve_gains[index * SPAN_FRAMES..][..n_frames]);
+        let target_sums = match route.to {
             To::Channel(channel) => &mut self.sums[channel * SPAN_FRAMES..],
             To::Room(room) => &mut self.sent[room * SPAN_FRAMES..],
         };
-        let group = &self.groups[route.group];
-        route.add((group, gains), self.first_frame, signal, &mut to[..n_frames]);
+        let group_glide = &self.groups[route.group];
+        route.add(
+            (group_glide, route_gains),
+            self.first_frame,
+            signal,
+            &mut target_sums[..n_frames],
+        );
     }
 }
 
 /// The routes that do not repeat the one before them.
 fn filtered(routes: &mut [Route]) -> impl Iterator<Item = &mut Route> {
-    let routes = routes.iter_mut().enumerate();
-    routes.filter_map(|(index, route)| (index == 0 || !route.repeats).then_some(route))
+    let indexed_routes = routes.iter_mut().enumerate();
+    indexed_routes.filter_map(|(index, route)| (index == 0 || !route.repeats).then_some(route))
 }
 
 /// Filter the signal of each route whose first filter is a high-pass by that filter.
 fn highpass_together(routes: &mut [Route], signals: &mut [f64], n_frames: usize) {
-    let (signals, unused) = signals.split_at_mut(SECTION_LANES * SPAN_FRAMES);
-    let mut unused = unused.chunks_exact_mut(SPAN_FRAMES);
-    let pairs = filtered(routes).zip(signals.chunks_exact_mut(SPAN_FRAMES));
-    let mut pairs = pairs.filter_map(|(route, signal)| Some((route.first_highpass()?, signal)));
+    let (signals, unused_samples) = signals.split_at_mut(SECTION_LANES * SPAN_FRAMES);
+    let mut unused_signals = unused_samples.chunks_exact_mut(SPAN_FRAMES);
+    let routes_and_signals = filtered(routes).zip(signals.chunks_exact_mut(SPAN_FRAMES));
+    let mut filter_pairs = routes_and_signals.filter_map(|(route, signal)| Some((route.first_highpass()?, signal)));
     let mut sections = [const { Section::IDENTITY }; SECTION_LANES];
     let mut highpasses: [Option<&mut Section>; SECTION_LANES] = Default::default();
     let mut rows: [&mut [f64]; SECTION_LANES] = Default::default();
     for ((section, place), row) in sections.iter_mut().zip(&mut highpasses).zip(&mut rows) {
-        if let Some((highpass, signal)) = pairs.next() {
+        if let Some((highpass, signal)) = filter_pairs.next() {
             *section = highpass.clone();
             (*place, *row) = (Some(highpass), signal);
-        } else if let Some(signal) = unused.next() {
+        } else if let Some(signal) = unused_signals.next() {
             *row = signal;
         }
     }
