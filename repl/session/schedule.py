@@ -285,8 +285,9 @@ class Schedule:
         also = [line for line in lines if line.kind is LineKind.ENDS and line.start == start]
         rest = [line for line in lines if line not in also]
         group = sorted((*also, *group), key=lambda line: line.number)
-        if any(one.sets_running is False for one in group):
-            rest = self._without_start(rest)
+        stops = [one.number for one in group if one.sets_running is False]
+        if stops:
+            rest = self._without_start(rest, max(stops))
         ending = self._arranged(group, start).lines
         ends = [line for line in ending if line.start is not None]
         # Without what was taken back, the piece may stand, and has not reached the beat of some.
@@ -298,12 +299,14 @@ class Schedule:
             self.reports.extend(Dropped(line, str(error)) for line in ends)
         self._let_wait(rest)
 
-    def _without_start(self, lines: Sequence[WaitingLine]) -> list[WaitingLine]:
-        """Lines that wait after a stop: none of them starts the piece that was stopped."""
-        started = [one for one in lines if one.sets_running]
+    def _without_start(self, lines: Sequence[WaitingLine], stop: int) -> list[WaitingLine]:
+        """Lines that wait after a stop: those that start the piece and were typed before the line
+        `stop` are dropped.
+        """
+        started = [one for one in lines if one.sets_running and one.number < stop]
         why = "the piece was stopped before it began"
         self.reports.extend(Dropped(one, why) for one in started)
-        return [one for one in lines if not one.sets_running]
+        return [one for one in lines if one not in started]
 
     def _hand_staged(self, group: Sequence[WaitingLine]) -> None:
         staged_group = self._staged

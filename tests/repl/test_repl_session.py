@@ -462,6 +462,22 @@ def test_memory_of_600_lines_and_journal_hash(tmp_path):
     assert stepped.hash_again() == stepped.hash.hexdigest()
 
 
+def test_late_stop_keeps_start_typed_after_it(session):
+    """A reset that the engine reports as late is made before `play`, and does not drop it."""
+    session.ok("play")
+    session.run(0.5)
+    session.session.stops.panic_in_turn()
+    schedule = session.session.schedule
+    (reset,) = schedule.changes.under_way
+    session.ok("release")
+    session.ok("play")
+    session.ok("leo plays knock every 1/2 now")
+    session.engine._changes.clear()
+    schedule.note_event(EngineEvent(session.engine.frame, reset.ticket, is_late=True))
+    session.run(3.0)
+    assert ("leo", "knock") in session.session.state().playing
+
+
 def test_late_change_dropped_by_panic(session):
     """A change that the engine reports as late waits again; one that a panic dropped does not."""
     session.ok("play")
