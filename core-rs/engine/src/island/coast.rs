@@ -1,5 +1,5 @@
-//! Coasting: steps in which no contact closes. Masses fly or swing freely, bodies move by their modes, and nothing else
-//! is computed. After the blow of a hammer this is the case for seconds.
+//! Coasting: steps in which no contact closes. Masses fly or swing freely, bodies move by their modes or by the flow of
+//! their linear springs, and nothing else is computed. After the blow of a hammer this is the case for seconds.
 //!
 //! The result is the same to the last bit as that of ordinary steps; only the test whether a finely computed contact
 //! may close has a slightly wider margin.
@@ -26,7 +26,7 @@ const RETRY_STEPS: usize = 32;
 const SLACK: f64 = 1e-6;
 
 impl Island {
-    /// Whether it may coast: its masses are joined by contacts alone, its bodies are computed by modes, and it has no
+    /// Whether it may coast: its masses are joined by contacts alone, its bodies are linear, and it has no
     /// real hand, no drive but strikes, and no layer, gate, glide, ledger or muted part.
     pub(super) fn may_coast(&self) -> bool {
         let (script, state) = (&self.script, &self.state);
@@ -43,10 +43,9 @@ impl Island {
         let is_plain = script.gates.is_empty() && state.values.scheme.is_none() && state.values.damped >= 1.0;
         let watch = &state.watch;
         let is_whole = watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();
-        let is_modal = |body: &inside::RunningBody| body.modal().is_some();
         let has_contacts = !scheme.runs.is_empty() || state.matter.fine.is_some();
         (only_contacts && is_left_alone && is_plain && is_whole)
-            && state.matter.bodies.iter().all(is_modal)
+            && state.matter.bodies.iter().all(inside::RunningBody::may_coast)
             && has_contacts
     }
 
@@ -117,9 +116,8 @@ impl Island {
             let island_step = first_step + steps_done as u64;
             if let Some(output_row) = outputs.row(start + steps_done) {
                 kernel::tap(scheme, body, output_row);
-                let bodies = state.matter.bodies.iter();
-                for modal in bodies.filter_map(inside::RunningBody::modal) {
-                    modal.tap_ahead(steps_done, output_row);
+                for running_body in &state.matter.bodies {
+                    running_body.tap_ahead(steps_done, output_row);
                 }
                 state.watch.mutes.fade(island_step, scheme, output_row);
             }
@@ -128,9 +126,8 @@ impl Island {
             }
             is_bounded = kernel::advance(scheme, &mut [], body, None, &mut ThreadTeam::alone());
             steps_done += 1;
-            let bodies = state.matter.bodies.iter();
-            for modal in bodies.filter_map(inside::RunningBody::modal) {
-                modal.place_ahead(steps_done, body);
+            for running_body in &mut state.matter.bodies {
+                is_bounded &= running_body.place_ahead(steps_done, body);
             }
         }
         let modal_bodies = state.matter.bodies.iter_mut();

@@ -271,6 +271,39 @@ impl RunningBody {
         }
     }
 
+    /// Whether it moves on by itself while nothing pushes it: by its modes, or by the flow of its linear springs.
+    pub(crate) fn may_coast(&self) -> bool {
+        match self {
+            Self::Modal(_) => true,
+            Self::Mesh(_) => false,
+            Self::Slow(slow) => slow.is_linear(),
+        }
+    }
+
+    /// Add its outputs to `out` (n_out) in `frames` frames of coasting; a slow body is already there.
+    pub(crate) fn tap_ahead(&self, frames: usize, out: &mut [f64]) {
+        match self {
+            Self::Modal(modal) => modal.tap_ahead(frames, out),
+            Self::Mesh(_) => {}
+            Self::Slow(slow) => slow.tap(out),
+        }
+    }
+
+    /// Set its ports as they are after `frames` frames of coasting, one more than at the last call: modes were computed
+    /// ahead, a slow body moves now. Returns whether all positions are finite and plausible.
+    pub(crate) fn place_ahead(&mut self, frames: usize, body: &mut Body) -> bool {
+        match self {
+            Self::Modal(modal) => modal.place_ahead(frames, body),
+            Self::Mesh(_) => {}
+            Self::Slow(slow) => {
+                slow.step_flow();
+                slow.place(body);
+                return slow.is_bounded();
+            }
+        }
+        true
+    }
+
     /// Make its motion decay by an additional factor in each frame.
     pub(crate) fn damp(&mut self, decay_factor: f64) {
         match self {

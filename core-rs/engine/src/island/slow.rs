@@ -165,6 +165,11 @@ impl Slow {
 }
 
 impl RunningSlow {
+    /// Whether its springs are linear, and pull by their exact flow.
+    pub(crate) fn is_linear(&self) -> bool {
+        self.springs.block().is_some()
+    }
+
     /// The body at frame 0, where the steps of its ports in `body` already contain all but the slow springs.
     pub(crate) fn new(plan: &Slow, body: &Body) -> Self {
         let mut springs = plan.springs.running(plan);
@@ -406,12 +411,10 @@ impl RunningSlow {
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let plan = &*self.plan;
         if let RunningSprings::Exact(spring_block) = &mut self.springs {
-            for (index, (&(port, mat), previous)) in plan.ports.iter().zip(&mut self.previous).enumerate() {
-                *previous = self.x[port];
+            for (index, &(_, mat)) in plan.ports.iter().enumerate() {
                 spring_block.push_port(index, force[mat]);
             }
-            spring_block.step(self.damped);
-            return self.read_block();
+            return self.step_flow();
         }
         for (&(port, mat), previous) in plan.ports.iter().zip(&mut self.previous) {
             *previous = self.x[port];
@@ -439,6 +442,19 @@ impl RunningSlow {
         for (kick, v) in self.kick.iter_mut().zip(&self.v) {
             *kick = v - *kick;
         }
+    }
+
+    /// Step to the next frame by the flow of linear springs, under the forces of this frame that were passed on, or
+    /// under none: with the same result as [`Self::step`].
+    pub(crate) fn step_flow(&mut self) {
+        let RunningSprings::Exact(spring_block) = &mut self.springs else {
+            return;
+        };
+        for (&(port, _), previous) in self.plan.ports.iter().zip(&mut self.previous) {
+            *previous = self.x[port];
+        }
+        spring_block.step(self.damped);
+        self.read_block();
     }
 
     /// Set velocities to those after springs in space pull at the present positions, from those in `kick`, or from

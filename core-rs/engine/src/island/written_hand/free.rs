@@ -171,6 +171,8 @@ pub(crate) struct Buffers {
     pub(crate) coast: FreeMotion,
     pub(crate) laws: Laws,
     pub(crate) targets: Vec<Target>,
+    /// Whether nothing but the flow of slow bodies moves the key between gestures.
+    pub(crate) has_only_flow: bool,
     /// Present if one frame of the key is an affine map.
     pub(crate) frame_powers: Option<FramePowers>,
 }
@@ -277,6 +279,31 @@ impl FreeKey {
         motion.release(self.struck) / self.scheme.w[self.struck]
     }
 
+    /// Whether nothing but the flow of slow bodies moves it between gestures; `motion` is that of its first frame.
+    pub(crate) fn has_only_flow(&self, motion: &FreeMotion) -> bool {
+        let scheme = &*self.scheme;
+        let has_no_links = scheme.runs.is_empty() && scheme.fused.is_empty() && scheme.exact.is_empty();
+        let is_held = |mat: usize| {
+            let coefficients = [scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat], motion.body.d[mat]];
+            coefficients.iter().all(|value| *value == 0.0)
+        };
+        let is_port = |mat: usize| motion.slow.iter().any(|slow| slow.has_port(mat));
+        has_no_links
+            && self.drives.is_empty()
+            && scheme.weight.iter().all(|&weight| weight == 0.0)
+            && motion.slow.iter().all(slow::RunningSlow::is_linear)
+            && (0..scheme.n_mat()).all(|mat| is_port(mat) || is_held(mat))
+    }
+
+    /// Move by the flow of slow bodies alone, with the same result as [`Self::strike_and_move`] without a force.
+    pub(crate) fn flow(motion: &mut FreeMotion) {
+        let FreeMotion { body, slow } = motion;
+        for slow in slow {
+            slow.step_flow();
+            slow.place(body);
+        }
+    }
+
     /// Add a force on the struck MAT and move from frame n to n + 1.
     pub(crate) fn strike_and_move(&self, motion: &mut FreeMotion, n: u64, force: f64, targets: &mut [Target]) {
         let FreeMotion { body, slow } = motion;
@@ -296,6 +323,7 @@ impl FreeKey {
             laws,
             targets,
             frame_powers,
+            ..
         } = buffers;
         coast.copy_motion(motion);
         let stop_frame = match frame_powers {

@@ -178,6 +178,9 @@ impl Voice {
     /// Compute a frame in which it does nothing to the key, with the same result as [`Self::step`].
     pub(crate) fn step_idle(&mut self, script: &VoiceScript, reports: &mut [Report], n: u64) {
         self.report_range(script, reports);
+        if self.buffers.has_only_flow {
+            return FreeKey::flow(&mut self.free);
+        }
         let free_key = &script.free;
         free_key.forces(&mut self.free, n, &mut self.buffers.laws, &mut self.targets);
         free_key.strike_and_move(&mut self.free, n, 0.0, &mut self.targets);
@@ -201,6 +204,7 @@ impl Voice {
     pub(crate) fn new(script: &VoiceScript, free: FreeMotion) -> Self {
         let laws = Laws::new(&script.free.scheme);
         let buffers = Buffers {
+            has_only_flow: script.free.has_only_flow(&free),
             coast: free.clone(),
             laws,
             targets: Vec::new(),
@@ -229,6 +233,9 @@ impl Voice {
 
     /// Play frame `n`: compare, decide, strike, and move the free key to frame n + 1.
     pub(crate) fn step(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
+        if self.buffers.has_only_flow && self.idle_until(script, scene.gestures).is_some_and(|until| until > n) {
+            return self.step_idle(script, scene.reports, n);
+        }
         self.compare(script, scene, n);
         script
             .free

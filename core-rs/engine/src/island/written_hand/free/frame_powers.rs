@@ -167,6 +167,7 @@ mod tests {
 
     fn buffers(free: &FreeKey) -> Buffers {
         Buffers {
+            has_only_flow: false,
             coast: free.motion_at_rest(),
             laws: Laws::new(&free.scheme),
             targets: Vec::new(),
