@@ -8,6 +8,7 @@ mod emulated_key;
 mod energy_account;
 pub(crate) mod energy_gain;
 mod energy_rise;
+mod eventless;
 mod fault;
 pub(crate) mod fine;
 pub(crate) mod followed_energy;

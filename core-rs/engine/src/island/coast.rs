@@ -8,7 +8,7 @@ use super::energy_account;
 use super::fault::Fault;
 use super::fine::OPEN_MARGIN;
 use super::step::StepOutputs;
-use super::{Island, energy_rise, inside};
+use super::{Hands, Island, Script, energy_rise, inside};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::But;
@@ -62,15 +62,7 @@ impl Island {
         if gains.is_some_and(|gains| !gains.is_idle()) {
             return Ok(0);
         }
-        let push_frame = script.pushes.get(state.hands.pushed).map(|push| push.frame);
-        let next_ergon = script.ergons.get(state.hands.ergons);
-        let next_ergon = next_ergon.map(|(frame, _)| *frame);
-        let voice_frames = state.hands.voices.iter().zip(&script.voices);
-        let voice_frames = voice_frames
-            .map(|(voice, voice_script)| voice.idle_until(voice_script, &script.gestures).unwrap_or(first_step));
-        let event_frames = push_frame.into_iter().chain(next_ergon).chain(voice_frames);
-        let event_frames = event_frames.chain(state.hands.is_struck().then_some(first_step));
-        let quiet_steps = event_frames.map(|event_frame| event_frame.saturating_sub(first_step) as usize);
+        let quiet_steps = steps_to_event(script, &state.hands, first_step);
         let modal_bodies = state.matter.bodies.iter().filter_map(inside::RunningBody::modal);
         let steps_ahead = modal_bodies.map(super::modal::RunningModal::ahead);
         let rise = state.watch.rise.as_ref();
@@ -79,8 +71,8 @@ impl Island {
             gains.map(|_| first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step),
         ];
         let look_steps = look_steps.into_iter().flatten().map(|steps| steps as usize);
-        let coast_steps = quiet_steps.chain(steps_ahead).chain(look_steps);
-        let coast_steps = coast_steps.fold(end - start, usize::min);
+        let coast_steps = steps_ahead.chain(look_steps);
+        let coast_steps = coast_steps.fold(quiet_steps.min(end - start), usize::min);
         if coast_steps < STEPS_MIN {
             return Ok(0);
         }
@@ -140,6 +132,20 @@ impl Island {
         }
         Ok(steps_done)
     }
+}
+
+/// Steps from `step_now` before the first in which a gesture, a push or an ergon may act.
+pub(super) fn steps_to_event(script: &Script, hands: &Hands, step_now: u64) -> usize {
+    let push_frame = script.pushes.get(hands.pushed).map(|push| push.frame);
+    let next_ergon = script.ergons.get(hands.ergons);
+    let next_ergon = next_ergon.map(|(frame, _)| *frame);
+    let voice_frames = hands.voices.iter().zip(&script.voices);
+    let voice_frames =
+        voice_frames.map(|(voice, voice_script)| voice.idle_until(voice_script, &script.gestures).unwrap_or(step_now));
+    let event_frames = push_frame.into_iter().chain(next_ergon).chain(voice_frames);
+    let event_frames = event_frames.chain(hands.is_struck().then_some(step_now));
+    let event_steps = event_frames.map(|event_frame| event_frame.saturating_sub(step_now) as usize);
+    event_steps.fold(usize::MAX, usize::min)
 }
 
 /// The contact that the links of a run are, if they are contacts.

@@ -56,6 +56,7 @@ impl Island {
             oversampling: self.oversampling as usize,
         };
         let (step_count, may_coast) = (n_frames * outputs.oversampling, self.may_coast());
+        let may_skip_events = self.may_skip_events();
         let (mut steps_done, mut rounds_done) = (0, 0_usize);
         let module_count = self.script.scheme.n_mat() + self.script.scheme.n_lia;
         let poll_interval = (POLL_MODULES / module_count.max(1)).clamp(1, POLL_STEPS);
@@ -66,6 +67,13 @@ impl Island {
             rounds_done += 1;
             if may_coast {
                 steps_done += self.coast(&mut outputs, steps_done, step_count)?;
+            }
+            if may_skip_events {
+                steps_done += self.skip_events(
+                    &mut outputs,
+                    (steps_done, step_count.min(steps_done + poll_interval)),
+                    team,
+                )?;
             }
             if steps_done < step_count {
                 self.step(outputs.row(steps_done), team)?;

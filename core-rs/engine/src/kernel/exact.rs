@@ -43,6 +43,9 @@ pub(crate) fn friction(scheme: &Scheme, gates: &[f64], targets: &[Target], body:
 
 /// Solve those exact runs for which `is_solved` holds, in turn until they converge.
 fn solve(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &mut Body, is_solved: impl Fn(&Run) -> bool) {
+    if scheme.exact.is_empty() {
+        return;
+    }
     let is_solved = |run: &&Run| is_solved(run);
     let round_limit = if scheme.has_coupled_exact { ROUNDS_MAX } else { 1 };
     let mut force_mixing = std::mem::take(&mut body.mixing);

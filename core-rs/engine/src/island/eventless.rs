@@ -1,0 +1,96 @@
+//! Steps in which no gesture, push or ergon acts, of an island whose links pull once a step: of all phases of a step only
+//! those are left that do something. The result is the same to the last bit as that of ordinary steps.
+
+use super::coast::steps_to_event;
+use super::fault::Fault;
+use super::step::StepOutputs;
+use super::{Island, energy_account};
+use crate::kernel;
+use crate::kernel::thread_team::ThreadTeam;
+use crate::timeline::{Drive, Source};
+
+impl Island {
+    /// Whether it may compute steps without events by themselves: links pull once a step, and nothing else is there that
+    /// acts at any time or is looked at after each step.
+    pub(super) fn may_skip_events(&self) -> bool {
+        let (script, state) = (&*self.script, &self.state);
+        let (scheme, matter, watch) = (&script.scheme, &state.matter, &state.watch);
+        let has_only_links = scheme.exact.is_empty()
+            && scheme.proxies.is_empty()
+            && matter.fine.is_none()
+            && matter.body.memory.is_empty();
+        let is_struck = |drive: &Drive| matches!(drive.source, Source::Strikes { .. });
+        let is_left_alone = script.hand_bindings.is_empty()
+            && script.port_bindings.is_empty()
+            && script.sound_drives.is_empty()
+            && script.drives.iter().all(is_struck)
+            && !script.voices.iter().any(|voice_script| voice_script.is_layer);
+        let is_constant = script.gates.is_empty() && state.values.scheme.is_none() && state.values.damped >= 1.0;
+        let is_unwatched = watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();
+        has_only_links && is_left_alone && is_constant && is_unwatched
+    }
+
+    /// Compute steps from `start` up to the next event, the next check of accounts or `end`; returns their number.
+    pub(super) fn skip_events(
+        &mut self,
+        outputs: &mut StepOutputs<'_>,
+        (start, end): (usize, usize),
+        team: &mut ThreadTeam<'_>,
+    ) -> Result<usize, Fault> {
+        let (script, state) = (&*self.script, &mut self.state);
+        let first_step = state.frame;
+        let check_steps = first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step;
+        let step_count = (end - start).min(check_steps as usize);
+        let step_count = step_count.min(steps_to_event(script, &state.hands, first_step));
+        if step_count == 0 {
+            return Ok(0);
+        }
+        let scheme = &script.scheme;
+        let super::State {
+            values,
+            matter,
+            hands,
+            watch,
+            ..
+        } = state;
+        let super::Matter {
+            body,
+            bodies,
+            laws,
+            targets,
+            ..
+        } = matter;
+        targets.clear();
+        let (mut steps_done, mut is_sound) = (0, true);
+        while steps_done < step_count && is_sound {
+            let n = first_step + steps_done as u64;
+            kernel::links(scheme, &values.gates, body, laws, team);
+            for (voice, voice_script) in hands.voices.iter_mut().zip(&script.voices) {
+                voice.step_idle(voice_script, &mut hands.reports, n);
+            }
+            bodies.iter_mut().for_each(|running_body| running_body.strike(n, body));
+            watch.touches.step(n, &body.link);
+            if let Some(output_row) = outputs.row(start + steps_done) {
+                kernel::tap(scheme, body, output_row);
+                bodies.iter().for_each(|running_body| running_body.tap(output_row));
+            }
+            if let Some(gains) = &mut watch.gains {
+                gains.step(scheme, &values.gates, targets, body);
+            }
+            for running_body in &mut *bodies {
+                running_body.step(n, &body.force, team);
+            }
+            is_sound = kernel::advance(scheme, targets, body, laws.mesh_partition.as_ref(), team);
+            for running_body in &*bodies {
+                running_body.place(body);
+                is_sound &= running_body.is_bounded();
+            }
+            steps_done += 1;
+        }
+        state.frame += steps_done as u64;
+        if !is_sound {
+            self.fault()?;
+        }
+        Ok(steps_done)
+    }
+}
