@@ -1,4 +1,4 @@
-"""Frames without events, and frames in which no contact closes: the same bytes as ordinary frames."""
+"""Frames without events, and frames with open contacts: the same bytes as ordinary frames."""
 
 import numpy as np
 import pytest
@@ -12,21 +12,21 @@ TOUCHES = (0.02, 0.3)  # the beginnings of two gestures [s]
 
 
 def scene(link: str, every: int | None, forced: bool) -> tuple[_core.Network, _core.Timeline]:
-    """A key that pulls or strikes a bell; a constant force of 0 N makes all of its frames ordinary ones."""
+    """A key that pulls or strikes a string; a force of 0 N makes all of its frames ordinary."""
     network = _core.Network()
     network.part("key", macrostep=every)
     mats = [network.cel("m0", M=0.05, K=60.0, Z=0.4)]
     mats += [network.mas(f"m{i}", M=0.03 + 0.001 * (7 * i % 11)) for i in range(1, MASSES)]
     for i in range(MASSES - 1):
         network.ref(f"r{i}", mats[i], mats[i + 1], K=2000.0 + 100 * (i % 7), Z=0.1 + 0.2 * (i % 5))
-    network.part("bell")
-    bells = network.string("s", masses=24, M=6e-3, f=220.0, t60=2.0)
+    network.part("string")
+    string = network.string("s", masses=24, M=6e-3, f=220.0, t60=2.0)
     network.part("between")
     if link == "but":
-        network.but("hit", mats[-1], bells + 5, K=3e3, gap=1e-3)
+        network.but("hit", mats[-1], string + 5, K=3e3, gap=1e-3)
     else:
-        network.ref("hit", mats[-1], bells + 5, K=3e3, Z=0.05)
-    for name, mat in (("key", mats[5]), ("bell", bells + 18)):
+        network.ref("hit", mats[-1], string + 5, K=3e3, Z=0.05)
+    for name, mat in (("key", mats[5]), ("string", string + 18)):
         network.listen(name, positions=[(mat, 1, 1.0)])
     timeline = _core.Timeline(network, RATE)
     key = timeline.key("key", mats[0])
