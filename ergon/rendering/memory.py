@@ -1,7 +1,8 @@
 """What a render takes from earlier ones, and what it leaves for later ones.
 
-Three things are stored by the hash of all that they depend on: the sound of each island
-(`resumed`), the mix (`mixed_stretches`), and how loud each instrument is (`known_levels`).
+Four things are stored by the hash of all that they depend on: the sound of each island
+(`resumed`), the mix (`mixed_stretches`), its end and its gain (`known_masters`), and how loud each
+instrument is (`known_levels`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from ergon import _core
 
 from . import stretches
 from .known_levels import KnownLevels
+from .known_masters import KnownMasters
 from .mixed_stretches import KnownMix, MixedStretches, MixRecorder, Outcome, key_of
 from .resumed import ResumedSimulation
 from .staged import KeyedStage, Staged
@@ -74,21 +76,37 @@ class RenderMemory:
             score=job.stamp.score,
         )
         self.levels = KnownLevels(store, levels)
+        self.masters = KnownMasters(
+            store, mixes[-1], n_frames=stage.n_frames, score=job.stamp.score
+        )
 
     def known_mix(self, job: RenderJob, balances: Sequence[Balance]) -> KnownMix | None:
         """All that is heard of a job, with the levels in `balances`; None if any is not known."""
+        recalled_mix = self._known_with_master(job) or self._followed_mix(job)
+        if recalled_mix is None or self.levels.recall(balances, min(job.stop, recalled_mix.stop)):
+            return None
+        return recalled_mix
+
+    def _known_with_master(self, job: RenderJob) -> KnownMix | None:
+        """The frames of a job alone, if the end and the gain of the piece are known."""
+        master = self.masters.get(job)
+        if master is None:
+            return None
+        start, stop = job.start, min(job.stop, master.piece_end)
+        if job.level.limit is not None:
+            # What a limiter does depends on all that came before.
+            start, stop = 0, min(self._n_frames, stop + ceil(_LOOK_AHEAD * self._rate))
+        return self._mixed.known_with(master, start, stop)
+
+    def _followed_mix(self, job: RenderJob) -> KnownMix | None:
+        """The frames that a job follows to find the end and the gain of the piece, or its own."""
         start, stop = job.start, job.stop
         if job.level.limit is not None or job.level.is_levelled or job.ending is not None:
             # What limiter, level and search do depends on all that came before.
             start, stop = 0, min(self._n_frames, stop + ceil(_LOOK_AHEAD * self._rate))
         last_frame = max(stop, job.simulated_frames(self._n_frames))
         # A part may sound on after the piece has faded out.
-        recalled_mix = self._mixed.known(
-            start, last_frame, job.ending, 0 if job.has_open_end else stop
-        )
-        if recalled_mix is None or self.levels.recall(balances, min(job.stop, recalled_mix.stop)):
-            return None
-        return recalled_mix
+        return self._mixed.known(start, last_frame, job.ending, 0 if job.has_open_end else stop)
 
     def computing(
         self, job: RenderJob, balances: Sequence[Balance], *, records: bool

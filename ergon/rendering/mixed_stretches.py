@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ergon import _core
 
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ergon.exchange.stretch_store import StretchStore
+
+    from .job import RenderJob
 
 # The search for silence that ended a render: the frame from which on, and the number of channels.
 Ending = tuple[int, int]
@@ -51,6 +53,22 @@ class Outcome:
         """Whether there is nothing to report."""
         return not self.parts_finer and not self.energy_gains
 
+    def fields(self, score: str) -> list[Any]:
+        """The outcome in lists, as JSON writes it; `score` is the hash of the score."""
+        return [list(self.parts_finer), list(self.energy_gains), "" if self.is_empty else score]
+
+    @classmethod
+    def from_fields(cls, fields: Sequence[Any], score: str) -> Outcome | None:
+        """The outcome in `fields`; None if it names modules of another score, whose names may
+        differ. Raises ValueError, TypeError or LookupError where it is no outcome.
+        """
+        finer, gains, score_then = fields
+        outcome = cls(
+            tuple(_core.FinerPart(*part_fields) for part_fields in finer),
+            tuple(_core.EnergyGain(*part_fields) for part_fields in gains),
+        )
+        return outcome if outcome.is_empty or score_then == score else None
+
     def finer(self) -> list[_core.FinerPart]:
         """As `Simulation.finer`."""
         return list(self.parts_finer)
@@ -58,6 +76,21 @@ class Outcome:
     def gains(self) -> list[_core.EnergyGain]:
         """As `Simulation.gains`."""
         return list(self.energy_gains)
+
+
+@dataclass(frozen=True, slots=True)
+class KnownMaster:
+    """What depends on a whole piece: the frame at which it ends, its gain (a ratio), and the
+    outcome.
+    """
+
+    piece_end: int
+    gain: float
+    outcome: Outcome
+
+    def is_that_of(self, job: RenderJob) -> bool:
+        """Whether this is all that `job` needs of the piece: a part may sound on after the end."""
+        return self.piece_end > job.start and not (job.is_part and job.stop > self.piece_end)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +104,15 @@ class _Stretch:
 
 @dataclass(frozen=True, slots=True)
 class KnownMix:
-    """Mixed frames from frame `first` of the piece on, stretch by stretch, and the outcome."""
+    """Mixed frames from frame `first` of the piece on, stretch by stretch, and the outcome.
+
+    `master` is the end and the gain of the piece, if they are known before its frames are read.
+    """
 
     first: int
     frames: tuple[NDArray[np.float64], ...]
     outcome: Outcome
+    master: KnownMaster | None = None
 
     @property
     def stop(self) -> int:
@@ -147,6 +184,20 @@ class MixedStretches:
             frames[-1] = frames[-1][: stop - known_stop + len(frames[-1])]
         return KnownMix(first_index * step, tuple(frames), last_stretch.outcome)
 
+    def known_with(self, master: KnownMaster, start: int, stop: int) -> KnownMix | None:
+        """The mix from the stretch of frame `start` on up to frame `stop`, of a piece whose end,
+        gain and outcome are known; None if any of it is not.
+        """
+        step = stretches.STRETCH_FRAMES
+        first_index, frames = start // step, []
+        for index in range(first_index, (stop - 1) // step + 1):
+            stretch = self._read(index)
+            n_needed = min(stop - index * step, step)
+            if stretch is None or len(stretch.frames) < n_needed:
+                return None
+            frames.append(stretch.frames[:n_needed])
+        return KnownMix(first_index * step, tuple(frames), master.outcome, master)
+
     def put(
         self, first_frame: int, frames: NDArray[np.float64], outcome: Outcome, ending: Ending | None
     ) -> bool:
@@ -159,8 +210,7 @@ class MixedStretches:
             if ending in (None, stretch_before.ending) or stretch_before.outcome != outcome:
                 return True
             frames = stretch_before.frames
-        finer, gains = outcome.parts_finer, outcome.energy_gains
-        state = [list(finer), list(gains), "" if outcome.is_empty else self._score, ending]
+        state = [*outcome.fields(self._score), ending]
         return self._store.put(self._keys[index], frames.reshape(-1), json.dumps(state).encode())
 
     def _stop(self, index: int) -> int:
@@ -171,16 +221,13 @@ class MixedStretches:
         if stored is None or len(stored.sound) % self._n_channels:
             return None
         try:
-            finer, gains, score, ending = json.loads(stored.state)
-            outcome = Outcome(
-                tuple(_core.FinerPart(*part_fields) for part_fields in finer),
-                tuple(_core.EnergyGain(*part_fields) for part_fields in gains),
-            )
+            *fields, ending = json.loads(stored.state)
+            outcome = Outcome.from_fields(fields, self._score)
             ending = None if ending is None else (int(ending[0]), int(ending[1]))
         except (ValueError, TypeError, LookupError):
             return None
-        if not outcome.is_empty and score != self._score:
-            return None  # the names may be others now
+        if outcome is None:
+            return None
         return _Stretch(stored.sound.reshape(-1, self._n_channels), outcome, ending)
 
 

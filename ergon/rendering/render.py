@@ -25,8 +25,8 @@ from .filmed import FilmedSimulation
 from .job import RenderedFile, RenderedFiles, RenderJob
 from .level import ArrayWriter, MasterChain
 from .limiting import Limiting, StemLimiter
-from .memory import memory_of
-from .mixed_stretches import KnownMix, MixRecorder, Outcome
+from .memory import RenderMemory, memory_of
+from .mixed_stretches import KnownMaster, KnownMix, MixRecorder, Outcome
 from .remote import RemoteSimulation
 from .resumed import ResumedSimulation
 from .staged import Mixer, Simulation, Staged
@@ -39,13 +39,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class _Filled:
-    """Files, and their job, whose end is known now; the share of them that was recalled, and the
-    outcome if that is all.
+    """Files, and their job, whose end is known now, as is that of the piece; the share of them that
+    was recalled, and the outcome if that is all.
     """
 
     job: RenderJob
     files: list[RenderedFile]
     n_simulated: int
+    piece_end: int
     recalled: float = 0.0
     outcome: Outcome | None = None
 
@@ -142,13 +143,22 @@ def _recalled_or_computed(
     is_alone = len(tracks) == 1
     known_mix = memory.known_mix(job, balances) if is_alone else None
     if known_mix is not None:
-        return _fill_known(stage, job, tracks[0], known_mix, progress)
+        filled = _fill_known(stage, job, tracks[0], known_mix, progress)
+        if known_mix.master is None:
+            _store_master(memory, job, filled, known_mix.outcome)
+        return filled
     computing = memory.computing(job, balances, records=is_alone)
     filled = _fill(
         stage, job, tracks, progress, computing.balances, computing.simulation, computing.recorder
     )
+    _store_master(memory, job, filled, Outcome.from_simulation(memory.simulation))
     computing.finish(job, filled.n_simulated)
     return replace(filled, recalled=computing.simulation.recalled)
+
+
+def _store_master(memory: RenderMemory, job: RenderJob, filled: _Filled, outcome: Outcome) -> None:
+    """Store the end and the gain of a piece that `job` has followed."""
+    memory.masters.put(job, KnownMaster(filled.piece_end, filled.files[0].gain, outcome))
 
 
 def _resumed(stage: Staged, job: RenderJob) -> ResumedSimulation | RemoteSimulation | None:
@@ -244,6 +254,8 @@ def _fill_known(
     progress: Callable[[int], None],
 ) -> _Filled:
     """Fill a file with mixed frames that are known, and compute nothing."""
+    if known_mix.master is not None:
+        return _fill_with_master(stage, job, track, known_mix, known_mix.master, progress)
     if not job.has_open_end:
         track.finish = track.begin(job, known_mix.first)
     frame, end = known_mix.first, None
@@ -263,6 +275,36 @@ def _fill_known(
     return replace(filled, recalled=1.0, outcome=known_mix.outcome)
 
 
+def _fill_with_master(
+    stage: Staged,
+    job: RenderJob,
+    track: Track,
+    known_mix: KnownMix,
+    master: KnownMaster,
+    progress: Callable[[int], None],
+) -> _Filled:
+    """Fill a file in one pass, for the end of the piece and its gain are known."""
+    track.held = None
+    ended_job = _ended(job, master.piece_end)
+    track.finish = track.begin(ended_job, known_mix.first)
+    track.finish.gain = master.gain
+    frame = known_mix.first
+    for mixed in known_mix.blocks(job.block):
+        track.take(_fold(mixed, job.format.n_channels))
+        frame += len(mixed)
+        progress(frame)
+    n_frames = frame - known_mix.first
+    filled = _finished(stage, ended_job, [track], known_mix.first, master.piece_end, n_frames)
+    return replace(filled, recalled=1.0, outcome=known_mix.outcome)
+
+
+def _ended(job: RenderJob, piece_end: int) -> RenderJob:
+    """The job of a piece that ends at frame `piece_end`."""
+    if not job.has_open_end:
+        return job
+    return replace(job, stop=min(max(piece_end, job.start), job.stop))
+
+
 def _finished(
     stage: Staged,
     job: RenderJob,
@@ -272,12 +314,11 @@ def _finished(
     n_simulated: int,
 ) -> _Filled:
     """The files, once all of `n_simulated` frames from frame `first` on are mixed."""
-    if job.has_open_end:
-        job = replace(job, stop=min(max(piece_end, job.start), job.stop))
+    job = _ended(job, piece_end)
     for track in tracks:
         track.finish = track.finish or track.begin(job, first)
     release(stage, job, tracks, piece_end)
-    return _Filled(job, [close(track) for track in tracks], n_simulated)
+    return _Filled(job, [close(track) for track in tracks], n_simulated, piece_end)
 
 
 def _silence_detector(stage: Staged, job: RenderJob) -> _core.SilenceDetector | None:

@@ -76,10 +76,10 @@ def release(stage: Staged, job: RenderJob, tracks: Sequence[Track], piece_end: i
 
     The tracks go side by side, for stems follow the limiter of the mix.
     """
-    if job.level.is_levelled:
-        _set_gains(stage, job, tracks, piece_end)
     if any(track.held is None for track in tracks):
         return
+    if job.level.is_levelled:
+        _set_gains(stage, job, tracks, piece_end)
     spools = (track.held.blocks(job.block) for track in tracks if track.held is not None)
     for blocks in zip(*spools, strict=True):
         for track, block in zip(tracks, blocks, strict=True):

@@ -16,6 +16,7 @@ from ergon.api.render import Render
 from ergon.api.score import read, stage_piece
 from ergon.rendering import memory, resumed, stretches
 from ergon.rendering.known_levels import KnownLevels
+from ergon.rendering.mixed_stretches import KnownMix, MixedStretches
 
 _HAMMER = "h: {{CEL: {{M: 3g, f: 1Hz, t60: 0.3s}}}}"
 _BELL = (
@@ -312,6 +313,46 @@ def test_limited_excerpt_of_recalled_piece(
         sounds.append(digest(ergon.render("a.yaml", RenderOptions(from_="0.9s", until="1.3s"))))
     assert len(set(sounds)) == 1
     assert len(recalled.all) == 1
+
+
+@pytest.mark.parametrize("level", ["normalise: -1dB", "loudness: -45LUFS"])
+def test_excerpt_of_levelled_piece_reads_its_stretches_alone(
+    level: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The gain of a piece that was rendered before is known without its other frames."""
+    master = f"mix: {{master: {{{level}}}}}\nrender:"
+    Path("a.yaml").write_text(Score().text().replace("render:", master))
+    part = RenderOptions(from_="0.9s", until="1.0s")
+    monkeypatch.setenv("ERGON_CACHE", "off")
+    wanted = ergon.render("a.yaml", part)
+    monkeypatch.setenv("ERGON_CACHE", "on")
+    ergon.render("a.yaml")
+    n_read = []
+    known_with = MixedStretches.known_with
+
+    def counted(*args: Any) -> KnownMix | None:
+        mix = known_with(*args)
+        assert mix is not None
+        n_read.append(sum(map(len, mix.frames)))
+        return mix
+
+    monkeypatch.setattr(MixedStretches, "known_with", counted)
+    excerpt = ergon.render("a.yaml", part)
+    assert n_read[0] <= 0.1 * 8000 + stretches.STRETCH_FRAMES
+    assert digest(excerpt) == digest(wanted)
+    assert (excerpt.gain, excerpt.true_peak) == (wanted.gain, wanted.true_peak)
+
+
+def test_end_of_piece_stays_with_its_search_for_silence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fold to one channel may fade at another frame, so its end is its own."""
+    fading = Score(parts=tuple(part for part in Score().parts if part[0] != "b"))
+    Path("a.yaml").write_text(fading.text().replace("tail: 0.5s", "tail: auto"))
+    for options in (RenderOptions(), RenderOptions(channels=1), RenderOptions(from_="0.5s")):
+        monkeypatch.setenv("ERGON_CACHE", "off")
+        wanted = ergon.render("a.yaml", options)
+        monkeypatch.setenv("ERGON_CACHE", "on")
+        for _ in range(3):
+            assert digest(ergon.render("a.yaml", options)) == digest(wanted)
 
 
 _PARTS = ({"from_": "0.9s", "until": "1.3s"}, {"from_": "0.6s"}, {"until": "6s"}, {})
