@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import io
 import os
 import sys
@@ -126,7 +127,9 @@ def group() -> None:
 def main(arguments: list[str] | None = None) -> None:
     """Run a command line and exit with the code of its outcome."""
     set_umask()
-    sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+    code = run(sys.argv[1:] if arguments is None else arguments)
+    gc.freeze()  # what is left goes with the process: no search for cycles in it
+    sys.exit(code)
 
 
 def run(arguments: list[str]) -> int:

@@ -6,7 +6,7 @@ Source: iXML specification 3.01 (TRACK_LIST: CHANNEL_INDEX, INTERLEAVE_INDEX, NA
 from __future__ import annotations
 
 from collections.abc import Sequence
-from xml.sax.saxutils import escape
+from html import escape
 
 
 def ixml(names: Sequence[str], title: str) -> bytes:
@@ -43,4 +43,4 @@ def track_names(content: bytes, n_channels: int) -> tuple[str, ...]:
 
 
 def _escaped(text: str) -> str:
-    return escape("".join(c for c in text if c.isprintable()))
+    return escape("".join(c for c in text if c.isprintable()), quote=False)

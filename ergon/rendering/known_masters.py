@@ -36,13 +36,13 @@ class KnownMasters:
             master = None if outcome is None else KnownMaster(int(piece_end), float(gain), outcome)
         except (ValueError, TypeError, LookupError):
             return None
-        return master if master is not None and master.is_that_of(job) else None
+        return master if master is not None and _is_enough(master, job) else None
 
     def put(self, job: RenderJob, master: KnownMaster) -> None:
         """Store what a job has found."""
         import numpy as np
 
-        if _follows_all(job) and master.is_that_of(job):
+        if _follows_all(job) and _is_enough(master, job):
             state = [master.piece_end, master.gain, *master.outcome.fields(self._score)]
             self._store.put(self._key(job), np.empty(0), json.dumps(state).encode())
 
@@ -54,3 +54,8 @@ class KnownMasters:
 def _follows_all(job: RenderJob) -> bool:
     """Whether the file depends on the end of the piece, or on how loud all of it is."""
     return job.level.is_levelled or job.ending is not None
+
+
+def _is_enough(master: KnownMaster, job: RenderJob) -> bool:
+    """Whether a job needs nothing after the end of the piece: a part of it may sound on."""
+    return master.piece_end > job.start and not (job.is_part and job.stop > master.piece_end)

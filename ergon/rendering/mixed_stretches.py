@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     from ergon.exchange.stretch_store import StretchStore
 
-    from .job import RenderJob
-
 # The search for silence that ended a render: the frame from which on, and the number of channels.
 Ending = tuple[int, int]
 
@@ -87,10 +85,6 @@ class KnownMaster:
     piece_end: int
     gain: float
     outcome: Outcome
-
-    def is_that_of(self, job: RenderJob) -> bool:
-        """Whether this is all that `job` needs of the piece: a part may sound on after the end."""
-        return self.piece_end > job.start and not (job.is_part and job.stop > self.piece_end)
 
 
 @dataclass(frozen=True, slots=True)
