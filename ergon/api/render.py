@@ -176,6 +176,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         threads=options.threads,
         real_hands=None if recorded is None else recorded.hands,
         is_seen=file.see is not None,
+        recalls_sound=True,
         complete=complete,
     )
     job = job_of(staged.piece, staged.stage, target, options)

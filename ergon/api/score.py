@@ -119,6 +119,7 @@ def stage_piece(
     silent: Container[str] = (),
     on_fault: Literal["stop", "mute"] = "stop",
     is_seen: bool = False,
+    recalls_sound: bool = False,
     complete: Piece | None = None,
 ) -> Staged:
     """Stage a piece, and report the diagnostics of the engine.
@@ -153,6 +154,7 @@ def stage_piece(
             seed=options.seed,
             correction=correction,
             is_draft=options.draft,
+            recalls_sound=recalls_sound,
             is_seen=is_seen,
         )
     waiting = (report or Report()).waiting("planning")
@@ -167,7 +169,9 @@ def stage_piece(
         )
     plan_s = time.perf_counter() - start
     if options is not None and options.draft and staged.plan is not None:
-        (report or Report()).say(draft_error(staged.plan))
+        (report or Report()).say(
+            draft_error(staged.plan) if staged.is_draft else "draft, planned as an earlier render"
+        )
     show(
         report,
         loaded,

@@ -62,17 +62,42 @@ class _CountedStore:
             self._store.forget()
 
 
+class _UnknownTrialError(Exception):
+    """A trial that no earlier plan has run."""
+
+
+class _KnownTrials:
+    """A store that knows all trials that a plan needs, or ends the planning."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def get(self, key: str) -> _core.TrialRecord:
+        """The record under a key. Raises _UnknownTrialError."""
+        record = self._store.get(key)
+        if record is None:
+            raise _UnknownTrialError
+        return record
+
+    def put(self, key: str, record: _core.TrialRecord) -> None:
+        """Nothing: all records are there."""
+
+    def forget(self) -> None:
+        """Nothing: no record is new."""
+
+
 @dataclass(frozen=True, slots=True)
 class Planned:
     """A plan, the accuracy it was made for, and notes on it (code and sentence).
 
-    `is_kept`: all results of its trials were kept from before.
+    `is_kept`: all results of its trials were kept from before. `is_draft`: it is cheap, not exact.
     """
 
     plan: _core.Plan
     accuracy: Accuracy
     notes: tuple[tuple[str, str], ...] = ()
     is_kept: bool = False
+    is_draft: bool = False
 
 
 def cost(plan: _core.Plan) -> float:
@@ -150,11 +175,14 @@ def make(
     is_foreseen: bool = True,
     correction: float = 1.0,
     is_draft: bool = False,
+    recalls_sound: bool = False,
     watched: Watched | None = None,
 ) -> Planned:
     """The cheapest plan that is exact enough. Raises EngineError if there is none.
 
-    A draft is the cheapest stable plan, whatever the accuracy; it is made with few trials.
+    A draft is the cheapest stable plan, whatever the accuracy; it is made with few trials. If it
+    `recalls_sound` and the trials of the exact plan are in `store`, it is the exact plan, because
+    sound that was computed by that plan is recalled.
 
     With `cpu` alone, the plan is the most exact that fits. Parts that are the same in the plan
     `like` are computed as there. `is_foreseen` is False if hands or a session play too. Real
@@ -168,8 +196,13 @@ def make(
         return Planned(pinned, accuracy)
     planner = _Planner(network, timeline, store, like, watched)
     if is_draft:
+        if recalls_sound and store is not None and like is None:
+            known = _known_plan(network, timeline, accuracy, store, correction, watched)
+            if known is not None:
+                return known
         draft = Accuracy(error=_DRAFT)
-        return Planned(planner.plan(draft, _DRAFT_SHARE), draft, is_kept=planner.finish())
+        draft_plan = planner.plan(draft, _DRAFT_SHARE)
+        return Planned(draft_plan, draft, is_kept=planner.finish(), is_draft=True)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     plan_made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
     missed = _missed_errors(plan_made, accuracy.error, is_foreseen=is_foreseen)
@@ -203,6 +236,29 @@ def make(
     notes_with_cost = (*notes, ("W402", excess))
     chosen = (cheapest, its_accuracy) if is_free else (plan_made, accuracy)
     return Planned(*chosen, notes_with_cost, planner.finish())
+
+
+def _known_plan(
+    network: _core.Network,
+    timeline: _core.Timeline,
+    accuracy: Accuracy,
+    store: Store,
+    correction: float,
+    watched: Watched,
+) -> Planned | None:
+    """The plan that is no draft; None if a trial would have to be run, or if it needs none."""
+    try:
+        planned = make(
+            network,
+            timeline,
+            accuracy,
+            store=_KnownTrials(store),
+            correction=correction,
+            watched=watched,
+        )
+    except _UnknownTrialError:
+        return None
+    return planned if planned.is_kept else None
 
 
 def plan_again(

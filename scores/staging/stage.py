@@ -68,6 +68,7 @@ class Stage:
     drawn: Sequence[DrawnNote] = ()  # notes that draw or press until they end
     # What an earlier simulation reported, where this one was not run because its sound is known.
     reports: Reports | None = None
+    is_draft: bool = False  # planned for a low cost, whatever the accuracy
 
     @property
     def network(self) -> _core.Network:
@@ -284,12 +285,14 @@ def stage(
     going: StageTakeover | None = None,
     correction: float = 1.0,
     is_draft: bool = False,
+    recalls_sound: bool = False,
     is_seen: bool = False,
 ) -> Stage:
     """Build the network, timeline and simulation of a piece: module by module, or `planned` within
     its accuracy.
 
-    A draft (`is_draft`) is planned with few trials, for the lowest cost.
+    A draft (`is_draft`) is planned with few trials, for the lowest cost; one that `recalls_sound`
+    is planned exactly where that needs no new trial.
 
     A ledger is available only without a plan, and recording only if no ergon strikes inside a
     body. With `fine_contacts` and without a plan, contacts are computed several times a frame.
@@ -324,6 +327,7 @@ def stage(
                 is_foreseen=going.spans is None and not real_hands,
                 correction=correction,
                 is_draft=is_draft,
+                recalls_sound=recalls_sound,
                 watched=Watched(seen=everything, seen_every=piece.motion_every),
             )
             plan = planning.plan
@@ -371,6 +375,7 @@ def _staged(
         prepared.memory,
         timeline=prepared.timeline,
         drawn=prepared.drawn,
+        is_draft=planning is not None and planning.is_draft,
     )
 
 

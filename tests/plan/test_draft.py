@@ -4,7 +4,11 @@ from pathlib import Path
 
 import pytest
 
+from ergon.api.options import RenderOptions
+from ergon.api.score import read, stage_piece
 from ergon.cli import app
+from ergon.exchange.wave import hash_samples
+from ergon.rendering import memory, resumed
 from ergon.scores.staging import planning
 
 Capture = pytest.CaptureFixture[str]
@@ -85,6 +89,50 @@ def test_draft_trials_against_plan_trials() -> None:
     assert 0.0 < draft.trials.done <= draft.trials.allowed
     substeps = [max(row.contact_substeps for row in plan.rows()) for plan in plans]
     assert substeps[0] <= substeps[1]
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cache folder of the test's own."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("ERGON_CACHE", "on")
+
+
+@pytest.mark.usefixtures("cache")
+def test_draft_recalls_an_earlier_render(capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A draft has the sound of a render from before the edit, at the accuracy of that render."""
+    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
+    monkeypatch.setattr(memory, "_WORK_MIN", 0.0)
+    monkeypatch.setattr(resumed, "_SHARE", 0.0)
+    Path("a.yaml").write_text(STRUCK)
+    assert app.run(["render", "a.yaml", "-o", "full.wav"]) == 0
+    Path("a.yaml").write_text(STRUCK.replace("to: 1}", "to: 1, gain: -3dB}"))
+    capsys.readouterr()
+    assert app.run(["render", "a.yaml", "-o", "draft.wav", "--draft"]) == 0
+    shown = capsys.readouterr()
+    assert "100% recalled" in shown.out + shown.err
+    assert "planned as an earlier render" in shown.err
+    monkeypatch.setenv("ERGON_CACHE", "off")
+    assert app.run(["render", "a.yaml", "-o", "full.wav"]) == 0
+    assert hash_samples(Path("draft.wav")) == hash_samples(Path("full.wav"))
+
+
+@pytest.mark.usefixtures("cache")
+def test_draft_with_another_instrument_runs_few_trials() -> None:
+    """Where a trial is missing, a draft is planned for its cost."""
+    Path("a.yaml").write_text(STRUCK)
+    assert app.run(["render", "a.yaml", "-o", "full.wav"]) == 0
+    Path("a.yaml").write_text(
+        STRUCK.replace("notes: [D4]", "notes: [D4, A4]").replace("notes: D4", "notes: D4 A4")
+    )
+    options = RenderOptions(draft=True)
+    staged = stage_piece(read("a.yaml"), options, recalls_sound=True).stage
+    assert staged.is_draft
+    assert staged.plan is not None
+    assert staged.plan.trials.done <= staged.plan.trials.allowed
+    Path("a.yaml").write_text(STRUCK)
+    staged = stage_piece(read("a.yaml"), options, recalls_sound=True).stage
+    assert not staged.is_draft
 
 
 @pytest.mark.parametrize("other", [["--error", "-40dB"], ["--method", "ca"], ["--cents", "3"]])
