@@ -59,9 +59,9 @@ class CacheFolder:
         """Whether something was kept under a key."""
         return self._path(key).is_file()
 
-    def write(self, key: str, content: bytes) -> bool:
-        """Store the content, if possible; True if it was stored."""
-        if len(content) > self.n_bytes_one:
+    def write(self, key: str, *parts: bytes | memoryview) -> bool:
+        """Store the content, which may come in parts, if possible; True if it was stored."""
+        if sum(memoryview(part).nbytes for part in parts) > self.n_bytes_one:
             return False
         try:
             for folder in (self.path.parent, self.path):
@@ -71,7 +71,8 @@ class CacheFolder:
             with open_for_writing(
                 self._path(key), binary=False, force=True, sync=False, replaceable=False
             ) as file:
-                file.write(content)
+                for part in parts:
+                    file.write(part)
         except (OSError, FileRefusedError):
             return False
         return True

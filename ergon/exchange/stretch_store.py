@@ -73,8 +73,7 @@ class StretchStore:
         checksum = 0
         for part in parts:
             checksum = zlib.crc32(part, checksum)
-        content = b"".join([_HEAD.pack(_MAGIC, checksum), *parts])
-        return self._folder.write(versioned_key(key), content)
+        return self._folder.write(versioned_key(key), _HEAD.pack(_MAGIC, checksum), *parts)
 
     def forget(self) -> None:
         """Remove the stretches that were used least recently, until the rest is within bounds."""
