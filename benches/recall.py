@@ -105,6 +105,12 @@ def recall() -> list[Row]:
         assert _is_part_of(_frames(folder / "a.wav"), complete)
         scratch, wanted = _rendered(folder, text, "off")
         assert samples == wanted, "what is recalled has the bytes of a render from scratch"
+        # Two edits alike: the second is rendered without --draft.
+        old, *gains = "gain: 2dB", "gain: 3dB", "gain: 4dB"
+        assert old in text
+        for options, gain in zip((("--draft",), ()), gains, strict=True):
+            what = f"another gain again{' (--draft)' if options else ''}"
+            costs[what], _ = _rendered(folder, text.replace(old, gain), "on", *options)
     return [
         Row(
             f"render of eighty seconds on eight channels, {what}",
