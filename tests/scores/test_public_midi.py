@@ -24,13 +24,13 @@ _SUSTAIN, _DOWN = 64, 64
 
 
 def _public_files() -> list[Path]:
-    found = []
+    paths = []
     music21 = importlib.util.find_spec("music21")
     if music21 is not None and music21.origin is not None:
-        found += (Path(music21.origin).parent / "midi").rglob("*.mid")
+        paths += (Path(music21.origin).parent / "midi").rglob("*.mid")
     if folder := os.environ.get("ERGON_PUBLIC_MIDI"):
-        found += Path(folder).rglob("*.mid")
-    return sorted(found)
+        paths += Path(folder).rglob("*.mid")
+    return sorted(paths)
 
 
 def _first(ticks: list[int], tick: int) -> float:
@@ -63,14 +63,14 @@ def _mido_notes(path: Path) -> list[tuple[float, int, int, float | None]]:
         elif message.type == "control_change" and message.control == _SUSTAIN:
             pedals[message.channel].append((tick, message.value >= _DOWN))
 
-    def seconds(at: float) -> float:
-        if at not in instants:
+    def seconds(instant: float) -> float:
+        if instant not in instants:
             total = 0.0
-            for (begin, tempo), (end, _) in zip(tempos, [*tempos[1:], (at, 0)], strict=True):
-                ticks = max(min(end, at) - begin, 0)
+            for (begin, tempo), (end, _) in zip(tempos, [*tempos[1:], (instant, 0)], strict=True):
+                ticks = max(min(end, instant) - begin, 0)
                 total += mido.tick2second(ticks, file.ticks_per_beat, tempo)
-            instants[at] = total
-        return instants[at]
+            instants[instant] = total
+        return instants[instant]
 
     notes = []
     for (channel, number), beginnings in struck.items():
@@ -110,8 +110,8 @@ def _ergon_notes(path: Path) -> list[tuple[float, int, int, float | None]]:
 def _columns(notes: list[tuple[float, int, int, float | None]]) -> NDArray[np.float64]:
     """Numbers, velocities, beginnings and lengths of notes in order; -1 where nothing ends one."""
     rows = [
-        (number, velocity, at, -1.0 if lasting is None else lasting)
-        for at, number, velocity, lasting in notes
+        (number, velocity, instant, -1.0 if lasting is None else lasting)
+        for instant, number, velocity, lasting in notes
     ]
     return np.array(sorted(rows, key=lambda row: (*row[:2], round(row[2], 7), row[3])))
 
