@@ -61,8 +61,8 @@ impl Island {
             ..
         } = matter;
         targets.clear();
-        let (mut steps_done, mut is_sound) = (0, true);
-        while steps_done < step_count && is_sound {
+        let (mut steps_done, mut is_bounded) = (0, true);
+        while steps_done < step_count && is_bounded {
             let n = first_step + steps_done as u64;
             kernel::links(scheme, &values.gates, body, laws, team);
             for (voice, voice_script) in hands.voices.iter_mut().zip(&script.voices) {
@@ -80,15 +80,15 @@ impl Island {
             for running_body in &mut *bodies {
                 running_body.step(n, &body.force, team);
             }
-            is_sound = kernel::advance(scheme, targets, body, laws.mesh_partition.as_ref(), team);
+            is_bounded = kernel::advance(scheme, targets, body, laws.mesh_partition.as_ref(), team);
             for running_body in &*bodies {
                 running_body.place(body);
-                is_sound &= running_body.is_bounded();
+                is_bounded &= running_body.is_bounded();
             }
             steps_done += 1;
         }
         state.frame += steps_done as u64;
-        if !is_sound {
+        if !is_bounded {
             self.fault()?;
         }
         Ok(steps_done)
