@@ -74,11 +74,11 @@ def sweep(console: Console, score_path: str, **arguments: Any) -> None:
 
 def _lines(targets: tuple[str, ...], rows: tuple[SweepRow, ...]) -> str:
     shown = [name for name in _SHOWN if any(row.figures.get(name) is not None for row in rows)]
-    lines = [(*targets, *(_SHOWN[name] for name in shown), "")]
+    table_rows = [(*targets, *(_SHOWN[name] for name in shown), "")]
     for row in rows:
-        figures = [_value_text(row.figures.get(name)) for name in shown]
-        lines.append((*row.values, *figures, "" if row.status == "ok" else row.status))
-    return table(lines)
+        value_texts = [_value_text(row.figures.get(name)) for name in shown]
+        table_rows.append((*row.values, *value_texts, "" if row.status == "ok" else row.status))
+    return table(table_rows)
 
 
 def _value_text(x: float | None) -> str:

@@ -110,9 +110,9 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     Raises NotWaveError or OSError.
     """
     info = read_info(path)
-    frame = info.format.frame_bytes
-    size = min(_BLOCK, max(1, _BLOCK_BYTES // frame)) * frame
-    yield from blocks_of_bytes(_samples(path, info, size), info.format)
+    frame_bytes = info.format.frame_bytes
+    block_bytes = min(_BLOCK, max(1, _BLOCK_BYTES // frame_bytes)) * frame_bytes
+    yield from blocks_of_bytes(_samples(path, info, block_bytes), info.format)
 
 
 def blocks_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> Iterator[NDArray[np.float64]]:

@@ -24,16 +24,16 @@ class InputValues:
     ) -> None:
         """Use `tell` to give an input a value; it returns False if that must be tried again."""
         self._tell, self._clock = tell, clock
-        self._waiting: dict[str, float] = {}
-        self._free = _VALUES_AT_ONCE
-        self._seen = clock()
+        self._waiting_values: dict[str, float] = {}
+        self._n_allowed = _VALUES_AT_ONCE
+        self._counted_until = clock()
 
     def handler_of(self, name: str) -> Handler:
         """The handler of requests for an input."""
         return number_handler(partial(self._set_value, name))
 
     def _set_value(self, name: str, value: float) -> None:
-        self._waiting[name] = value
+        self._waiting_values[name] = value
         self.send_due()
 
     def send_due(self) -> None:
@@ -41,13 +41,14 @@ class InputValues:
         longest.
         """
         instant_now = self._clock()
-        self._free = min(
-            _VALUES_AT_ONCE, self._free + (instant_now - self._seen) * _VALUES_PER_SECOND
+        self._n_allowed = min(
+            _VALUES_AT_ONCE,
+            self._n_allowed + (instant_now - self._counted_until) * _VALUES_PER_SECOND,
         )
-        self._seen = instant_now
-        while self._waiting and self._free >= 1.0:
-            name = next(iter(self._waiting))
-            if not self._tell(name, self._waiting[name]):
+        self._counted_until = instant_now
+        while self._waiting_values and self._n_allowed >= 1.0:
+            name = next(iter(self._waiting_values))
+            if not self._tell(name, self._waiting_values[name]):
                 return
-            del self._waiting[name]
-            self._free -= 1.0
+            del self._waiting_values[name]
+            self._n_allowed -= 1.0

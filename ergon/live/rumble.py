@@ -13,10 +13,10 @@ import struct
 FULL = 5.0  # [N] at which the motors turn fastest; the page draws its spring in full colour there
 _SMOOTHED = 0.3  # of the way to a new force that the smoothed one goes in a step
 _BUZZ = 2.0  # how much more a change counts than a force that lasts
-_TOP = 0xFFFF
+_MOTOR_MAX = 0xFFFF
 _LENGTH_MS = 200  # that an effect lasts; it is renewed meanwhile
-_RUMBLE, _EVENT_TYPE = 0x50, 0x15  # FF_RUMBLE and EV_FF of linux/input-event-codes.h
-_UPLOAD = 0x40304580  # EVIOCSFF
+_RUMBLE_TYPE, _EVENT_TYPE = 0x50, 0x15  # FF_RUMBLE and EV_FF of linux/input-event-codes.h
+_UPLOAD_REQUEST = 0x40304580  # EVIOCSFF
 # struct ff_effect of linux/input.h, for a rumble: type, id, direction, two of a trigger, length,
 # delay, padding, strong and weak motor, and the rest of the union.
 _EFFECT = struct.Struct("HhHHHHH2xHH28x")
@@ -28,22 +28,22 @@ class RumbleEnvelope:
 
     def __init__(self) -> None:
         """Begin without a force."""
-        self._smooth = 0.0
+        self._smoothed_force = 0.0
 
     def step(self, force: float) -> tuple[float, float]:
         """Strong and weak motor, 0 to 1: the force [N], and how much it differs from before."""
         size = abs(force)
-        change = abs(size - self._smooth)
-        self._smooth += _SMOOTHED * (size - self._smooth)
+        change = abs(size - self._smoothed_force)
+        self._smoothed_force += _SMOOTHED * (size - self._smoothed_force)
         return min(1.0, size / FULL), min(1.0, _BUZZ * change / FULL)
 
 
 class Rumble:
     """The rumble of an open gamepad; where it has none, nothing happens."""
 
-    def __init__(self, file: int) -> None:
-        """`file` is the gamepad, open for writing."""
-        self._file, self._id, self._last = file, -1, (0, 0)
+    def __init__(self, descriptor: int) -> None:
+        """`descriptor` is that of the gamepad, open for writing."""
+        self._descriptor, self._effect_id, self._last_motors = descriptor, -1, (0, 0)
         self._envelope = RumbleEnvelope()
         self.is_there = self._upload(0, 0)
 
@@ -51,21 +51,21 @@ class Rumble:
         """Let the motors tell of a force [N]; to be called some 20 times a second."""
         if not self.is_there:
             return
-        strong, weak = (round(_TOP * part) for part in self._envelope.step(force))
-        if (strong, weak) == (0, 0) == self._last:
+        strong, weak = (round(_MOTOR_MAX * part) for part in self._envelope.step(force))
+        if (strong, weak) == (0, 0) == self._last_motors:
             return
-        self._last = (strong, weak)
+        self._last_motors = (strong, weak)
         if self._upload(strong, weak):
             with contextlib.suppress(OSError):
-                os.write(self._file, _EVENT.pack(0, 0, _EVENT_TYPE, self._id, 1))
+                os.write(self._descriptor, _EVENT.pack(0, 0, _EVENT_TYPE, self._effect_id, 1))
 
     def _upload(self, strong: int, weak: int) -> bool:
         import fcntl
 
-        effect = _EFFECT.pack(_RUMBLE, self._id, 0, 0, 0, _LENGTH_MS, 0, strong, weak)
+        effect = _EFFECT.pack(_RUMBLE_TYPE, self._effect_id, 0, 0, 0, _LENGTH_MS, 0, strong, weak)
         try:
-            answer = fcntl.ioctl(self._file, _UPLOAD, effect)
+            answer = fcntl.ioctl(self._descriptor, _UPLOAD_REQUEST, effect)
         except OSError:  # no motors, or opened for reading alone
             return False
-        self._id = _EFFECT.unpack(answer)[1]
+        self._effect_id = _EFFECT.unpack(answer)[1]
         return True

@@ -204,7 +204,7 @@ impl Device {
     /// Whether it runs in lockstep: it has no clock of its own.
     #[getter]
     fn lockstep(&self) -> bool {
-        self.open().as_ref().is_some_and(|own| own.in_lockstep())
+        self.lock_device().as_ref().is_some_and(|own| own.in_lockstep())
     }
 
     /// The sign of an axis, found by a small force, in ticks of `period` [s]: 1 or -1.
@@ -243,7 +243,7 @@ impl Device {
 
     /// Close the device; forces are zero.
     fn close(&self, py: Python<'_>) {
-        let taken_device = self.open().take();
+        let taken_device = self.lock_device().take();
         py.detach(|| drop(taken_device));
     }
 }
@@ -256,7 +256,7 @@ impl Device {
         }
     }
 
-    fn open(&self) -> std::sync::MutexGuard<'_, Option<BoxedDevice>> {
+    fn lock_device(&self) -> std::sync::MutexGuard<'_, Option<BoxedDevice>> {
         self.device.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -288,11 +288,11 @@ impl Device {
         work: impl FnOnce(&mut BoxedDevice, &AtomicBool) -> T + Send,
     ) -> PyResult<T> {
         // The lock is not held during the work: other callers meanwhile get the error that the device is closed.
-        let taken_device = self.open().take();
+        let taken_device = self.lock_device().take();
         let mut taken_device = taken_device.ok_or_else(|| plain_error("the device is closed"))?;
         let work_outcome = run_in_thread(py, |stop| (work(&mut taken_device, stop), taken_device));
         let (work_outcome, taken_device) = work_outcome?;
-        *self.open() = Some(taken_device);
+        *self.lock_device() = Some(taken_device);
         Ok(work_outcome)
     }
 }

@@ -32,7 +32,7 @@ pub(crate) fn register_guardian(py: Python<'_>) {
         return;
     }
     if let Some(program) = program(py) {
-        ONCE.call_once(|| guardian::start_with(program));
+        ONCE.call_once(|| guardian::register_program(program));
     }
 }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ergon_engine::mix::curve::{Curve, Pan, Point, Segment, Side};
 use ergon_engine::mix::delay::Echo;
-use ergon_engine::mix::filter::Tone;
+use ergon_engine::mix::filter::FilterKind;
 use ergon_engine::mix::frozen;
 use ergon_engine::mix::mixer;
 use ergon_engine::mix::room::RoomSpec;
@@ -68,7 +68,7 @@ impl Mixer {
         } else {
             mixer::To::Channel(channel)
         };
-        let highpass = highpass.map(|f| Ok(Tone::Highpass { f }));
+        let highpass = highpass.map(|f| Ok(FilterKind::Highpass { f }));
         let tones = tones.iter().map(|(word, f, level)| tone_of(word, *f, *level));
         let pan = pan.map(|(places, is_second)| {
             let pan_side = if is_second { Side::Second } else { Side::First };
@@ -166,12 +166,12 @@ fn curve_of(points: Points) -> Curve {
     Curve::new(points_of(points))
 }
 
-fn tone_of(word: &str, f: f64, level: f64) -> PyResult<Tone> {
+fn tone_of(word: &str, f: f64, level: f64) -> PyResult<FilterKind> {
     match word {
-        "highpass" => Ok(Tone::Highpass { f }),
-        "lowpass" => Ok(Tone::Lowpass { f }),
-        "lowshelf" => Ok(Tone::Lowshelf { f, level }),
-        "highshelf" => Ok(Tone::Highshelf { f, level }),
+        "highpass" => Ok(FilterKind::Highpass { f }),
+        "lowpass" => Ok(FilterKind::Lowpass { f }),
+        "lowshelf" => Ok(FilterKind::Lowshelf { f, level }),
+        "highshelf" => Ok(FilterKind::Highshelf { f, level }),
         _ => Err(plain_error(format!(
             "a route has no filter `{word}`; it has highpass, lowpass, lowshelf and highshelf"
         ))),

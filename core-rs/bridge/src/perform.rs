@@ -417,8 +417,8 @@ fn steps(all: Vec<StepTuple>) -> Vec<GuidanceStep> {
 }
 
 fn limits(all: Vec<BoundTuple>) -> Vec<Bound> {
-    let frame_bound = |(at, scale)| Bound { frame: at, scale };
-    all.into_iter().map(frame_bound).collect()
+    let tick_bound = |(tick, scale)| Bound { tick, scale };
+    all.into_iter().map(tick_bound).collect()
 }
 
 fn open((url, axes, force_limit, calibrated): BoardTuple, period: f64) -> PyResult<Keyboard> {

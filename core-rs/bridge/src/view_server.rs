@@ -27,12 +27,12 @@ struct Open {
 }
 
 impl ViewServer {
-    fn open(&self) -> MutexGuard<'_, Option<Open>> {
+    fn lock_server(&self) -> MutexGuard<'_, Option<Open>> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn with<T>(&self, look: impl FnOnce(&mut Open) -> T) -> PyResult<T> {
-        let mut server_lock = self.open();
+        let mut server_lock = self.lock_server();
         server_lock
             .as_mut()
             .map(look)
@@ -111,7 +111,7 @@ impl ViewServer {
     }
 
     fn close(&self, py: Python<'_>) {
-        let open_server = self.open().take();
+        let open_server = self.lock_server().take();
         py.detach(|| drop(open_server));
     }
 }

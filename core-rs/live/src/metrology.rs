@@ -27,7 +27,7 @@ const GONE_AFTER: f64 = 0.25;
 /// Longest wait for a reply, as a part of a tick.
 const WAIT: f64 = 0.6;
 /// Time between two checks for room in the recording of a device in lockstep.
-const ROOM: Duration = Duration::from_millis(1);
+const CHECK_INTERVAL: Duration = Duration::from_millis(1);
 
 /// A spring and a damper.
 #[derive(Clone, Copy, Debug, Default)]
@@ -309,7 +309,7 @@ impl<D: Device> Take<'_, '_, D> {
         };
         while self.written < write_end {
             while self.guarded.in_lockstep() && !row_sink.has_room() {
-                std::thread::sleep(ROOM);
+                std::thread::sleep(CHECK_INTERVAL);
             }
             let next_row = &self.rows[self.written];
             let fresh_flag = if next_row.fresh { recording::flag::FRESH } else { 0 };

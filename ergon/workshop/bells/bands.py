@@ -37,18 +37,18 @@ class Bands:
         The window of the band falls to zero within half of its width on both sides.
         """
         width = high - low
-        m = ceil(2.0 * width * self.n / self.rate)
-        rate = m * self.rate / self.n
+        n_bins = ceil(2.0 * width * self.n / self.rate)
+        rate = n_bins * self.rate / self.n
         centre = round(0.5 * (low + high) * self.n / self.rate)
-        offset = np.arange(-(m // 2), m - m // 2)
-        distance = np.abs(offset * self.rate / self.n)
-        slope = np.clip((0.5 * rate - distance) / (0.5 * (rate - width)), 0.0, 1.0)
-        weight = np.sin(0.5 * np.pi * slope) ** 2
-        source = centre + offset
-        is_there = (source > 0) & (source < self.spectrum.size)
-        bins = np.zeros(m, complex)
-        bins[offset[is_there] % m] = self.spectrum[source[is_there]] * weight[is_there]
-        return np.fft.ifft(bins) * (2.0 * m / self.n), rate, centre * self.rate / self.n
+        offsets = np.arange(-(n_bins // 2), n_bins - n_bins // 2)
+        distances = np.abs(offsets * self.rate / self.n)
+        slopes = np.clip((0.5 * rate - distances) / (0.5 * (rate - width)), 0.0, 1.0)
+        weights = np.sin(0.5 * np.pi * slopes) ** 2
+        source_bins = centre + offsets
+        is_there = (source_bins > 0) & (source_bins < self.spectrum.size)
+        bins = np.zeros(n_bins, complex)
+        bins[offsets[is_there] % n_bins] = self.spectrum[source_bins[is_there]] * weights[is_there]
+        return np.fft.ifft(bins) * (2.0 * n_bins / self.n), rate, centre * self.rate / self.n
 
     def occupied(self, low: float, high: float, width: float) -> Iterator[tuple[float, float]]:
         """Bands about `width` wide [Hz] with a peak above the noise; they are cut where the

@@ -133,7 +133,7 @@ impl ComplexModes {
     }
 
     /// Damped frequency [Hz] and decay rate [1/s] of a mode.
-    pub(crate) fn pitch(&self, mode: usize) -> (f64, f64) {
+    pub(crate) fn frequency_and_decay(&self, mode: usize) -> (f64, f64) {
         match self.poles[mode] {
             Pole::Pair { decay, omega } => (omega / std::f64::consts::TAU, decay),
             Pole::Real { decay } => (0.0, decay),
@@ -145,7 +145,8 @@ impl ComplexModes {
     fn sort(&mut self) {
         let mut mode_order: Vec<usize> = (0..self.len()).collect();
         mode_order.sort_by(|&i, &j| {
-            let ((frequency, decay), (other_frequency, other_decay)) = (self.pitch(i), self.pitch(j));
+            let ((frequency, decay), (other_frequency, other_decay)) =
+                (self.frequency_and_decay(i), self.frequency_and_decay(j));
             frequency
                 .total_cmp(&other_frequency)
                 .then(decay.total_cmp(&other_decay))
@@ -161,7 +162,7 @@ impl ComplexModes {
     }
 
     /// Whether a mode is too slow for its recurrence.
-    pub(crate) fn unfit(&self, rate: Rate) -> Option<NoModes> {
+    pub(crate) fn unfit_reason(&self, rate: Rate) -> Option<NoModes> {
         let is_too_slow = |pole: &Pole| match *pole {
             Pole::Pair { decay, omega } => (decay * decay + omega * omega).sqrt() * rate.step() < ANGLE_MIN,
             Pole::Real { .. } | Pole::Free => false,

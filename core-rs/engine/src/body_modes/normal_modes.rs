@@ -124,7 +124,7 @@ impl Modes {
     }
 
     /// Whether a mode is too slow for its recurrence, or diverges, as a mode of a discrete body may (Jury).
-    pub(crate) fn unfit(&self, rate: Rate) -> Option<NoModes> {
+    pub(crate) fn unfit_reason(&self, rate: Rate) -> Option<NoModes> {
         let mode_ratios = (0..self.len()).map(|mode| self.ratios(mode, rate));
         for (Ratios { kappa, zeta }, lambda) in mode_ratios.zip(&self.lambda) {
             // A rigid mode has no frequency that rounding could change.
@@ -175,7 +175,7 @@ impl Modes {
     }
 
     /// Damped frequency [Hz] and decay rate [1/s] of a mode.
-    pub(crate) fn pitch(&self, mode: usize, rate: Rate) -> (f64, f64) {
+    pub(crate) fn frequency_and_decay(&self, mode: usize, rate: Rate) -> (f64, f64) {
         if self.is_discrete {
             let mode_ratios = self.ratios(mode, rate);
             let decay_rate = -0.5 * crate::maths::log(1.0 - mode_ratios.zeta) * rate.hertz();

@@ -5,7 +5,7 @@ use crate::section::{BUTTERWORTH_2, Section};
 
 /// What a filter does. `f` is its cutoff or corner [Hz], above 0 and below half of the rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Tone {
+pub enum FilterKind {
     /// A Butterworth high-pass of order 2.
     Highpass {
         /// Cutoff [Hz], where the gain is -3 dB.
@@ -32,7 +32,7 @@ pub enum Tone {
     },
 }
 
-impl Tone {
+impl FilterKind {
     /// Its cutoff or corner [Hz].
     #[must_use]
     pub fn frequency(&self) -> f64 {
@@ -70,25 +70,25 @@ enum Weights {
 /// Simper (*Solving the continuous SVF equations using trapezoidal integration and equivalent currents*, 2013).
 #[derive(Clone, Debug)]
 pub(super) struct Filter {
-    tone: Tone,
+    tone: FilterKind,
     section: Section,
     weights: Weights,
 }
 
 impl Filter {
     /// A filter at rest, at `rate` [Hz].
-    pub(super) fn new(tone: Tone, rate: f64) -> Self {
+    pub(super) fn new(tone: FilterKind, rate: f64) -> Self {
         let section = |scale| Section::scaled(tone.frequency(), rate, BUTTERWORTH_2, scale);
         let (section, weights) = match tone {
-            Tone::Highpass { .. } => (section(1.0), Weights::High),
-            Tone::Lowpass { .. } => (section(1.0), Weights::Low),
-            Tone::Lowshelf { level, .. } => {
+            FilterKind::Highpass { .. } => (section(1.0), Weights::High),
+            FilterKind::Lowpass { .. } => (section(1.0), Weights::Low),
+            FilterKind::Lowshelf { level, .. } => {
                 let root_gain = pow(10.0, level / 40.0);
                 let band_weight = BUTTERWORTH_2 * (root_gain - 1.0);
                 let weights = Weights::Shelf([1.0, band_weight, root_gain * root_gain - 1.0]);
                 (section(1.0 / sqrt(root_gain)), weights)
             }
-            Tone::Highshelf { level, .. } => {
+            FilterKind::Highshelf { level, .. } => {
                 let root_gain = pow(10.0, level / 40.0);
                 let band_weight = BUTTERWORTH_2 * (1.0 - root_gain) * root_gain;
                 let weights = Weights::Shelf([root_gain * root_gain, band_weight, 1.0 - root_gain * root_gain]);
@@ -153,7 +153,7 @@ mod tests {
     }
 
     /// Level of a filter at a frequency [dB], by a Fourier sum of its impulse response.
-    fn level(tone: Tone, f: f64) -> f64 {
+    fn level(tone: FilterKind, f: f64) -> f64 {
         let mut filter = Filter::new(tone, RATE);
         let (mut real_sum, mut imaginary_sum) = (0.0, 0.0);
         for i in 0..40_000 {
@@ -169,15 +169,18 @@ mod tests {
     fn filters_have_half_power_at_their_cutoff() {
         for f in [50.0, 1000.0, 15_000.0] {
             let half_power = 10.0 * log10(0.5);
-            assert!((level(Tone::Lowpass { f }, f) - half_power).abs() < 1e-6);
-            assert!((level(Tone::Highpass { f }, f) - half_power).abs() < 1e-6);
+            assert!((level(FilterKind::Lowpass { f }, f) - half_power).abs() < 1e-6);
+            assert!((level(FilterKind::Highpass { f }, f) - half_power).abs() < 1e-6);
         }
     }
 
     #[test]
     fn shelves_at_corner_and_ends() {
         for (f, db) in [(200.0, 6.0), (3000.0, -12.0)] {
-            let (low_shelf, high_shelf) = (Tone::Lowshelf { f, level: db }, Tone::Highshelf { f, level: db });
+            let (low_shelf, high_shelf) = (
+                FilterKind::Lowshelf { f, level: db },
+                FilterKind::Highshelf { f, level: db },
+            );
             assert!((level(low_shelf, 0.5) - db).abs() < 1e-3);
             assert!((level(low_shelf, f) - db / 2.0).abs() < 1e-6);
             assert!(level(low_shelf, 0.5 * RATE).abs() < 1e-6);
@@ -189,7 +192,7 @@ mod tests {
 
     #[test]
     fn shelf_of_zero_decibels() {
-        let mut filter = Filter::new(Tone::Highshelf { f: 900.0, level: 0.0 }, RATE);
+        let mut filter = Filter::new(FilterKind::Highshelf { f: 900.0, level: 0.0 }, RATE);
         for x in [0.3, -1.0, 0.25, 1e-12] {
             assert_eq!(next(&mut filter, x), x);
         }

@@ -96,7 +96,7 @@ impl Glide {
         let mut frames_left = frames;
         while !frames_left.is_empty() {
             self.begin_due(n);
-            let frame_count = until(n, self.steady(n).is_some());
+            let frame_count = frames_to_next_glide(n, self.steady(n).is_some());
             let sample_count = frames_left.len();
             let span_length = frame_count.saturating_mul(n_channels as u64).min(sample_count as u64) as usize;
             let (span_frames, frames_after) = frames_left.split_at_mut(span_length);
@@ -127,10 +127,10 @@ pub(super) fn glide_to_zero(rate: f64, from: f64) -> Option<Glide> {
     (from != 0.0).then(|| Glide::between(rate, from, 0.0))
 }
 
-/// Number of frames from `n` on in which no glide begins: unlimited if `steady`, otherwise up to the next multiple of
+/// Number of frames from `n` on in which no glide begins: unlimited if `is_steady`, otherwise up to the next multiple of
 /// the grid.
-pub(super) fn until(n: u64, steady: bool) -> u64 {
-    if steady { u64::MAX } else { GRID - n % GRID }
+pub(super) fn frames_to_next_glide(n: u64, is_steady: bool) -> u64 {
+    if is_steady { u64::MAX } else { GRID - n % GRID }
 }
 
 #[cfg(test)]

@@ -7,9 +7,9 @@ mod takeover;
 use std::sync::Arc;
 
 use super::curve::Curve;
-use super::filter::Tone;
+use super::filter::FilterKind;
 use super::frozen::{FrozenOutputs, Placed};
-use super::glide::{Glide, until, update_residual};
+use super::glide::{Glide, frames_to_next_glide, update_residual};
 use super::room::{Room, RoomSpec};
 use crate::section::SECTION_LANES;
 use route::{GROUPS_MAX, Route};
@@ -131,7 +131,7 @@ impl Mixer {
         highpass: Option<f64>,
     ) -> Result<(), RouteError> {
         let treatment = Treatment {
-            tones: highpass.map(|f| Tone::Highpass { f }).into_iter().collect(),
+            tones: highpass.map(|f| FilterKind::Highpass { f }).into_iter().collect(),
             ..Treatment::default()
         };
         self.treated(group, out, To::Channel(channel), gain, treatment)
@@ -328,7 +328,7 @@ impl Mixer {
             self.groups.iter_mut().for_each(|glide| glide.begin_due(next_frame));
             let no_fades = self.begin_fades();
             let is_steady = no_fades && self.groups.iter().all(|glide| glide.steady(next_frame).is_some());
-            let span_length = until(next_frame, is_steady)
+            let span_length = frames_to_next_glide(next_frame, is_steady)
                 .min((n_frames - frames_done) as u64)
                 .min(SPAN_FRAMES as u64) as usize;
             let frame_span = frames_done..frames_done + span_length;

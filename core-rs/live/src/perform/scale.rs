@@ -13,7 +13,7 @@ const RISE: f64 = 0.2;
 pub struct Bound {
     /// Its tick, counted from the change that brings the bound; once the change is made, from the start of the
     /// performance.
-    pub frame: u64,
+    pub tick: u64,
     /// Greatest factor of the force from there on, 0 to 1.
     pub scale: f64,
 }
@@ -49,7 +49,7 @@ impl Scale {
     /// Start the new `bounds`, whose ticks count from `tick`.
     pub(super) fn begin(&mut self, tick: u64) {
         for bound in &mut self.bounds {
-            bound.frame = bound.frame.saturating_add(tick);
+            bound.tick = bound.tick.saturating_add(tick);
         }
         self.next = 0;
     }
@@ -61,7 +61,7 @@ impl Scale {
         while let Some(scale_bound) = self
             .bounds
             .get(self.next)
-            .filter(|scale_bound| scale_bound.frame <= tick)
+            .filter(|scale_bound| scale_bound.tick <= tick)
         {
             self.goal = unit(scale_bound.scale);
             self.next += 1;
@@ -69,8 +69,8 @@ impl Scale {
         let risen_scale = (self.now + self.by).min(previous_goal).max(self.now);
         let mut scale_now = risen_scale.min(self.goal);
         let coming_bounds = self.bounds[self.next..].iter().copied().chain(waiting);
-        for scale_bound in coming_bounds.filter(|scale_bound| scale_bound.frame <= tick + self.fall) {
-            let (target_scale, ticks_left) = (unit(scale_bound.scale), scale_bound.frame.saturating_sub(tick) + 1);
+        for scale_bound in coming_bounds.filter(|scale_bound| scale_bound.tick <= tick + self.fall) {
+            let (target_scale, ticks_left) = (unit(scale_bound.scale), scale_bound.tick.saturating_sub(tick) + 1);
             if target_scale < self.now {
                 scale_now = scale_now.min(self.now + (target_scale - self.now) / ticks_left as f64);
             }
@@ -91,8 +91,8 @@ mod tests {
 
     const PERIOD: f64 = 1e-3;
 
-    fn bound(at: u64, scale: f64) -> Bound {
-        Bound { frame: at, scale }
+    fn bound(tick: u64, scale: f64) -> Bound {
+        Bound { tick, scale }
     }
 
     /// The scale falls ahead of a change that waits: without a jump, and completely by the tick of the change.

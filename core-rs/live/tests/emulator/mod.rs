@@ -50,7 +50,7 @@ pub(crate) fn options(protocol: Protocol, transport: Transport, axes: usize, han
 /// Let this program also act as the guardian of a Haply.
 pub(crate) fn can_guard() {
     let arguments = ["--exact", "emulator::guardian_process", "--ignored", "--nocapture"];
-    guardian::start_with(guardian::Program {
+    guardian::register_program(guardian::Program {
         path: std::env::current_exe().unwrap(),
         arguments: arguments.map(Into::into).into(),
     });

@@ -94,8 +94,8 @@ class _Parser:
     def wrong(self) -> ModelError:
         if self.index >= len(self.tokens):
             return ModelError(f"{quote(self.text.strip()[:60])} ends too early", self.line)
-        sign = self.tokens[self.index][1]
-        message = f"{quote(sign)} in {quote(self.text.strip()[:60])} is not read here"
+        token_text = self.tokens[self.index][1]
+        message = f"{quote(token_text)} in {quote(self.text.strip()[:60])} is not read here"
         return ModelError(message, self.line)
 
     def sign(self) -> str:

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use crate::mix::curve::Curve;
 use crate::mix::delay::{Delay, Echo};
-use crate::mix::filter::{Filter, Tone};
+use crate::mix::filter::{Filter, FilterKind};
 use crate::mix::glide::Glide;
 use crate::mix::room::RoomError;
 use crate::section::Section;
@@ -41,7 +41,7 @@ pub enum RouteError {
     Gain(f64),
     /// A filter whose cutoff is not between 0 and half of the rate.
     #[error("{word} {cutoff} Hz must lie above 0 and below half of the rate, {rate} Hz")]
-    Tone {
+    Cutoff {
         /// What the filter does.
         word: &'static str,
         /// Requested cutoff [Hz].
@@ -102,7 +102,7 @@ pub struct Treatment {
     /// Whether the square of the signal is heard; everything else acts on the square.
     pub is_squared: bool,
     /// Filters, one after the other.
-    pub tones: Vec<Tone>,
+    pub tones: Vec<FilterKind>,
     /// Delay [frames].
     pub delay: usize,
     /// What of the delay goes into it again.
@@ -316,13 +316,13 @@ impl Route {
     }
 }
 
-fn check_tone(tone: &Tone, rate: f64) -> Result<(), RouteError> {
+fn check_tone(tone: &FilterKind, rate: f64) -> Result<(), RouteError> {
     let (word, cutoff) = (tone.word(), tone.frequency());
     if !(cutoff > 0.0 && cutoff < 0.5 * rate) {
-        return Err(RouteError::Tone { word, cutoff, rate });
+        return Err(RouteError::Cutoff { word, cutoff, rate });
     }
     match *tone {
-        Tone::Lowshelf { level, .. } | Tone::Highshelf { level, .. } if !level.is_finite() => {
+        FilterKind::Lowshelf { level, .. } | FilterKind::Highshelf { level, .. } if !level.is_finite() => {
             Err(RouteError::Shelf { word, level })
         }
         _ => Ok(()),

@@ -154,9 +154,9 @@ fn hall() -> Mixer {
     let level_curve = Curve::new(vec![smooth_point(100, 0.1), smooth_point(3000, 1.0)]);
     let treatment = Treatment {
         tones: vec![
-            Tone::Highpass { f: 8.0 },
-            Tone::Lowpass { f: 9_000.0 },
-            Tone::Highshelf {
+            FilterKind::Highpass { f: 8.0 },
+            FilterKind::Lowpass { f: 9_000.0 },
+            FilterKind::Highshelf {
                 f: 2_000.0,
                 level: -5.0,
             },
@@ -463,7 +463,7 @@ fn retreated(before: &Treatment, after: &Treatment, block: usize) -> Vec<f64> {
 #[test]
 fn take_over_of_filter_or_delay_without_jump() {
     let shelf_treatment = |level: f64| Treatment {
-        tones: vec![Tone::Lowshelf { f: 900.0, level }],
+        tones: vec![FilterKind::Lowshelf { f: 900.0, level }],
         ..Treatment::default()
     };
     let delay = |delay: usize, ratio: f64| Treatment {
@@ -472,7 +472,7 @@ fn take_over_of_filter_or_delay_without_jump() {
         ..Treatment::default()
     };
     let lowpass = |f: f64| Treatment {
-        tones: vec![Tone::Lowpass { f }],
+        tones: vec![FilterKind::Lowpass { f }],
         ..Treatment::default()
     };
     for (before, after) in [
@@ -496,8 +496,8 @@ fn treated_with_impossible_filters_or_echoes_is_refused() {
     let mut mixer = Mixer::new(44_100.0, 1, 1);
     let f = 30_000.0;
     let bad_tones = [
-        Tone::Lowpass { f },
-        Tone::Highshelf {
+        FilterKind::Lowpass { f },
+        FilterKind::Highshelf {
             f: 900.0,
             level: f64::NAN,
         },

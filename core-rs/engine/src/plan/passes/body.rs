@@ -66,7 +66,7 @@ fn normal(
     if turned.is_some() {
         body_modes.rotate(&(n_outputs..rows.len()).collect::<Vec<_>>(), rate);
     }
-    if let Some(unfit_reason) = body_modes.unfit(rate) {
+    if let Some(unfit_reason) = body_modes.unfit_reason(rate) {
         return Err(unfit_reason);
     }
     // A free body goes by complex modes, which also give the forces in it; a session uses normal modes only.
@@ -130,7 +130,7 @@ impl ModalBody for Normal<'_> {
     }
 
     fn frequency(&self, mode: usize) -> f64 {
-        self.modes.pitch(mode, self.rate).0
+        self.modes.frequency_and_decay(mode, self.rate).0
     }
 
     fn is_moving(&self) -> bool {

@@ -231,7 +231,7 @@ impl ModalBody for Complex<'_> {
     }
 
     fn frequency(&self, mode: usize) -> f64 {
-        self.modes.pitch(mode).0
+        self.modes.frequency_and_decay(mode).0
     }
 
     fn is_moving(&self) -> bool {
@@ -251,7 +251,7 @@ impl ModalBody for Complex<'_> {
                     .flat_map(|(struck_row, point_impulses)| {
                         point_impulses.iter().map(|p| p * p * squared_norm(struck_row[mode]))
                     });
-            let (_, decay) = body_modes.pitch(mode);
+            let (_, decay) = body_modes.frequency_and_decay(mode);
             // ∫ e^(−2σt) over the first moments.
             let decay_integral = if decay * ENERGY_SPAN > 1e-9 {
                 -expm1(-2.0 * decay * ENERGY_SPAN) / (2.0 * decay)
@@ -264,7 +264,7 @@ impl ModalBody for Complex<'_> {
         let row_norms = |row: &Vec<[f64; 2]>| row.iter().map(|&c| squared_norm(c).sqrt()).collect();
         let seen_rows: Vec<Vec<f64>> = body_modes.output_shapes.iter().map(row_norms).collect();
         let seen_rows: Vec<&[f64]> = seen_rows.iter().map(Vec::as_slice).collect();
-        let frequency = |mode: usize| body_modes.pitch(mode).0;
+        let frequency = |mode: usize| body_modes.frequency_and_decay(mode).0;
         let mut loudest = truncate::choose(&[energies], &seen_rows, allowed, self.budget, frequency);
         // Rigid motion stays, however quiet it is.
         let is_free_mode = |mode: &usize| body_modes.poles[*mode] == Pole::Free;

@@ -219,7 +219,7 @@ fn modal(network: &Network, timeline: &Timeline, body: &Body, memo: &Memo<'_>) -
         let moved_rows: Vec<usize> = (0..port_count).chain(port_count + n_outputs..body_rows.len()).collect();
         body_modes.rotate(&moved_rows, rate);
     }
-    if let Some(unfit_reason) = body_modes.unfit(rate) {
+    if let Some(unfit_reason) = body_modes.unfit_reason(rate) {
         return Err(unfit_reason);
     }
     let rest_of_row = |row: usize| -> f64 {

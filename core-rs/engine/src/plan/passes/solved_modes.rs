@@ -142,7 +142,7 @@ impl<'a> Memo<'a> {
                 complex_modes?
             }
         };
-        match complex_modes.unfit(rate) {
+        match complex_modes.unfit_reason(rate) {
             Some(unfit_reason) => Err(unfit_reason),
             None => Ok(complex_modes),
         }

@@ -55,7 +55,7 @@ pub(in crate::plan) fn keep(
         .collect();
     let output_rows: Vec<&[f64]> = output_shapes.iter().map(Vec::as_slice).collect();
     choose(&[energies], &output_rows, allowed, budget, |mode| {
-        modes.pitch(mode, rate).0
+        modes.frequency_and_decay(mode, rate).0
     })
 }
 
@@ -105,7 +105,7 @@ pub(in crate::plan) fn choose(
 
 /// Energy of a mode's own motion, before an output weights it.
 fn energy(modes: &Modes, struck_shapes: &[Vec<f64>], blows: &[Vec<f64>], mode: usize, rate: Rate) -> f64 {
-    let (frequency, decay_rate) = modes.pitch(mode, rate);
+    let (frequency, decay_rate) = modes.frequency_and_decay(mode, rate);
     let omega = (std::f64::consts::TAU * frequency)
         .max(decay_rate)
         .max(f64::MIN_POSITIVE);

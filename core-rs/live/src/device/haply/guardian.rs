@@ -10,7 +10,7 @@ use super::line::{ForceCommand, GuardianReply, Line, put_text, take_text, wait};
 use super::rules::{Action, Rules};
 use super::service::{OpenError, Service};
 use super::start;
-pub use super::start::{Program, start_with};
+pub use super::start::{Program, register_program};
 use crate::device::{FIRST_REPLY, Gone, LOCKSTEP_PATIENCE};
 use crate::realtime;
 

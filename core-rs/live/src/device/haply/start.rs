@@ -25,7 +25,7 @@ pub struct Program {
 static PROGRAM: RwLock<Option<Program>> = RwLock::new(None);
 
 /// Set the program that guards a Haply, once in a process; without it no Haply can be opened.
-pub fn start_with(program: Program) {
+pub fn register_program(program: Program) {
     *PROGRAM.write().unwrap_or_else(PoisonError::into_inner) = Some(program);
 }
 

@@ -185,7 +185,7 @@ impl Player {
             let waiting = self.scheduled_changes.iter().flat_map(|due| {
                 let hand_bounds = due.change.bounds.iter().filter_map(|all| all.get(hand));
                 hand_bounds.flatten().map(|bound| Bound {
-                    frame: bound.frame.saturating_add(due.frame / tick_frames),
+                    tick: bound.tick.saturating_add(due.frame / tick_frames),
                     ..*bound
                 })
             });

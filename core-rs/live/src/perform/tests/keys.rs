@@ -132,7 +132,7 @@ fn tick_does_not_allocate() {
     let (mut performance, mut player) = Performance::prepare(stage(), keyboards, config).unwrap();
     player.begin();
     // From here on the second key gets no force, and nor does the device that comes back in its place.
-    let zero_bounds = vec![Bound { frame: 0, scale: 0.0 }];
+    let zero_bounds = vec![Bound { tick: 0, scale: 0.0 }];
     let bounds_change = Change {
         bounds: Some(vec![Vec::new(), zero_bounds]),
         ..Change::default()

@@ -24,7 +24,7 @@ fn mixer(side_by_side: bool, gain: f64) -> Mixer {
     for (out, to) in if side_by_side { routes_beside } else { routes_apart } {
         let delay = if out == 1 { 40 } else { 0 };
         let treatment = Treatment {
-            tones: vec![Tone::Highpass { f: 8.0 }, Tone::Lowpass { f: 3_000.0 }],
+            tones: vec![FilterKind::Highpass { f: 8.0 }, FilterKind::Lowpass { f: 3_000.0 }],
             is_squared: out == 1,
             delay,
             echo: (delay > 0).then_some(Echo { frames: 30, ratio: 0.5 }),
