@@ -13,7 +13,7 @@ LINES_MAX = 80
 LONGER = {
     ("core-rs/bridge/src/perform.rs", "new"): 98,
     ("core-rs/engine/src/island/build.rs", "new"): 103,
-    ("core-rs/engine/src/island/coast.rs", "coast"): 92,
+    ("core-rs/engine/src/island/coast.rs", "coast"): 82,
     ("core-rs/engine/src/island/fault.rs", "mute"): 106,
     ("core-rs/engine/src/island/fine/build.rs", "new"): 116,
     ("core-rs/engine/src/island/ledger.rs", "after"): 142,
