@@ -18,6 +18,7 @@ from ergon.notation.text.document import Document, Scalar
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
+from ergon.scores.reading.families import library
 from ergon.scores.reading.include import YIELDING, Include, includes, transposed
 from ergon.scores.reading.midi_uses import MidiUses
 from ergon.scores.reading.overlay import overlay_fields
@@ -296,7 +297,8 @@ class Uses:
         if not slash or file_names is None or not file_names.tables[section]:
             message = f"{values.context.label('from')}: `use:` names no file {quote(stem)}; "
             message += "write file/name, such as gong/plate"
-            self.collector.error("E301", message, name.place, word=stem, names=tuple(home.used))
+            used, help = tuple(home.used), _family_help(section, word if slash else stem)
+            self.collector.error("E301", message, name.place, word=stem, names=used, help=help)
             return None
         entry = file_names.tables[section].get(word)
         if entry is None:
@@ -304,8 +306,21 @@ class Uses:
                 f"{values.context.label('from')}: {file_names.document.file} has no {quote(word)}"
             )
             names = file_names.names(section)
-            self.collector.error("E301", message, name.place, word=word, names=names)
+            help = _family_help(section, word)
+            self.collector.error("E301", message, name.place, word=word, names=names, help=help)
         return entry
+
+
+def _family_help(section: str, word: str) -> str | None:
+    """Where an instrument of that name ships; None if none does."""
+    if section != "instruments":
+        return None
+    of_families = [
+        f"{family}/{word}"
+        for family, members in library().items()
+        if any(member.name == word for member in members)
+    ]
+    return f"the library has {' and '.join(of_families)}" if of_families else None
 
 
 def _files(score: Values) -> list[tuple[str, Place, str]]:

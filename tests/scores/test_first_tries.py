@@ -414,6 +414,22 @@ def test_masses_of_discrete_networks_are_numbers():
     assert [d.code for d in load("s.yaml", text=in_si).diagnostics] == ["E203"]
 
 
+@pytest.mark.parametrize(
+    ("text", "help"),
+    [
+        ("skins/block", "the library has found/block"),
+        ("block", "the library has found/block"),
+        ("drums/block", "the library has found/block"),
+        ("skins/blok", "known here: timpani"),
+    ],
+)
+def test_load_with_instrument_of_another_family(text: str, help: str):
+    score = f"ergon: 1\ninstruments:\n  wood: {{from: {text}}}\n"
+    errors = [d for d in load("s.yaml", text=score).diagnostics if d.code == "E301"]
+    assert [error.place.line for error in errors] == [3]
+    assert (errors[0].help or "").startswith(help)
+
+
 def test_load_with_name_without_indentation():
     """Both readings: a section that it resembles, and a name of a section's own."""
     text = "ergon: 1\ninstruments:\n  vib: {from: bars/vibraphone}\nmar: {from: bars/marimba}\n"

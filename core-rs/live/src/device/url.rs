@@ -175,7 +175,10 @@ impl Url {
         }
         if kind.is_serial() && is_network_address(target) {
             return Err(url_error(match kind {
-                Kind::Frame => format!("'{target}' is a network address; over a network a frame is frame+udp:{target}"),
+                Kind::Frame => {
+                    let address = target.strip_prefix("udp:").unwrap_or(target);
+                    format!("'{target}' is a network address; over a network, write frame+udp:{address}")
+                }
                 _ => {
                     format!("'{target}' is a network address, and {kind_name} takes a serial port")
                 }
@@ -315,7 +318,8 @@ mod tests {
             ("emul:?masss=1", "masss"),
             ("frame:/dev/x?mass", "'mass'"),
             ("frame:/dev/x#one", "number of an axis"),
-            ("frame:127.0.0.1:9999", "frame+udp:127.0.0.1:9999"),
+            ("frame:127.0.0.1:9999", "write frame+udp:127.0.0.1:9999"),
+            ("frame:udp:127.0.0.1:9999", "write frame+udp:127.0.0.1:9999"),
             ("firefader:board.local:80", "takes a serial port"),
         ] {
             let message = Url::parse(text).unwrap_err().to_string();
