@@ -128,7 +128,12 @@ _PEDAL = (
     "an instrument has no pedal: its `play` may have a `release`, which ends notes, and the pedal "
     "of a MIDI file (controller 64) delays it"
 )
+_BEGIN = (
+    "an instrument begins with one of a file by `from: FILE/NAME`, such as "
+    "`bell: {from: bells/church}`, or with another of this score by `like: NAME`"
+)
 _ELSEWHERE = {
+    **dict.fromkeys(("use", "instrument", "preset", "patch"), _BEGIN),
     **dict.fromkeys(("gain", "volume", "pan", "to", "reverb", "send", "channel"), _ROUTE),
     **dict.fromkeys(("mute", "solo"), _SILENT),
     **dict.fromkeys(("pedal", "sustain"), _PEDAL),

@@ -63,6 +63,7 @@ CASES = [
     ("out: {SOX: m}", "mute: true", "mute", "stands in its route", None),
     ("out: {SOX: m}", "gain: 0.5", "gain", "stands in its route", None),
     ("out: {SOX: m}", "pedal: down", "pedal", "its `play` may have a `release`", None),
+    ("out: {SOX: m}", "use: ball", "use", "by `from: FILE/NAME`", None),
     ("[k1, m]", "k1 m", "k1 m", "expected: a list", "[k1, m]"),
     ("hammer: {CEL: {M: 20g, f: 220Hz", "hammer: {CEL: {M: 20g, f: 220,5Hz", "220,5Hz",
      "a comma ends a value", "220.5Hz"),
