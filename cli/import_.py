@@ -65,14 +65,14 @@ def import_command(
     target = output or f"{Path(model).stem}.yaml"
     check_stdout(target, is_json=console.json)
     files = _pairs("--feed", inputs)
-    read = [Path(model), *(Path(file) for file in files.values() if file != "osc")]
-    check_target(Path(target), force=force, inputs=read)
+    read_files = [Path(model), *(Path(file) for file in files.values() if file != "osc")]
+    check_target(Path(target), force=force, inputs=read_files)
     model_options = ModelOptions(
         dialect=dialect, laws=laws, values=_pairs("--set", values), inputs=files
     )
-    input_folder = Path() if target == "-" else Path(target).parent
-    imported = import_model(model, model_options, beside=input_folder)
-    write_text(target, imported.text, force=force, inputs=read)
+    score_folder = Path() if target == "-" else Path(target).parent
+    imported = import_model(model, model_options, beside=score_folder)
+    write_text(target, imported.text, force=force, inputs=read_files)
     if console.json:
         fields = {
             "dialect": imported.dialect,

@@ -91,7 +91,7 @@ class Sweep:
 
 
 @dataclass(frozen=True, slots=True)
-class _Wanted:
+class _NamedVariant:
     """A variant to compute: its number, the file of its sound ("" for none) and its hash."""
 
     number: int
@@ -115,18 +115,18 @@ def sweep(
     loaded = scores.read(score, ReadOptions(text=options.text, trust=options.trust), report)
     scores.piece_of(loaded)
     folder = _folder(score, options)
-    table = Table(folder / "sweep.csv", tuple(variant.target for variant in varied))
+    table = Table(folder / "sweep.csv", tuple(variation.target for variation in varied))
     check_target(table.path, force=options.force, inputs=loaded.inputs)
     picture = folder / "sweep.svg"
     check_target(picture, force=options.force, inputs=loaded.inputs)
     variants = _variants(score, options, loaded, varied, combined, report)
-    variants_wanted = _wanted(str(score), options, variants)
-    known_rows = _rows_by_variant(table, variants_wanted, folder)
-    for variant in variants_wanted:
+    named_variants = _named_variants(str(score), options, variants)
+    known_rows = _rows_by_variant(table, named_variants, folder)
+    for variant in named_variants:
         if variant.file and variant.number not in known_rows:
             check_target(folder / variant.file, force=options.force, inputs=loaded.inputs)
     rows = dict(known_rows)
-    missing = [variant for variant in variants_wanted if variant.number not in known_rows]
+    missing = [variant for variant in named_variants if variant.number not in known_rows]
     title = scores.piece_of(loaded).title or Path(score).stem
     try:
         _compute(str(score), options, missing, folder, rows, table, report)
@@ -135,7 +135,11 @@ def sweep(
         if ordered_rows:
             table.write(ordered_rows, title, force=options.force)
             _draw(
-                picture, title, [variant.target for variant in varied], ordered_rows, options.force
+                picture,
+                title,
+                [variation.target for variation in varied],
+                ordered_rows,
+                options.force,
             )
     return Sweep(table.targets, tuple(ordered_rows), table.path, picture, len(known_rows))
 
@@ -210,11 +214,13 @@ def _texts(score: str | Path, options: SweepOptions, loaded: Loaded) -> Texts:
     return Texts(path, text, bounds=scores.bounds(path, options.trust)).complete()
 
 
-def _wanted(score: str, options: SweepOptions, variants: Iterator[Variant]) -> list[_Wanted]:
+def _named_variants(
+    score: str, options: SweepOptions, variants: Iterator[Variant]
+) -> list[_NamedVariant]:
     """The variants with the names of their files and their hashes."""
     targets = [text.partition("=")[0].strip() for text in options.vary]
-    figures_asked = _asked(options)
-    wanted_variants, names = [], set[str]()
+    render_options = _render_options(options)
+    named_variants, names = [], set[str]()
     for number, variant in enumerate(variants):
         values = zip(targets, variant.values, strict=True)
         name = stem = _file_name(", ".join(map("=".join, values)))
@@ -224,9 +230,9 @@ def _wanted(score: str, options: SweepOptions, variants: Iterator[Variant]) -> l
             name = f"{stem}-{count}"
         names.add(name.lower())
         file = f"{name}.wav" if options.sound else ""
-        key = digest(bundled(score, variant.loaded), sorted(figures_asked.items()), _version())
-        wanted_variants.append(_Wanted(number, variant.values, variant.texts, file, key))
-    return wanted_variants
+        key = digest(bundled(score, variant.loaded), sorted(render_options.items()), _version())
+        named_variants.append(_NamedVariant(number, variant.values, variant.texts, file, key))
+    return named_variants
 
 
 def _file_name(variant_text: str) -> str:
@@ -237,7 +243,7 @@ def _file_name(variant_text: str) -> str:
     return f"{name[: _NAME_MAX // 2]}-{sha256(variant_text.encode()).hexdigest()[:16]}"
 
 
-def _asked(options: SweepOptions) -> dict[str, Any]:
+def _render_options(options: SweepOptions) -> dict[str, Any]:
     """The RenderOptions of each variant; the file of a plan is made absolute."""
     names = ("method", "error", "cents", "draft", "seed", "rate", "bits")
     options_by_name = {name: getattr(options, name) for name in names}
@@ -252,14 +258,14 @@ def _version() -> str:
 
 
 def _rows_by_variant(
-    table: Table, variants_wanted: Sequence[_Wanted], folder: Path
+    table: Table, named_variants: Sequence[_NamedVariant], folder: Path
 ) -> dict[int, SweepRow]:
     """Rows of an earlier run that are still valid: a sound file that is wanted is there,
     unchanged.
     """
     earlier = table.read()
     earlier_rows = {}
-    for variant in variants_wanted:
+    for variant in named_variants:
         row = earlier.get(variant.digest)
         if row is None or (variant.file and row.status == "ok" and not _is_whole(folder, row)):
             continue
@@ -285,7 +291,7 @@ def _is_whole(folder: Path, row: SweepRow) -> bool:
 def _compute(
     score: str,
     options: SweepOptions,
-    missing: Sequence[_Wanted],
+    missing: Sequence[_NamedVariant],
     folder: Path,
     rows: dict[int, SweepRow],
     table: Table,
@@ -294,10 +300,10 @@ def _compute(
     """Compute what is missing; each row and its sound are written when they are known."""
     if not missing:
         return
-    figures_asked = _asked(options)
-    pairs: Iterator[tuple[_Wanted, Outcome]]
+    render_options = _render_options(options)
+    pairs: Iterator[tuple[_NamedVariant, Outcome]]
 
-    def content(variant: _Wanted) -> ScoreBundle:
+    def content(variant: _NamedVariant) -> ScoreBundle:
         return bundled(score, variant.texts.load())
 
     jobs = min(options.jobs, len(missing))
@@ -310,21 +316,22 @@ def _compute(
             pairs = cluster.computed(
                 missing,
                 lambda pool, variant: pool.submit(
-                    on_worker, engine_version, content(variant), figures_asked, variant.file
+                    on_worker, engine_version, content(variant), render_options, variant.file
                 ),
             )
             _keep(pairs, len(missing), folder, options, rows, table, report)
         return
     if jobs == 1:
         pairs = (
-            (variant, compute(content(variant), figures_asked, variant.file)) for variant in missing
+            (variant, compute(content(variant), render_options, variant.file))
+            for variant in missing
         )
         _keep(pairs, len(missing), folder, options, rows, table, report)
         return
     with _processes(jobs) as pool:
         pairs = results_as_completed(
             missing,
-            lambda variant: pool.submit(compute, content(variant), figures_asked, variant.file),
+            lambda variant: pool.submit(compute, content(variant), render_options, variant.file),
             _wait,
             Future.result,
             2 * jobs,
@@ -337,7 +344,7 @@ def _wait(futures: Sequence[Future[Outcome]]) -> None:
 
 
 def _keep(
-    pairs: Iterator[tuple[_Wanted, Outcome]],
+    pairs: Iterator[tuple[_NamedVariant, Outcome]],
     count: int,
     folder: Path,
     options: SweepOptions,
@@ -352,8 +359,8 @@ def _keep(
             sound, file = outcome["sound"], variant.file if outcome["status"] == "ok" else ""
             if file:
                 path = folder / file
-                with open_for_writing(path, binary=True, force=options.force) as stem_file:
-                    stem_file.write(sound)
+                with open_for_writing(path, binary=True, force=options.force) as sound_file:
+                    sound_file.write(sound)
             rows[variant.number] = SweepRow(
                 variant.values,
                 outcome["status"],
