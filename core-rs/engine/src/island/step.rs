@@ -57,23 +57,24 @@ impl Island {
         };
         let (step_count, may_coast) = (n_frames * outputs.oversampling, self.may_coast());
         let may_skip_events = self.may_skip_events();
-        let (mut steps_done, mut rounds_done) = (0, 0_usize);
+        let (mut steps_done, mut poll_at) = (0, 0);
         let module_count = self.script.scheme.n_mat() + self.script.scheme.n_lia;
         let poll_interval = (POLL_MODULES / module_count.max(1)).clamp(1, POLL_STEPS);
         while steps_done < step_count {
-            if rounds_done.is_multiple_of(poll_interval) {
+            if steps_done >= poll_at {
                 interrupt::poll();
+                poll_at = steps_done + poll_interval;
             }
-            rounds_done += 1;
             if may_coast {
                 steps_done += self.coast(&mut outputs, steps_done, step_count)?;
             }
             if may_skip_events {
-                steps_done += self.skip_events(
-                    &mut outputs,
-                    (steps_done, step_count.min(steps_done + poll_interval)),
-                    team,
-                )?;
+                let skip_span = (steps_done, step_count.min(steps_done + poll_interval));
+                let steps_skipped = self.skip_events(&mut outputs, skip_span, team)?;
+                if steps_skipped > 0 {
+                    steps_done += steps_skipped;
+                    continue;
+                }
             }
             if steps_done < step_count {
                 self.step(outputs.row(steps_done), team)?;
