@@ -315,12 +315,12 @@ def _family_help(section: str, word: str) -> str | None:
     """Where an instrument of that name ships; None if none does."""
     if section != "instruments":
         return None
-    of_families = [
+    family_names = [
         f"{family}/{word}"
         for family, members in library().items()
         if any(member.name == word for member in members)
     ]
-    return f"the library has {' and '.join(of_families)}" if of_families else None
+    return f"the library has {' and '.join(family_names)}" if family_names else None
 
 
 def _files(score: Values) -> list[tuple[str, Place, str]]:
