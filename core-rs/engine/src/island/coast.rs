@@ -26,27 +26,32 @@ const RETRY_STEPS: usize = 32;
 const SLACK: f64 = 1e-6;
 
 impl Island {
-    /// Whether it may coast: its masses are joined by contacts alone, its bodies are linear, and it has no
-    /// real hand, no drive but strikes, and no layer, gate, glide, ledger or muted part.
+    /// Whether it may coast: its masses are joined by contacts alone, its bodies are linear, and events alone act on it.
     pub(super) fn may_coast(&self) -> bool {
-        let (script, state) = (&self.script, &self.state);
-        let scheme = &script.scheme;
+        let (scheme, matter) = (&self.script.scheme, &self.state.matter);
         let only_contacts = scheme.runs.iter().all(|run| contact(run).is_some())
             && scheme.fused.is_empty()
             && scheme.exact.is_empty()
             && scheme.proxies.is_empty()
             && scheme.weight.iter().all(|&weight| weight == 0.0);
+        let has_contacts = !scheme.runs.is_empty() || matter.fine.is_some();
+        only_contacts
+            && has_contacts
+            && matter.bodies.iter().all(inside::RunningBody::may_coast)
+            && self.has_only_events()
+    }
+
+    /// Whether events alone act on it, and nothing is looked at after each step: it has no real hand, no drive but
+    /// strikes, and no layer, gate, glide, guard, ledger or muted part.
+    pub(super) fn has_only_events(&self) -> bool {
+        let (script, values, watch) = (&*self.script, &self.state.values, &self.state.watch);
         let is_struck = |drive: &Drive| matches!(drive.source, Source::Strikes { .. });
         let is_left_alone = script.hand_bindings.is_empty()
             && script.drives.iter().all(is_struck)
             && !script.voices.iter().any(|voice_script| voice_script.is_layer);
-        let is_plain = script.gates.is_empty() && state.values.scheme.is_none() && state.values.damped >= 1.0;
-        let watch = &state.watch;
-        let is_whole = watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();
-        let has_contacts = !scheme.runs.is_empty() || state.matter.fine.is_some();
-        (only_contacts && is_left_alone && is_plain && is_whole)
-            && state.matter.bodies.iter().all(inside::RunningBody::may_coast)
-            && has_contacts
+        let is_constant = script.gates.is_empty() && values.scheme.is_none() && values.damped >= 1.0;
+        let is_unwatched = watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();
+        is_left_alone && is_constant && is_unwatched
     }
 
     /// Coast while no contact closes, from one step of a block to another at most; returns the number of steps.

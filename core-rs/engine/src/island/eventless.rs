@@ -7,27 +7,17 @@ use super::step::StepOutputs;
 use super::{Island, energy_account};
 use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
-use crate::timeline::{Drive, Source};
 
 impl Island {
-    /// Whether it may compute steps without events by themselves: links pull once a step, and nothing else is there that
-    /// acts at any time or is looked at after each step.
+    /// Whether it may compute steps without events by themselves: links pull once a step, and events alone act on it.
     pub(super) fn may_skip_events(&self) -> bool {
-        let (script, state) = (&*self.script, &self.state);
-        let (scheme, matter, watch) = (&script.scheme, &state.matter, &state.watch);
-        let has_only_links = scheme.exact.is_empty()
-            && scheme.proxies.is_empty()
+        let (script, matter) = (&*self.script, &self.state.matter);
+        let has_only_links = script.scheme.exact.is_empty()
+            && script.scheme.proxies.is_empty()
             && matter.fine.is_none()
             && matter.body.memory.is_empty();
-        let is_struck = |drive: &Drive| matches!(drive.source, Source::Strikes { .. });
-        let is_left_alone = script.hand_bindings.is_empty()
-            && script.port_bindings.is_empty()
-            && script.sound_drives.is_empty()
-            && script.drives.iter().all(is_struck)
-            && !script.voices.iter().any(|voice_script| voice_script.is_layer);
-        let is_constant = script.gates.is_empty() && state.values.scheme.is_none() && state.values.damped >= 1.0;
-        let is_unwatched = watch.ledger.is_none() && watch.guard.is_none() && watch.mutes.list().next().is_none();
-        has_only_links && is_left_alone && is_constant && is_unwatched
+        let is_unbound = script.port_bindings.is_empty() && script.sound_drives.is_empty();
+        has_only_links && is_unbound && self.has_only_events()
     }
 
     /// Compute steps from `start` up to the next event, the next check of accounts or `end`; returns their number.
