@@ -40,7 +40,7 @@ class KnownLevels:
                 self._store.put(key, measured.reshape(-1), b"")
 
     def _give(self, balance: Balance, key: str, stop: int) -> bool:
-        known_level = self._store.get(key) if self._store.has(key) else None
+        known_level = self._store.get(key)
         if known_level is None or len(known_level.sound) % balance.n_measures:
             return False
         return balance.recall(known_level.sound.reshape(-1, balance.n_measures), stop)

@@ -26,8 +26,7 @@ class KnownMasters:
         """What is known of a job; None if it is not, or if the frames of the job are enough."""
         if not _follows_all(job):
             return None
-        key = self._key(job)
-        stored = self._store.get(key) if self._store.has(key) else None
+        stored = self._store.get(self._key(job))
         if stored is None:
             return None
         try:
