@@ -260,7 +260,10 @@ def _plan(
     # Each row of an island gives the error of the whole island, so it counts once.
     islands = {(row.error_db, row.error_s) for row in rows}
     errors = [db for db, _ in islands if db is not None]
-    left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
+    # An error is that of what is left out too.
+    left_out = [
+        row.left_out_db for row in rows if row.error_db is None and row.left_out_db is not None
+    ]
     is_unknown = any(planning.needs_trial(row) and row.error_db is None for row in rows if row.cost)
     stated = [inf] if is_unknown else [*errors, *left_out]
     pilot = _pilot(built)

@@ -18,13 +18,13 @@ use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::candidates::Candidate;
 use crate::plan::trial::chaos::{Pair, Stretches};
 use crate::plan::trial::horizon;
-use crate::plan::trial::pilot_result::{ChosenIsland, LongRunPair, PilotResult};
+use crate::plan::trial::pilot_result::{ChosenIsland, LongRun, PilotResult};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, find_excerpt, longer};
 use crate::plan::trial::prune_modes::prune;
 use crate::plan::trial::reference::{Climb, Reference, is_plain_first, plain_reference, reference};
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::search::{Search, Tried};
-use crate::plan::trial::waveform_error::{Spans, amplitude_difference, error_beside, power_sum};
+use crate::plan::trial::waveform_error::{Spans, amplitude_difference, amplitude_sum, power_sum};
 use crate::waveform::is_still;
 
 /// Finds the cheapest island within the budget; `assemble` puts the island together at some oversampling.
@@ -212,10 +212,9 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
                 error: Some(measured_error),
                 diverges: tried.run.has_diverged,
             },
-            long_run: finer.map(|finer| LongRunPair {
-                contact_substeps: [tried.candidate.substeps; 2],
-                full: full_island,
+            long_run: finer.map(|finer| LongRun {
                 finer,
+                contact_substeps: [tried.candidate.substeps; 2],
             }),
         };
         Ok((pilot_result, tried.run))
@@ -236,15 +235,15 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         )
     }
 
-    /// The same, with no more left out than an error leaves of the budget; also returns the error to state. A reader
-    /// adds it to what is left out by power, but near the budget both may point the same way.
+    /// The same, with no more left out than an error leaves of the budget; also returns the error to state, of both
+    /// together: they may point the same way.
     fn pruned_within(&self, tried: &Tried) -> Result<(Assembled, f64), Error> {
         let level_left = amplitude_difference(self.budget.asked(), tried.error);
         let limit = self.budget.left_out().map(|limit| limit.min(level_left));
         let island = self.pruned((&tried.candidate, &tried.run), limit)?;
         let left_out = island.bodies.iter().filter_map(|body| body.left_out);
         let stated_error = match left_out.reduce(power_sum) {
-            Some(left_out) => error_beside(tried.error, left_out),
+            Some(left_out) => amplitude_sum([tried.error, left_out]),
             None => tried.error,
         };
         Ok((island, stated_error))

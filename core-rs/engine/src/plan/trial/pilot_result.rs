@@ -82,14 +82,13 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &SteppedChoice) -> Option<
 pub(in crate::plan) struct PilotResult {
     pub(in crate::plan) chosen: ChosenIsland,
     /// What to play on to see how long the error holds; `None` if it need not be checked.
-    pub(in crate::plan) long_run: Option<LongRunPair>,
+    pub(in crate::plan) long_run: Option<LongRun>,
 }
 
-/// The island with all its modes and the same at half its step, to be played and compared.
-pub(in crate::plan) struct LongRunPair {
-    pub(in crate::plan) full: Assembled,
+/// The island at half its step and with all its modes, with which the chosen one is compared.
+pub(in crate::plan) struct LongRun {
     pub(in crate::plan) finer: Assembled,
-    /// Contact substeps a step of each.
+    /// Contact substeps a step of the chosen island and of this one.
     pub(in crate::plan) contact_substeps: [usize; 2],
 }
 
@@ -104,7 +103,7 @@ impl PilotResult {
         if let (Some(measured), Some(long_run)) = (chosen.error, long_run) {
             let [coarse_substeps, finer_substeps] = long_run.contact_substeps;
             let played_pair = [
-                (&long_run.full.island_plan, coarse_substeps),
+                (&chosen.island.island_plan, coarse_substeps),
                 (&long_run.finer.island_plan, finer_substeps),
             ];
             chosen.error = unless_spent(horizon::extend_error(measured, budget, played_pair, trial_context))?;
@@ -207,10 +206,8 @@ impl PilotResult {
         };
         let long_run = if coarse_substeps > 0 {
             let methods = island.mesh_methods();
-            let assembled = |oversampling| assemble(island.again(oversampling, &methods), None).ok();
-            Some(LongRunPair {
-                full: assembled(oversampling)?,
-                finer: assembled(2 * oversampling)?,
+            Some(LongRun {
+                finer: assemble(island.again(2 * oversampling, &methods), None).ok()?,
                 contact_substeps: [coarse_substeps, finer_substeps].map(|substeps| substeps as usize),
             })
         } else {

@@ -25,12 +25,6 @@ pub(in crate::plan) fn amplitude_difference(total_error: f64, known_error: f64) 
     20.0 * log10((decibels(total_error) - decibels(known_error)).max(1e-15))
 }
 
-/// An error that, added to another one by power, gives the sum of both by amplitude [dB].
-pub(in crate::plan) fn error_beside(error: f64, other: f64) -> f64 {
-    let (error, other) = (decibels(error), decibels(other));
-    20.0 * log10(sqrt(error * (error + 2.0 * other)).max(1e-15))
-}
-
 /// The spans over which sounds are compared: from the start to one third of the time after the first event, to two
 /// thirds, and to the end.
 pub(in crate::plan) struct Spans {
@@ -156,17 +150,6 @@ mod tests {
             n_out: 1,
             rate: 1_000.0,
             frames: [160, 260, 360],
-        }
-    }
-
-    #[test]
-    fn error_beside_another_adds_amplitudes() {
-        for (error, other) in [(-70.0, -66.0), (-60.0, -120.0), (-90.0, -90.0)] {
-            let summed_error = power_sum(error_beside(error, other), other);
-            assert!(
-                (summed_error - amplitude_sum([error, other])).abs() < 1e-9,
-                "{summed_error}"
-            );
         }
     }
 
