@@ -84,7 +84,7 @@ def loudness_range(passages: NDArray[np.float64]) -> float:
     return float(high - low)
 
 
-def of_piece(name: str) -> tuple[float, Dynamics]:
+def piece_dynamics(name: str) -> tuple[float, Dynamics]:
     """The length [s] of a bundled piece, and its dynamics."""
     score = bundled()[name]
     piece = load(score).piece
@@ -92,16 +92,16 @@ def of_piece(name: str) -> tuple[float, Dynamics]:
     sound = ergon.render(score)
     tail = piece.render.tail
     assert tail != "auto", f"{name} does not say when its last stroke is over"
-    found = dynamics(sound.frames, sound.rate, tail)
-    return len(sound.frames) / sound.rate, found
+    measured = dynamics(sound.frames, sound.rate, tail)
+    return len(sound.frames) / sound.rate, measured
 
 
-def row(name: str, seconds: float, found: Dynamics) -> str:
+def row(name: str, seconds: float, measured: Dynamics) -> str:
     """A row of the table, without its last cells, which the page keeps."""
     cells = [
-        f"{seconds:.0f} s", f"{found.loudness:.1f}", f"{found.true_peak:.1f}",
-        f"{found.loudness_range:.0f}", f"{found.softest:.0f}", f"{found.loudest:.0f}",
-        f"{found.span:.0f}",
+        f"{seconds:.0f} s", f"{measured.loudness:.1f}", f"{measured.true_peak:.1f}",
+        f"{measured.loudness_range:.0f}", f"{measured.softest:.0f}", f"{measured.loudest:.0f}",
+        f"{measured.span:.0f}",
     ]  # fmt: skip
     cells = [cell.replace("-", "\N{MINUS SIGN}") for cell in cells]
     return f"| `{name}` | {' | '.join(cells)} |"
@@ -110,7 +110,7 @@ def row(name: str, seconds: float, found: Dynamics) -> str:
 def main() -> None:
     """Render the pieces, and write each row."""
     for name in module_arguments(further_code="PIECE") or PIECES:
-        line = row(name, *of_piece(name))
+        line = row(name, *piece_dynamics(name))
         page = PAGE.read_text(encoding="utf-8")
         page = re.sub(
             rf"^\| `{name}` \| \d+ s \|(?: [^|]+ \|){{6}}", line, page, flags=re.MULTILINE

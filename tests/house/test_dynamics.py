@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from sweep import few
 
-from docs.generators.dynamics import PAGE, PIECES, dynamics, of_piece, row
+from docs.generators.dynamics import PAGE, PIECES, dynamics, piece_dynamics, row
 
 RATE = 48_000
 QUICK = ("rain",)
@@ -23,21 +23,21 @@ def tones(*parts: tuple[float, float]) -> np.ndarray:
     [((-20, -30), 10), ((-20, -15), 5), ((-40, -20), 20), ((-50, -35, -20, -35, -50), 15)],
 )
 def test_loudness_range_of_ebu_signals(levels, asked):
-    found = dynamics(tones(*((20, level) for level in levels)), RATE, 0.0)
-    assert found.loudness_range == pytest.approx(asked, abs=1.0)
+    measured = dynamics(tones(*((20, level) for level in levels)), RATE, 0.0)
+    assert measured.loudness_range == pytest.approx(asked, abs=1.0)
 
 
 def test_dynamics_without_tail():
     # A stereo sine of 1 kHz at -20 dBFS has -20 LUFS.
-    found = dynamics(tones((10, -40), (10, -20), (10, -55)), RATE, 10.0)
-    assert found.loudest == pytest.approx(-20, abs=0.1)
-    assert found.softest == pytest.approx(-40, abs=0.1)
-    assert found.true_peak == pytest.approx(-20, abs=0.3)
+    measured = dynamics(tones((10, -40), (10, -20), (10, -55)), RATE, 10.0)
+    assert measured.loudest == pytest.approx(-20, abs=0.1)
+    assert measured.softest == pytest.approx(-40, abs=0.1)
+    assert measured.true_peak == pytest.approx(-20, abs=0.3)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", few(PIECES, QUICK))
 def test_concert_piece_dynamics_equal_page(name):
-    seconds, found = of_piece(name)
-    assert found.span >= 20
-    assert row(name, seconds, found) in PAGE.read_text(encoding="utf-8")
+    seconds, measured = piece_dynamics(name)
+    assert measured.span >= 20
+    assert row(name, seconds, measured) in PAGE.read_text(encoding="utf-8")
