@@ -10,7 +10,7 @@ from typing import Any
 
 # The order of pages; what no group names stands at the end, so that a new page is never lost.
 GROUPS: dict[str, tuple[str, ...]] = {
-    "Begin": ("README.md", "install.md", "tutorial.md", "gallery.md", "ideas.md"),
+    "Begin": ("README.md", "install.md", "tutorial.md", "gallery.md", "pieces.md", "ideas.md"),
     "How to": ("howto/*.md",),
     "Write": ("language.md", "rhythm.md", "matter.md", "takes.md", "bells.md", "sweeps.md"),
     "Play": ("repl.md", "cheat-sheet.md", "live.md", "midi.md", "osc.md", "socket.md"),

@@ -17,11 +17,11 @@ RATE = 44_100.0
 ASKED_DB = -60.0
 STRUCK = 0.02  # [s]
 PILOT = 0.3  # [s] after the stroke
-# A mallet of 30 g at 0.67 m/s on a plate of 60 g: the tamtam that is bundled, struck hard.
+# A mallet of 30 g at 0.67 m/s on a plate of 60 g: the tamtam that is bundled, struck hard, and
+# heard without the masses that keep its clicks away.
 HARD = 20.0
 GONG = """\
 ergon: 1
-use: [instruments/gong.yaml]
 accuracy: {{error: {asked}dB}}
 instruments:
   gong: {gong}
@@ -29,16 +29,20 @@ mix: {{channels: 2}}
 strikes: {{a: {{to: [gong.mallet], at: {struck}s, impulse: {impulse}mNs, lasts: 0s}}}}
 render: {{tail: 0.5s, bits: float}}
 """
-TAMTAM = "{from: gong/tamtam}"
-# The same without hardening, so that only the blow itself is not linear.
-LINEAR = """
+TAMTAM = """
     modules:
-      body: {PLATE: {shape: hex, radius: 9, f: F2, t60: 60s, M: 60g, rim: fixed}}
+      body:
+        PLATE: {shape: hex, radius: 9, f: F2, t60: 60s, M: 60g, rim: fixed, hardening: 5e12N/m3}
       mallet: {CEL: {M: 30g, f: 1Hz, t60: 2s}}
       head: {BUT: {between: [mallet, body.centre], K: 2e7, exponent: 1.5, gap: 7mm}}
       wall: {SOL: {}}
       d1: {FRO: {between: [wall, body.60], Z: 10mNs/m}}
-    out: {SOF: {FRO: d1}}"""
+      d2: {FRO: {between: [wall, body.200], Z: 10mNs/m}}
+    out: {left: {SOF: {FRO: d1}}, right: {SOF: {FRO: d2}}}"""
+# The same without hardening, so that only the blow itself is not linear.
+LINEAR = TAMTAM.replace(", hardening: 5e12N/m3", "").replace(
+    "{left: {SOF: {FRO: d1}}, right: {SOF: {FRO: d2}}}", "{SOF: {FRO: d1}}"
+)
 OUTPUTS = {"force": LINEAR, "position": LINEAR.replace("{SOF: {FRO: d1}}", "{SOX: body.60}")}
 Capture = pytest.CaptureFixture[str]
 
