@@ -88,7 +88,13 @@ def score(
     `tail` is how long it sounds after a strike, `rubbed` how long a bow moves [s].
     """
     lines = ["ergon: 1", f"use: [instruments/{family}.yaml]"]
-    if "strike" in card:
+    if "play" in card:
+        lines += ["instruments:"]
+        lines += [f"  {stroke_name}: {{like: {name}}}" for stroke_name in STROKES]
+        lines += ["strikes:"]
+        for stroke_name, strength in zip(STROKES, card["play"].split(), strict=True):
+            lines.append(f"  s-{stroke_name}: {{to: {stroke_name}, at: 50ms, impulse: {strength}}}")
+    elif "strike" in card:
         lines += [
             "instruments:",
             *(f"  {stroke_name}: {{like: {name}}}" for stroke_name in STROKES),
@@ -289,6 +295,8 @@ def _unit(figures: Figures) -> str:
 
 
 def _played(name: str, texts: dict[str, Any]) -> str:
+    if "play" in texts:
+        return f"A note of `to: {name}` for a second, at {', '.join(texts['play'].split())}."
     if "strike" in texts:
         to = ", ".join(f"`{name}.{target}`" for target in texts["strike"].split())
         return f"Struck at {to} with {', '.join(texts['impulse'].split())}."
