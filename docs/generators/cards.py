@@ -85,7 +85,7 @@ def score(
 ) -> str:
     """A score that plays the instrument soft, middle and hard, each into a channel of its own.
 
-    `tail` is how long it sounds after a strike, `rubbed` how long a bow moves [s].
+    `tail` is how long it sounds after a strike, `rubbed` how long a bow moves or a note lasts [s].
     """
     lines = ["ergon: 1", f"use: [instruments/{family}.yaml]"]
     if "play" in card:
@@ -93,7 +93,8 @@ def score(
         lines += [f"  {stroke_name}: {{like: {name}}}" for stroke_name in STROKES]
         lines += ["strikes:"]
         for stroke_name, strength in zip(STROKES, card["play"].split(), strict=True):
-            lines.append(f"  s-{stroke_name}: {{to: {stroke_name}, at: 50ms, impulse: {strength}}}")
+            note = f"{{rhythm: {stroke_name}, at: 50ms, cycle: {rubbed:g}s, times: 1"
+            lines.append(f"  s-{stroke_name}: {note}, impulse: {strength}}}")
     elif "strike" in card:
         lines += [
             "instruments:",
@@ -296,7 +297,7 @@ def _unit(figures: Figures) -> str:
 
 def _played(name: str, texts: dict[str, Any]) -> str:
     if "play" in texts:
-        return f"A note of `to: {name}` for a second, at {', '.join(texts['play'].split())}."
+        return f"A note of `to: {name}`, at {', '.join(texts['play'].split())}."
     if "strike" in texts:
         to = ", ".join(f"`{name}.{target}`" for target in texts["strike"].split())
         return f"Struck at {to} with {', '.join(texts['impulse'].split())}."
