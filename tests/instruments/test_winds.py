@@ -1,4 +1,4 @@
-"""The winds of the library: against DOP853 on the same equations, in tune, and blown by strength."""
+"""The winds of the library: beside DOP853, in tune, and blown by strength."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -104,7 +104,9 @@ render: {{tail: 1s, bits: float}}
     assert np.sqrt(np.mean((ours - truth) ** 2) / np.mean(truth**2)) < 1e-3
 
 
-def note(name: str, f: float, strength: str = "mf", act: str = "", seconds: float = 0.95) -> Samples:
+def note(
+    name: str, f: float, strength: str = "mf", act: str = "", seconds: float = 0.95
+) -> Samples:
     text = f"use: [instruments/winds.yaml]\ninstruments: {{x: {{from: winds/{name}, f: {f}Hz}}}}\n"
     text += f"strikes: {{s: {{to: x{act}, at: 0s, impulse: {strength}}}}}\nrender: {{tail: 1.5s}}\n"
     return planned(text, int(seconds * RATE))
@@ -130,9 +132,7 @@ RANGES = {  # the named pitch of each in Hz, times an octave and a half
 NOTES = [(name, low * 2.0 ** (st / 12)) for name, low in RANGES.items() for st in (0, 6, 12, 17)]
 
 
-@pytest.mark.parametrize(
-    ("name", "f"), few(NOTES, NOTES[2::8])
-)
+@pytest.mark.parametrize(("name", "f"), few(NOTES, NOTES[2::8]))
 def test_wind_pitch_equals_its_note(name: str, f: float):
     steady = note(name, f)[int(0.4 * RATE) :]
     sounding, level = partial(steady, f)
