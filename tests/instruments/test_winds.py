@@ -148,7 +148,11 @@ def test_clarinet_odd_partials_above_even_ones():
 
 @pytest.mark.parametrize(
     ("name", "act", "f", "ratio"),
-    [("clarinet", ".clarion", 146.83, 3), ("flute", ".octave", 440.0, 2)],
+    [
+        ("clarinet", ".clarion", 146.83, 3),
+        ("oboe", ".octave", 233.08, 2),
+        ("flute", ".octave", 440.0, 2),
+    ],
 )
 def test_hole_of_a_wind_lets_the_next_partial_sound(name: str, act: str, f: float, ratio: int):
     steady = note(name, f, act=act)[int(0.5 * RATE) :]
@@ -172,3 +176,19 @@ def test_note_of_a_wind_swells_and_ends():
     rise = (np.argmax(level > 0.9 * steady) - np.argmax(level > 0.1 * steady)) / RATE
     assert 0.07 < rise < 0.19
     assert level[int(1.25 * RATE)] < 1e-3 * steady
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("partial_number", [4, 5])
+def test_trumpet_partial_that_its_lips_choose(partial_number: int):
+    """The lips at 4/3 and 5/3 of their pitch: the fourth and fifth partial of a tube that plays
+    the third at the written pitch.
+    """
+    ratio = partial_number / 3
+    lips = f"modules: {{lips: {{CEL: {{f: {414.61 * ratio}Hz}}}}}}"
+    text = f"use: [instruments/winds.yaml]\ninstruments: {{x: {{like: trumpet, {lips}}}}}\n"
+    text += "strikes: {s: {to: x, at: 0s}}\nrender: {tail: 1.5s}\n"
+    steady = planned(text, int(0.95 * RATE))[int(0.4 * RATE) :]
+    sounding, level = partial(steady, 466.16 * ratio)
+    assert abs(1200.0 * np.log2(sounding / (466.16 * ratio))) < 15.0
+    assert level > partial(steady, 466.16)[1] + 30.0
