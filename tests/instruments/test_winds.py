@@ -49,7 +49,7 @@ def jet_flow(v: float, u: float) -> float:
 
 
 def exact(
-    n_held: int, at: int, flow: Callable[[float, float], float], u: float, n_frames: int
+    n_held: int, place: int, flow: Callable[[float, float], float], u: float, n_frames: int
 ) -> Samples:
     """Positions of the first mass of a row, held at its left end or at both, that is blown."""
     path = np.diff(np.eye(MASSES + 2), axis=0)[: MASSES + n_held - 1, 1 : MASSES + 1]
@@ -61,7 +61,7 @@ def exact(
     def motion(_: float, state: Samples) -> Samples:
         x, v = state[:MASSES], state[MASSES:]
         force = -laplacian @ (k * x + z * v)
-        force[at] -= flow(v[at], u)
+        force[place] -= flow(v[place], u)
         return np.concatenate([v, force / mass])
 
     solved = solve_ivp(
@@ -79,13 +79,13 @@ def exact(
 
 
 @pytest.mark.parametrize(
-    ("name", "link", "ends", "at", "u", "flow"),
+    ("name", "link", "ends", "place", "u", "flow"),
     [
         ("clarinet", "reed", "left", 7, 0.4, reed_flow),
         ("flute", "jet", "fixed", 2, 0.3, jet_flow),
     ],
 )
-def test_blown_bore_against_dop853(name, link, ends, at, u, flow):
+def test_blown_bore_against_dop853(name, link, ends, place, u, flow):
     n_frames = int(0.08 * RATE)
     text = f"""\
 instruments:
@@ -93,14 +93,14 @@ instruments:
     modules:
       mouth: {{SOL: {{}}}}
       bore: {{STRING: {{masses: {MASSES}, M: {M}kg, f: {F}Hz, t60: {T60}s, ends: {ends}}}}}
-      lips: {{LNL: {{between: [mouth, bore.{at}], {law(name, link)}, u: {u}}}}}
+      lips: {{LNL: {{between: [mouth, bore.{place}], {law(name, link)}, u: {u}}}}}
     out: {{SOX: bore.0}}
 accuracy: {{error: -80dB}}
 render: {{tail: 1s, bits: float}}
 """
     ours = planned(text, n_frames)
-    truth = exact({"left": 1, "fixed": 2}[ends], at, flow, u, n_frames)
-    assert np.abs(truth[n_frames // 2 :]).max() > 1e-5  # it sounds
+    truth = exact({"left": 1, "fixed": 2}[ends], place, flow, u, n_frames)
+    assert truth[n_frames // 2 :].std() > 1e-4  # it sounds
     assert np.sqrt(np.mean((ours - truth) ** 2) / np.mean(truth**2)) < 1e-3
 
 
@@ -180,7 +180,7 @@ def test_note_of_a_wind_swells_and_ends():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("partial_number", [4, 5])
-def test_trumpet_partial_that_its_lips_choose(partial_number: int):
+def test_trumpet_partial_chosen_by_lips(partial_number: int):
     """The lips at 4/3 and 5/3 of their pitch: the fourth and fifth partial of a tube that plays
     the third at the written pitch.
     """
