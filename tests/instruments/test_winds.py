@@ -100,7 +100,7 @@ render: {{tail: 1s, bits: float}}
 """
     ours = planned(text, n_frames)
     truth = exact({"left": 1, "fixed": 2}[ends], place, flow, u, n_frames)
-    assert truth[n_frames // 2 :].std() > 1e-4  # it sounds
+    assert truth[n_frames // 2 :].std() > 0.3 * np.abs(truth).max()  # it sounds
     assert np.sqrt(np.mean((ours - truth) ** 2) / np.mean(truth**2)) < 1e-3
 
 
