@@ -21,6 +21,7 @@ _KINDS: dict[str, tuple[list[str], list[str]]] = {
     "skins": ([], ["djembe"]),
     "friction/viol": (["wgbow"], ["violinModel"]),
     "friction/reed": (["wgclar"], ["clarinetModel"]),
+    "winds/clarinet": (["wgclar"], ["clarinetModel"]),
     "bowed": (["wgbow"], ["violinModel"]),
     "found": (["mode"], []),
     "found/spring": ([], []),

@@ -1,4 +1,4 @@
-"""Scores that play voices of an instrument that ships: struck twice a second, or rubbed.
+"""Scores that play voices of an instrument that ships: struck twice a second, rubbed, or blown.
 
 Each instrument is played as its card in docs/instruments says, in the middle strength.
 """
@@ -64,6 +64,9 @@ def score(instrument: Instrument, voices: int, seconds: int) -> str:
         lines += _bows(played, names, seconds)
     else:
         lines += [f"  {name}: {{like: {instrument.name}}}" for name in names]
+    if "play" in played:
+        middle = f"at: 50ms, every: 1, times: {seconds}, impulse: {_middle(played['play'])}"
+        lines += ["strikes:", *(f"  s-{name}: {{to: {name}, {middle}}}" for name in names)]
     if "strike" in played:
         lines += ["strikes:", *(_strikes(played, name, seconds) for name in names)]
     tail = 0.5 if played else seconds

@@ -36,7 +36,8 @@ edit this page.
   of Sonic Pi. Rooms and loops are in them: what a hall does to a drum is no aim for a skin.
 
 {right} of {n} are taken for what they are, {among} are among the first three; on 28 November 2026,
-before they were worked at by this table, {right_before} and {among_before}.
+before they were worked at by this table, {right_before} and {among_before} of {n_before}. What is
+newer has a dash.
 
 """
 
@@ -64,11 +65,17 @@ def verdicts_table(verdicts: Sequence[Verdict]) -> str:
     ]
     earlier = before()
     for v in sorted(verdicts, key=lambda v: -v.distance):
-        old = earlier[v.name]
+        rank, distance, cost = "–", "–", "–"
+        if (old := earlier.get(v.name)) is not None:
+            rank, distance, cost = (
+                old["rank"],
+                f"{float(old['distance']):.2f}",
+                f"{float(old['cost']):.2%}",
+            )
         rows.append(
-            f"| `{v.name}` | {v.wanted} | {v.taken_for} | {v.rank} ({old['rank']}) | "
-            f"{v.distance:.2f} ({float(old['distance']):.2f}) [{v.distance_95:.2f}] | "
-            f"{v.cost:.2%} ({float(old['cost']):.2%}) | {'; '.join(v.off)} |"
+            f"| `{v.name}` | {v.wanted} | {v.taken_for} | {v.rank} ({rank}) | "
+            f"{v.distance:.2f} ({distance}) [{v.distance_95:.2f}] | "
+            f"{v.cost:.2%} ({cost}) | {'; '.join(v.off)} |"
         )
     return "\n".join(rows) + "\n"
 
@@ -111,7 +118,8 @@ def decays_table(recorded: Recorded, verdicts: Sequence[Verdict], pitches: dict[
 def text(recorded: Recorded, verdicts: Sequence[Verdict], pitches: dict[str, float]) -> str:
     """The page."""
     ranks = [rank for each in recorded.ranks_without_source().values() for rank in each]
-    earlier = [int(before()[v.name]["rank"]) for v in verdicts]
+    verdicts_before = before()
+    earlier = [int(verdicts_before[v.name]["rank"]) for v in verdicts if v.name in verdicts_before]
     head = _HEAD.format(
         n_classes=len(recorded.learnt.classes),
         first=np.mean([rank == 1 for rank in ranks]),
@@ -121,6 +129,7 @@ def text(recorded: Recorded, verdicts: Sequence[Verdict], pitches: dict[str, flo
         among=sum(v.rank <= 3 for v in verdicts),
         right_before=sum(rank == 1 for rank in earlier),
         among_before=sum(rank <= 3 for rank in earlier),
+        n_before=len(earlier),
     )
     parts = [
         head + verdicts_table(verdicts),

@@ -85,10 +85,17 @@ def score(
 ) -> str:
     """A score that plays the instrument soft, middle and hard, each into a channel of its own.
 
-    `tail` is how long it sounds after a strike, `rubbed` how long a bow moves [s].
+    `tail` is how long it sounds after a strike, `rubbed` how long a bow moves or a note lasts [s].
     """
     lines = ["ergon: 1", f"use: [instruments/{family}.yaml]"]
-    if "strike" in card:
+    if "play" in card:
+        lines += ["instruments:"]
+        lines += [f"  {stroke_name}: {{like: {name}}}" for stroke_name in STROKES]
+        lines += ["strikes:"]
+        for stroke_name, strength in zip(STROKES, card["play"].split(), strict=True):
+            note = f"{{rhythm: {stroke_name}, at: 50ms, cycle: {rubbed:g}s, times: 1"
+            lines.append(f"  s-{stroke_name}: {note}, impulse: {strength}}}")
+    elif "strike" in card:
         lines += [
             "instruments:",
             *(f"  {stroke_name}: {{like: {name}}}" for stroke_name in STROKES),
@@ -289,6 +296,8 @@ def _unit(figures: Figures) -> str:
 
 
 def _played(name: str, texts: dict[str, Any]) -> str:
+    if "play" in texts:
+        return f"A note of `to: {name}`, at {', '.join(texts['play'].split())}."
     if "strike" in texts:
         to = ", ".join(f"`{name}.{target}`" for target in texts["strike"].split())
         return f"Struck at {to} with {', '.join(texts['impulse'].split())}."

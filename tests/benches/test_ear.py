@@ -125,7 +125,7 @@ def test_ear_classes_of_cards_in_recorded_data(recorded: Recorded) -> None:
     }
     assert len(wanted) >= 21
     assert set(wanted.values()) <= set(recorded.learnt.classes)
-    assert set(wanted) == set(page.before())
+    assert set(page.before()) <= set(wanted)
 
 
 def test_ear_page_row_of_each_verdict(recorded: Recorded) -> None:
