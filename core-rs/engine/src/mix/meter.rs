@@ -313,7 +313,7 @@ mod tests {
 
     /// Another implementation of the standard, as an oracle.
     #[test]
-    fn loudness_of_noise_equals_that_of_another_meter() {
+    fn loudness_of_noise_beside_another_meter() {
         for (rate, n_channels, block) in [
             (44_100, 8, 4_096),
             (48_000, 2, 77),
