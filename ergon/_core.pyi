@@ -1629,6 +1629,8 @@ class Simulation:
 
         The state of the island stands still. Raises EngineError if `sound` is not contiguous.
         """
+    def silence(self, island: StorableIsland) -> None:
+        """Leave an island silent, and do not compute it, until its state is set."""
     def record(self, island: StorableIsland) -> None:
         """Compute an island from here on, and record its sound."""
     def recorded(self, island: StorableIsland) -> IslandStretch:
@@ -1720,6 +1722,10 @@ class Mixer:
         """Take the gains and filters of `old` over; `outputs`: for each output of `old` the output
         here, as Simulation.take_over returns them, if they differ.
         """
+    def state(self) -> bytes | None:
+        """The state of routes and rooms; None while a gain glides, or with frozen outputs."""
+    def set_state(self, state: bytes) -> None:
+        """Go on after the frames that an equal mixer has mixed. Raises EngineError."""
     def process(self, frames: _Floats, mixed: _Floats) -> None:
         """Mix frames (n_frames, n_out) into mixed (n_frames, n_channels). Raises EngineError."""
 
@@ -1781,7 +1787,20 @@ class Meter:
         """Measure frames (n_frames, n_channels)."""
     peak: float
     loudness: float  # LUFS; -inf for silence
-    momentary: float  # of the last 400 ms, without gating; LUFS
+    momentary: float  # of the last four complete tenths of a second, without gating; LUFS
+
+@final
+class LevelSteps:
+    """Loudness and peaks of a sound, every tenth of a second. Raises EngineError."""
+
+    def __new__(cls, rate: float, n_channels: int) -> Self: ...
+    def process(self, frames: _Floats) -> None:
+        """Measure frames (n_frames, n_channels)."""
+    measured: _Floats  # (n_steps · 11,): level of the last 400 ms [LUFS], and ten peaks
+    def state(self) -> bytes:
+        """What the levels of later frames depend on, besides the sound."""
+    def set_state(self, state: bytes, measured: _Floats) -> None:
+        """Go on after frames whose levels are `measured`. Raises EngineError."""
 
 @final
 class TruePeak:
@@ -1933,6 +1952,15 @@ def pcm(frames: _Floats, gain: float, bits: Literal[16, 24]) -> NDArray[np.int32
     """frames · gain as integers in the top bits of an int32, rounded half to even, clipped.
 
     Raises EngineError for other bits.
+    """
+
+def crc32(bytes: NDArray[np.uint8], start: int = 0) -> int:
+    """The CRC-32 (as of zlib) of bytes that come after those of which it is `start`."""
+
+def packed(codes: NDArray[np.int32], width: int) -> bytes:
+    """The top `width` bytes (1 to 4) of codes in C order, the lowest of each first.
+
+    Raises EngineError for other widths.
     """
 
 def single(frames: _Floats, gain: float) -> NDArray[np.float32]:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from ergon import _core
 from ergon.common.private import is_own_alone, make_private_folder
-from ergon.common.regular import read_bounded
+from ergon.common.regular import open_regular
 from ergon.common.user_folders import cache_folder
 
 from .safe import FileRefusedError, open_for_writing
@@ -39,17 +39,17 @@ class CacheFolder:
     n_bytes: int
     n_bytes_one: int
 
-    def read(self, key: str) -> bytes | None:
+    def read(self, key: str) -> memoryview | None:
         """The content that was kept under a key (64 hex digits)."""
         path = self._path(key)
         try:
             # What others may change, or have left there, is not ours.
             if not (is_own_alone(self.path.stat()) and is_own_alone(path.stat())):
                 return None
-            data = read_bounded(path, self.n_bytes_one)
+            data = _content(path, self.n_bytes_one)
         except OSError:
             return None
-        if len(data) > self.n_bytes_one:
+        if data is None:
             return None
         with contextlib.suppress(OSError):
             os.utime(path)
@@ -96,6 +96,19 @@ class CacheFolder:
 
     def _path(self, key: str) -> Path:
         return self.path / f"{key}{self.suffix}"
+
+
+def _content(path: Path, n_bytes_max: int) -> memoryview | None:
+    """The bytes of a regular file; None if there are more than `n_bytes_max`."""
+    import numpy as np
+
+    with open_regular(path) as file:
+        n_bytes = os.fstat(file.fileno()).st_size
+        if n_bytes > n_bytes_max:
+            return None
+        # Large arrays come in large pages, which takes a third of the time of `read`.
+        data = np.empty(n_bytes, np.uint8).data
+        return data[: file.readinto(data)]
 
 
 def user_folder(name: str, environment: Mapping[str, str] = os.environ) -> Path | None:

@@ -43,7 +43,7 @@ class PlanStore:
         if data is None:
             return None
         try:
-            return _record_of(parse_json(data), key)
+            return _record_of(parse_json(bytes(data)), key)
         except ValueError:
             return None
 

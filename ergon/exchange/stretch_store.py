@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import os
 import struct
-import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
+
+from ergon import _core
 
 from . import cache_folder
 from .cache_folder import CacheFolder, versioned_key
@@ -50,8 +51,8 @@ class StretchStore:
         if data is None or len(data) < _HEAD.size + _LENGTH.size:
             return None
         magic, checksum = _HEAD.unpack_from(data)
-        checked_bytes = memoryview(data)[_HEAD.size :]
-        if magic != _MAGIC or checksum != zlib.crc32(checked_bytes):
+        checked_bytes = data[_HEAD.size :]
+        if magic != _MAGIC or checksum != _core.crc32(np.frombuffer(checked_bytes, np.uint8)):
             return None
         (n_samples,) = _LENGTH.unpack_from(checked_bytes)
         stop = _LENGTH.size + 8 * n_samples
@@ -64,15 +65,21 @@ class StretchStore:
         """Whether there is a stretch under a key, which may still be damaged."""
         return self._folder.has(versioned_key(key))
 
-    def put(self, key: str, sound: NDArray[np.float64], state: bytes) -> bool:
-        """Store the sound (n_frames · n_out,) and the state after it; True if they were stored."""
+    def put(
+        self, key: str, sound: NDArray[np.float64] | Sequence[NDArray[np.float64]], state: bytes
+    ) -> bool:
+        """Store the sound (n_frames · n_out,), or pieces of it of any shape, and the state after
+        it; True if they were stored.
+        """
         import numpy as np
 
-        samples = np.ascontiguousarray(sound, dtype="<f8").data
-        parts = _LENGTH.pack(len(sound)), samples, state
+        pieces = [sound] if isinstance(sound, np.ndarray) else sound
+        samples = [np.ascontiguousarray(piece, dtype="<f8").data for piece in pieces]
+        n_samples = sum(piece.size for piece in pieces)
+        parts: list[bytes | memoryview] = [_LENGTH.pack(n_samples), *samples, state]
         checksum = 0
         for part in parts:
-            checksum = zlib.crc32(part, checksum)
+            checksum = _core.crc32(np.frombuffer(part, np.uint8), checksum)
         return self._folder.write(versioned_key(key), _HEAD.pack(_MAGIC, checksum), *parts)
 
     def forget(self) -> None:

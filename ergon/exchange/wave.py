@@ -90,12 +90,9 @@ def encode(block: NDArray[Any], format: WaveFormat) -> bytes:
         raise TypeError(f"samples for {format.bits} bits come as {sample_type.name}")
     if format.bits in ("float", "double"):
         return block.astype(sample_type, copy=False).tobytes()
-    octets = np.ascontiguousarray(block, dtype="<i4").view(np.uint8).reshape(-1, 4)
-    width = BYTES[format.bits]
-    packed = np.empty((len(octets), width), np.uint8)
-    for place in range(width):  # byte by byte: a fifth of the time of three bytes at a time
-        packed[:, place] = octets[:, place + 4 - width]
-    return packed.tobytes()
+    from ergon import _core
+
+    return _core.packed(np.ascontiguousarray(block, dtype=np.int32), BYTES[format.bits])
 
 
 def read_info(path: Path) -> WaveInfo:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from ergon import _core
 
 from .loudness import GatedLoudness
 
@@ -20,6 +23,7 @@ MEASURED_OUTPUTS_MAX = (
     256  # instruments times channels: beyond that measuring costs more than mixing
 )
 _PEAKS = 10  # in a step of 100 ms
+_LENGTH = struct.Struct("<Q")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,33 +59,34 @@ class Balance:
 
         self._name, self._mixer = name, mixer
         self._loudness = GatedLoudness(rate, n_channels)
+        self._levels = _core.LevelSteps(rate, n_channels)
+        self._recalled: NDArray[np.float64] | None = None
         self._n_channels, self._unit = n_channels, unit
         self._start, self._stop = start, stop
-        self._step: NDArray[np.float64] = np.empty((self._loudness.step, n_channels))
-        self._n_pending = 0  # frames in `_step`
-        self._peaks: list[NDArray[np.float64]] = []
+        self._mixed: NDArray[np.float64] = np.empty((0, n_channels))
 
     def take(self, frames: NDArray[np.float64]) -> None:
         """Measure the next frames (n_frames, n_out)."""
         import numpy as np
 
-        mixed = np.empty((len(frames), self._n_channels))
+        if len(self._mixed) < len(frames):
+            self._mixed = np.empty((len(frames), self._n_channels))
+        mixed = self._mixed[: len(frames)]
         self._mixer.process(frames, mixed)
-        while len(mixed):
-            place = self._step[self._n_pending : self._n_pending + len(mixed)]
-            place[:] = mixed[: len(place)]
-            mixed = mixed[len(place) :]
-            self._n_pending += len(place)
-            if self._n_pending == len(self._step):
-                self._measure()
-                self._n_pending = 0
+        self._levels.process(mixed)
 
-    def _measure(self) -> None:
-        import numpy as np
+    def state(self) -> bytes | None:
+        """What later measures depend on, besides the frames; None if the mixer has none."""
+        state = self._mixer.state()
+        return None if state is None else _LENGTH.pack(len(state)) + state + self._levels.state()
 
-        self._loudness.take(self._step)
-        edges = np.arange(_PEAKS) * len(self._step) // _PEAKS * self._n_channels
-        self._peaks.append(np.maximum.reduceat(np.abs(self._step).reshape(-1), edges))
+    def resume(self, measured: NDArray[np.float64], state: bytes) -> None:
+        """Go on after frames of which another balance has `measured` all, in this `state` after
+        them. Raises EngineError.
+        """
+        (n_bytes,) = _LENGTH.unpack_from(state)
+        self._mixer.set_state(state[_LENGTH.size : _LENGTH.size + n_bytes])
+        self._levels.set_state(state[_LENGTH.size + n_bytes :], measured.reshape(-1))
 
     @property
     def n_measures(self) -> int:
@@ -93,11 +98,9 @@ class Balance:
         """What was measured of each 100 ms (n_steps, 1 + 10): the level of the last 400 ms [LUFS],
         and peaks as ratios.
         """
-        import numpy as np
-
-        if not self._peaks:
-            return np.zeros((0, 1 + _PEAKS))
-        return np.column_stack([np.array(self._loudness.blocks), np.array(self._peaks)])
+        if self._recalled is not None:
+            return self._recalled
+        return self._levels.measured.reshape(-1, 1 + _PEAKS)
 
     def recall(self, measured: NDArray[np.float64], stop: int) -> bool:
         """Take what an earlier render measured, in place of frames up to `stop`; False if it is too
@@ -105,7 +108,7 @@ class Balance:
         """
         if len(measured) < min(stop, self._stop) // self._loudness.step:
             return False
-        self._loudness.blocks, self._peaks = measured[:, 0].tolist(), list(measured[:, 1:])
+        self._recalled = measured
         return True
 
     def level(self, gain: float, stop: int | None = None) -> InstrumentLevel:
@@ -114,12 +117,13 @@ class Balance:
 
         gain *= self._unit
         stop = self._stop if stop is None else stop
-        step = self._loudness.step
+        step, measured = self._loudness.step, self.measured
+        self._loudness.blocks = measured[:, 0].tolist()
         loudness = self._loudness.loudness(gain, -(-self._start // step), stop // step)
-        cells = np.arange(len(self._peaks) * _PEAKS)
+        cells = np.arange(len(measured) * _PEAKS)
         begins = cells // _PEAKS * step + cells % _PEAKS * step // _PEAKS
         inside = (begins >= self._start) & (begins + step // _PEAKS < stop)
-        peaks = np.array(self._peaks).reshape(-1)[inside]
+        peaks = measured[:, 1:].reshape(-1)[inside]
         return InstrumentLevel(self._name, float(np.max(peaks, initial=0.0)) * gain, loudness)
 
 

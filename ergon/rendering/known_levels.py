@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from . import stretches
 from .balance import Balance
 
 if TYPE_CHECKING:
-    from ergon.exchange.stretch_store import StretchStore
+    from ergon.exchange.stretch_store import Stretch, StretchStore
 
 
 class KnownLevels:
@@ -17,9 +17,14 @@ class KnownLevels:
     stretch (n_stretches; n_instruments).
     """
 
-    def __init__(self, store: StretchStore, keys: Sequence[Sequence[str]]) -> None:
-        """Read nothing yet."""
-        self._store, self._keys = store, keys
+    def __init__(
+        self,
+        store: StretchStore,
+        keys: Sequence[Sequence[str]],
+        state_keys: Callable[[int], Sequence[str]],
+    ) -> None:
+        """Read nothing yet; `state_keys` gives the keys of states after a stretch."""
+        self._store, self._keys, self._state_keys = store, keys, state_keys
 
     def recall(self, balances: Sequence[Balance], stop: int) -> list[int]:
         """Give balances what is known of them up to frame `stop`; the numbers of the others."""
@@ -38,6 +43,33 @@ class KnownLevels:
             known_level = self._store.get(key)
             if known_level is None or len(known_level.sound) < measured.size:
                 self._store.put(key, measured.reshape(-1), b"")
+
+    def put_states(
+        self, balances: Sequence[Balance], numbers: Sequence[int], n_stretches: int
+    ) -> None:
+        """Store the states of some balances after the first stretches."""
+        if not numbers:
+            return
+        keys = self._state_keys(n_stretches - 1)
+        for number in numbers:
+            if not self._store.has(keys[number]):
+                state = balances[number].state()
+                if state is not None:
+                    self._store.put(keys[number], balances[number].measured.reshape(-1), state)
+
+    def has_states(self, numbers: Sequence[int], n_stretches: int) -> bool:
+        """Whether the states of some balances after the first stretches are stored."""
+        keys = self._state_keys(n_stretches - 1) if numbers else ()
+        return all(self._store.has(keys[number]) for number in numbers)
+
+    def states(self, numbers: Sequence[int], n_stretches: int) -> list[Stretch] | None:
+        """The measures and states of some balances after the first stretches; None if any is not
+        known.
+        """
+        keys = self._state_keys(n_stretches - 1) if numbers else ()
+        stored = [self._store.get(keys[number]) for number in numbers]
+        known_states = [state for state in stored if state is not None]
+        return known_states if len(known_states) == len(numbers) else None
 
     def _give(self, balance: Balance, key: str, stop: int) -> bool:
         known_level = self._store.get(key)

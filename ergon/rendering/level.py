@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 # Below what loudspeakers can play: the constant offset of a leaning hand would only displace their
 # cones.
 HIGHPASS = 8.0  # [Hz]
+_SPOOL_BYTES = 1 << 28  # of frames in memory: 95 s of 8 channels at 44.1 kHz
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +54,20 @@ def ceiling_gain(peak: float, ceiling: float) -> float:
 
 
 class FrameSpool:
-    """Frames in an unnamed raw file, so that nothing stays on the disk however the run ends."""
+    """Frames in memory, and what is too much for it in an unnamed raw file, so that nothing stays
+    on the disk however the run ends.
+    """
 
-    def __init__(self, folder: Path | None, n_channels: int) -> None:
-        """Hold frames; the peak is that of all."""
+    def __init__(
+        self, folder: Path | None, n_channels: int, n_bytes_in_memory: int = _SPOOL_BYTES
+    ) -> None:
+        """Hold frames; `peak` and `n_frames` are those of all."""
+        self._blocks: list[NDArray[np.float64]] = []
+        self._n_bytes_left = n_bytes_in_memory
         self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - closed by __exit__
         self._n_channels = n_channels
         self.peak = 0.0
+        self.n_frames = 0
 
     def __enter__(self) -> Self:
         """Begin."""
@@ -75,16 +83,22 @@ class FrameSpool:
         self._file.close()
 
     def take(self, block: NDArray[np.float64]) -> None:
-        """Append (n_frames, n_channels)."""
+        """Append (n_frames, n_channels), which must not change any more."""
         import numpy as np
 
-        self.peak = max(self.peak, float(np.max(np.abs(block), initial=0.0)))
-        self._file.write(np.ascontiguousarray(block).data)
+        self.peak = max(self.peak, float(block.max(initial=0.0)), -float(block.min(initial=0.0)))
+        self.n_frames += len(block)
+        self._n_bytes_left -= block.nbytes
+        if self._n_bytes_left >= 0:
+            self._blocks.append(block)
+        else:
+            self._file.write(np.ascontiguousarray(block).data)
 
     def blocks(self, n_frames: int) -> Iterator[NDArray[np.float64]]:
-        """All of it from the beginning, `n_frames` at a time."""
+        """All of it from the beginning, in the blocks that came, and then `n_frames` at a time."""
         import numpy as np
 
+        yield from self._blocks
         self._file.seek(0)
         width = 8 * self._n_channels
         while data := self._file.read(n_frames * width):
@@ -146,6 +160,8 @@ class MasterChain:
         edges: Edges = UNFADED,
     ) -> None:
         """Write frames `start` to `stop` of the piece; `take` begins at `first_frame`."""
+        import numpy as np
+
         from ergon import _core
 
         n_channels = writer.format.n_channels
@@ -159,6 +175,7 @@ class MasterChain:
         self._frame = first_frame - self.latency
         self._start, self._stop = start, stop
         self._rate, self._silences, self._edges = rate, silences, edges
+        self._scaled: NDArray[np.float64] = np.empty((0, n_channels))
 
     @property
     def peak(self) -> float:
@@ -186,7 +203,9 @@ class MasterChain:
 
         from ergon import _core
 
-        frames = np.ascontiguousarray(block * self.gain)
+        if len(self._scaled) < len(block):
+            self._scaled = np.empty(block.shape)
+        frames = np.multiply(block, self.gain, out=self._scaled[: len(block)])
         if self._limiter is not None:
             frames = self._limiter.limit(frames)
         unskipped = np.ascontiguousarray(

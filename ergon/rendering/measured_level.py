@@ -34,6 +34,10 @@ class MeasuredLevel:
             self._loudness.take(frames)
             self._true_peak.process(np.ascontiguousarray(frames))
 
+    def gain_of_peak(self, peak: float) -> float:
+        """The gain (a ratio) of a piece with this peak, without a loudness; 1 for silence."""
+        return 1.0 if peak == 0.0 else (self._level.normalise or 1.0) / peak
+
     def gain(self) -> float:
         """The gain (a ratio); 1 for silence.
 
@@ -43,10 +47,8 @@ class MeasuredLevel:
         from ergon import _core
 
         level = self._level
-        if self._peak == 0.0:
-            return 1.0
-        if level.loudness is None or self._loudness is None:
-            return (level.normalise or 1.0) / self._peak
+        if level.loudness is None or self._loudness is None or self._peak == 0.0:
+            return self.gain_of_peak(self._peak)
         to_peak = gain_to_peak(self._true_peak.peak)
         decibels = self._loudness.gain_to(level.loudness)
         if decibels is None:

@@ -7,7 +7,7 @@ instrument is (`known_levels`).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil
 from typing import TYPE_CHECKING
@@ -17,11 +17,21 @@ from ergon import _core
 from . import stretches
 from .known_levels import KnownLevels
 from .known_masters import KnownMasters
-from .mixed_stretches import KnownMix, MixedStretches, MixRecorder, Outcome, key_of
+from .mixed_stretches import (
+    KnownMix,
+    MixedStretches,
+    MixRecorder,
+    Outcome,
+    blocks_of,
+    key_of,
+)
 from .resumed import ResumedSimulation
-from .staged import KeyedStage, Staged
+from .staged import KeyedStage, Mixer, Staged
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ergon.exchange.stretch_store import StretchStore
 
     from .balance import Balance
@@ -33,14 +43,39 @@ _LOOK_AHEAD = 0.01  # [s] at least what a limiter sees ahead of the last frame
 
 @dataclass(slots=True)
 class ComputedRender:
-    """A render that is computed: its simulation, what it measures itself, and what it stores."""
+    """A render that is computed: its simulation, what it measures itself, and what it stores.
+
+    `known_frames` are mixed frames, stretch by stretch, before those that are computed.
+    """
 
     simulation: ResumedSimulation
     balances: list[Balance]
     recorder: MixRecorder | None
+    known_frames: Sequence[NDArray[np.float64]]
     _memory: RenderMemory
     _all_balances: Sequence[Balance]
     _numbers: list[int]
+
+    @property
+    def n_known(self) -> int:
+        """The frame before which nothing is computed."""
+        return sum(map(len, self.known_frames))
+
+    def known_blocks(self, n_frames: int) -> Iterator[NDArray[np.float64]]:
+        """The known frames, at most `n_frames` at a time."""
+        return blocks_of(self.known_frames, n_frames)
+
+    def take(self, mixed: NDArray[np.float64]) -> None:
+        """Store the next mixed frames (n_frames, n_channels)."""
+        if self.recorder is not None:
+            self.recorder.take(mixed)
+
+    def end_block(self, frame: int, mixer: Mixer) -> None:
+        """Store states where a stretch ends: `mixer` and balances have got all before `frame`."""
+        if self.recorder is not None and frame % stretches.STRETCH_FRAMES == 0:
+            self._memory.put_states(
+                frame // stretches.STRETCH_FRAMES, mixer, self._all_balances, self._numbers
+            )
 
     def finish(self, job: RenderJob, n_simulated: int) -> None:
         """Store what is known once so many frames of the job are computed."""
@@ -63,19 +98,34 @@ class RenderMemory:
         stops = [*range(step, stage.n_frames, step), stage.n_frames]
         highpass, reference = job.level.highpass, job.level.reference
         mixes, levels = [], []
-        for stop, taps in zip(stops, simulation.output_keys(stops), strict=True):
+        all_taps = simulation.output_keys(stops)
+        for stop, taps in zip(stops, all_taps, strict=True):
             mix = stage.mix_key(taps, highpass=highpass, reference=reference)
             stems = stage.stem_keys(taps, highpass=highpass, reference=reference)
             mixes.append(key_of("mix", stop, mix))
             levels.append([key_of("levels", stop, stem) for stem in stems])
+
+        def mixer_key(index: int) -> str:
+            mix = stage.mix_key(
+                all_taps[index], highpass=highpass, reference=reference, with_silent=True
+            )
+            return key_of("mixer", stops[index], mix)
+
+        def balance_keys(index: int) -> list[str]:
+            stems = stage.stem_keys(
+                all_taps[index], highpass=highpass, reference=reference, with_silent=True
+            )
+            return [key_of("balance", stops[index], stem) for stem in stems]
+
         self._mixed = MixedStretches(
             store,
             mixes,
             n_frames=stage.n_frames,
             n_channels=stage.n_channels,
             score=job.stamp.score,
+            state_key=mixer_key,
         )
-        self.levels = KnownLevels(store, levels)
+        self.levels = KnownLevels(store, levels, balance_keys)
         self.masters = KnownMasters(
             store, mixes[-1], n_frames=stage.n_frames, score=job.stamp.score
         )
@@ -109,18 +159,57 @@ class RenderMemory:
         return self._mixed.known(start, last_frame, job.ending, 0 if job.has_open_end else stop)
 
     def computing(
-        self, job: RenderJob, balances: Sequence[Balance], *, records: bool
+        self, job: RenderJob, balances: Sequence[Balance], mixer: Mixer | None
     ) -> ComputedRender:
-        """How to compute a job, with what is known of its parts; `records`: its mix is stored."""
-        recorder = MixRecorder(self._mixed, self._n_frames) if records else None
-        outcomes = None if recorder is None else recorder.outcomes
+        """How to compute a job, with what is known of its parts; a `mixer` that mixes all of it is
+        brought to the first frame that is computed, and its mix is stored.
+        """
         last_frame = job.simulated_frames(self._n_frames)
-        simulation = ResumedSimulation(
-            self.simulation, self.store, self._n_frames, last_frame, outcomes
-        )
+        simulation = ResumedSimulation(self.simulation, self.store, self._n_frames, last_frame)
         numbers = self.levels.recall(balances, job.stop)
         part_balances = [balances[number] for number in numbers]
-        return ComputedRender(simulation, part_balances, recorder, self, balances, numbers)
+        if mixer is None:
+            return ComputedRender(simulation, part_balances, None, (), self, balances, numbers)
+        known_frames: Sequence[NDArray[np.float64]] = ()
+        for n_stretches in range(
+            min(self._mixed.n_leading(), (last_frame - 1) // stretches.STRETCH_FRAMES), 0, -1
+        ):
+            is_stored = self._mixed.has_state(n_stretches) and simulation.has_states(n_stretches)
+            if is_stored and self.levels.has_states(numbers, n_stretches):
+                known_frames = self._resume(n_stretches, simulation, mixer, part_balances, numbers)
+                break
+        recorder = MixRecorder(self._mixed, self._n_frames, sum(map(len, known_frames)))
+        simulation.outcomes = recorder.outcomes
+        return ComputedRender(
+            simulation, part_balances, recorder, known_frames, self, balances, numbers
+        )
+
+    def _resume(
+        self,
+        n_stretches: int,
+        simulation: ResumedSimulation,
+        mixer: Mixer,
+        balances: Sequence[Balance],
+        numbers: Sequence[int],
+    ) -> Sequence[NDArray[np.float64]]:
+        """Bring everything to the end of the first stretches; their frames, or none if any part of
+        that cannot be read.
+        """
+        frames, state = self._mixed.leading(n_stretches), self._mixed.state(n_stretches)
+        levels = self.levels.states(numbers, n_stretches)
+        if frames is None or state is None or levels is None or not simulation.resume(n_stretches):
+            return ()
+        mixer.set_state(state)
+        for balance, known_level in zip(balances, levels, strict=True):
+            balance.resume(known_level.sound, known_level.state)
+        return frames
+
+    def put_states(
+        self, n_stretches: int, mixer: Mixer, balances: Sequence[Balance], numbers: Sequence[int]
+    ) -> None:
+        """Store what a later render needs in order to go on after the first stretches."""
+        self._mixed.put_state(n_stretches, mixer)
+        self.levels.put_states(balances, numbers, n_stretches)
 
 
 def memory_of(stage: Staged, job: RenderJob) -> RenderMemory | None:

@@ -20,12 +20,14 @@ from ergon import _core
 from . import stretches
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
 
     from ergon.exchange.stretch_store import StretchStore
+
+    from .staged import Mixer
 
 # The search for silence that ended a render: the frame from which on, and the number of channels.
 Ending = tuple[int, int]
@@ -115,9 +117,7 @@ class KnownMix:
 
     def blocks(self, n_frames: int) -> Iterator[NDArray[np.float64]]:
         """All frames, at most `n_frames` at a time."""
-        for stretch in self.frames:
-            for first_frame in range(0, len(stretch), n_frames):
-                yield stretch[first_frame : first_frame + n_frames]
+        return blocks_of(self.frames, n_frames)
 
 
 class MixedStretches:
@@ -135,10 +135,13 @@ class MixedStretches:
         n_frames: int,
         n_channels: int,
         score: str,
+        state_key: Callable[[int], str],
     ) -> None:
-        """Read nothing yet."""
+        """Read nothing yet; `state_key` gives the key of the mixer's state after a stretch."""
         self._store, self._keys, self._score = store, keys, score
         self._n_frames, self._n_channels = n_frames, n_channels
+        self._state_key = state_key
+        self._known: dict[int, _Stretch] = {}  # what `known` has read
 
     def known(self, start: int, stop: int, ending: Ending | None, needed: int) -> KnownMix | None:
         """The mix from the stretch of frame `start` on up to frame `stop` or later; None if any of
@@ -156,6 +159,7 @@ class MixedStretches:
             stretch = self._read(index)
             if stretch is None:
                 return None
+            self._known[index] = stretch
             if known_stretches:
                 outcome_before = known_stretches[-1].outcome
             known_stretches.append(stretch)
@@ -192,20 +196,60 @@ class MixedStretches:
             frames.append(stretch.frames[:n_needed])
         return KnownMix(first_index * step, tuple(frames), master.outcome, master)
 
+    def n_leading(self) -> int:
+        """How many stretches from the first one on are stored, and complete unless a render ended
+        in them.
+        """
+        indices = range(self._n_frames // stretches.STRETCH_FRAMES)
+        unknown = (index for index in indices if not self._store.has(self._keys[index]))
+        return next(unknown, len(indices))
+
+    def leading(self, n_stretches: int) -> list[NDArray[np.float64]] | None:
+        """The frames of the first stretches; None if any of them is not known."""
+        known_stretches = [
+            self._known.get(index) or self._read(index) for index in range(n_stretches)
+        ]
+        self._known = {}
+        frames = [stretch.frames for stretch in known_stretches if stretch is not None]
+        n_frames = n_stretches * stretches.STRETCH_FRAMES
+        return frames if sum(map(len, frames)) == n_frames else None
+
+    def has_state(self, n_stretches: int) -> bool:
+        """Whether the state of a mixer after the first stretches is stored."""
+        return self._store.has(self._state_key(n_stretches - 1))
+
+    def state(self, n_stretches: int) -> bytes | None:
+        """The state of a mixer after the first stretches; None if it is not known."""
+        stored = self._store.get(self._state_key(n_stretches - 1))
+        return None if stored is None else stored.state
+
+    def put_state(self, n_stretches: int, mixer: Mixer) -> None:
+        """Store the state of a mixer after the first stretches."""
+        import numpy as np
+
+        key = self._state_key(n_stretches - 1)
+        state = None if self._store.has(key) else mixer.state()
+        if state is not None:
+            self._store.put(key, np.empty(0), state)
+
     def put(
-        self, first_frame: int, frames: NDArray[np.float64], outcome: Outcome, ending: Ending | None
+        self,
+        first_frame: int,
+        blocks: Sequence[NDArray[np.float64]],
+        outcome: Outcome,
+        ending: Ending | None,
     ) -> bool:
-        """Store the frames from frame `first_frame` on, where a stretch begins; False if the
-        folder takes nothing.
+        """Store the frames of `blocks` from frame `first_frame` on, where a stretch begins; False
+        if the folder takes nothing.
         """
         index = first_frame // stretches.STRETCH_FRAMES
         stretch_before = self._read(index) if self._store.has(self._keys[index]) else None
-        if stretch_before is not None and len(stretch_before.frames) >= len(frames):
+        if stretch_before is not None and len(stretch_before.frames) >= sum(map(len, blocks)):
             if ending in (None, stretch_before.ending) or stretch_before.outcome != outcome:
                 return True
-            frames = stretch_before.frames
+            blocks = [stretch_before.frames]
         state = [*outcome.fields(self._score), ending]
-        return self._store.put(self._keys[index], frames.reshape(-1), json.dumps(state).encode())
+        return self._store.put(self._keys[index], blocks, json.dumps(state).encode())
 
     def _stop(self, index: int) -> int:
         return min((index + 1) * stretches.STRETCH_FRAMES, self._n_frames)
@@ -231,11 +275,11 @@ class MixRecorder:
     `outcomes` gets the outcome at the end of each stretch before its last frames come.
     """
 
-    def __init__(self, mixed: MixedStretches, n_frames: int) -> None:
-        """Begin at frame 0 of a piece of `n_frames`."""
+    def __init__(self, mixed: MixedStretches, n_frames: int, frame: int = 0) -> None:
+        """Begin at a frame of a piece of `n_frames`, where a stretch begins."""
         self.outcomes: dict[int, Outcome] = {}
         self._mixed, self._n_frames = mixed, n_frames
-        self._frame = 0
+        self._frame = frame
         self._blocks: list[NDArray[np.float64]] = []
         self._store_accepts = True
 
@@ -265,13 +309,19 @@ class MixRecorder:
         return sum(map(len, self._blocks))
 
     def _put(self, outcome: Outcome | None, ending: Ending | None) -> None:
-        import numpy as np
-
-        frames, self._blocks = np.concatenate(self._blocks), []
+        first_frame, blocks = self._frame - self._n_pending, self._blocks
+        self._blocks = []
         if outcome is not None:
-            self._store_accepts = self._mixed.put(
-                self._frame - len(frames), frames, outcome, ending
-            )
+            self._store_accepts = self._mixed.put(first_frame, blocks, outcome, ending)
+
+
+def blocks_of(
+    frames: Sequence[NDArray[np.float64]], n_frames: int
+) -> Iterator[NDArray[np.float64]]:
+    """All frames of arrays (n_frames, n_channels), at most `n_frames` at a time."""
+    for stretch in frames:
+        for first_frame in range(0, len(stretch), n_frames):
+            yield stretch[first_frame : first_frame + n_frames]
 
 
 def key_of(noun: str, stop: int, depends: str) -> str:

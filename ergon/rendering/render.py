@@ -19,14 +19,15 @@ from ergon import _core
 from ergon.exchange import sound
 from ergon.exchange.safe import FileGroup, check_target, file_group
 
+from . import stretches
 from .ahead import ahead
 from .balance import MEASURED_OUTPUTS_MAX, Balance
 from .filmed import FilmedSimulation
 from .job import RenderedFile, RenderedFiles, RenderJob
 from .level import ArrayWriter, MasterChain
 from .limiting import Limiting, StemLimiter
-from .memory import RenderMemory, memory_of
-from .mixed_stretches import KnownMaster, KnownMix, MixRecorder, Outcome
+from .memory import ComputedRender, RenderMemory, memory_of
+from .mixed_stretches import KnownMaster, KnownMix, Outcome
 from .remote import RemoteSimulation
 from .resumed import ResumedSimulation
 from .staged import Mixer, Simulation, Staged
@@ -147,9 +148,9 @@ def _recalled_or_computed(
         if known_mix.master is None:
             _store_master(memory, job, filled, known_mix.outcome)
         return filled
-    computing = memory.computing(job, balances, records=is_alone)
+    computing = memory.computing(job, balances, tracks[0].mixer if is_alone else None)
     filled = _fill(
-        stage, job, tracks, progress, computing.balances, computing.simulation, computing.recorder
+        stage, job, tracks, progress, computing.balances, computing.simulation, computing
     )
     _store_master(memory, job, filled, Outcome.from_simulation(memory.simulation))
     computing.finish(job, filled.n_simulated)
@@ -234,14 +235,14 @@ def _fill(
     progress: Callable[[int], None],
     balances: Sequence[Balance],
     simulation: Simulation | None,
-    recorder: MixRecorder | None = None,
+    computing: ComputedRender | None = None,
 ) -> _Filled:
     """Compute the files."""
     if not job.has_open_end:
         for track in tracks:
             track.finish = track.begin(job, 0)
     piece_end, n_simulated = _simulate(
-        stage, simulation or stage.simulation, job, tracks, progress, balances, recorder
+        stage, simulation or stage.simulation, job, tracks, progress, balances, computing
     )
     return _finished(stage, job, tracks, 0, piece_end, n_simulated)
 
@@ -335,30 +336,38 @@ def _simulate(
     tracks: Sequence[Track],
     progress: Callable[[int], None],
     balances: Sequence[Balance],
-    recorder: MixRecorder | None,
+    computing: ComputedRender | None,
 ) -> tuple[int, int]:
-    """Mix all frames; returns the frame at which the piece ends, as far as that was computed, and
-    the number of frames that were.
+    """Mix all frames that are not known; returns the frame at which the piece ends, as far as that
+    was computed, and the number of frames that were.
     """
-    import numpy as np
-
     first_frame = 0
     # A limiter looks ahead, so it needs frames past the cut.
     latencies = (track.finish.latency for track in tracks if track.finish is not None)
     needed = min(stage.n_frames, job.stop + max(latencies, default=0))
     last_frame = max(needed, job.simulated_frames(stage.n_frames))
     fade, end = _silence_detector(stage, job), None
-    blocks = frames_of(simulation, last_frame, job.block)
+    n_known = 0 if computing is None else computing.n_known
+    known_blocks = () if computing is None else computing.known_blocks(job.block)
+    blocks = frames_of(simulation, last_frame - n_known, job.block)
+    mixed_block = _NewBlocks(stage.n_channels, last_frame)
     # A filmed simulation goes on after the sound has faded, so no block may be abandoned midway.
     # Other processes are not waited for in a thread that Ctrl-C does not reach.
     is_ahead = job.threads > 1 and job.film is None and job.workers is None
     with contextlib.closing(ahead(blocks) if is_ahead else blocks) as coming:
+        for mixed in known_blocks:
+            folded = _fold(mixed, job.format.n_channels)
+            if fade is not None and end is None:
+                end = fade.take(folded)
+            tracks[0].take(folded)
+            first_frame += len(mixed)
+            progress(first_frame)
         for frames in coming:
             for track in tracks:
-                mixed = np.empty((len(frames), stage.n_channels))
+                mixed = mixed_block(len(frames))
                 track.mixer.process(frames, mixed)
-                if recorder is not None and track is tracks[0]:
-                    recorder.take(mixed)
+                if computing is not None and track is tracks[0]:
+                    computing.take(mixed)
                 folded = _fold(mixed, job.format.n_channels)
                 if fade is not None and end is None and track is tracks[0]:
                     end = fade.take(folded)
@@ -367,6 +376,8 @@ def _simulate(
                 balance.take(frames)
             first_frame += len(frames)
             progress(first_frame)
+            if computing is not None:
+                computing.end_block(first_frame, tracks[0].mixer)
             if end is not None and (job.has_open_end or first_frame >= needed):
                 break
     return first_frame if end is None else end, first_frame
@@ -382,6 +393,27 @@ def frames_of(
         frames = np.empty((min(block, stop - first_frame), simulation.n_out))
         simulation.process(frames)
         yield frames
+
+
+class _NewBlocks:
+    """New arrays for mixed frames, cut from large ones: the system gives memory in large pages."""
+
+    def __init__(self, n_channels: int, n_frames: int) -> None:
+        """Arrays for `n_frames`, or a part of them, at a time."""
+        import numpy as np
+
+        self._frames_left: NDArray[np.float64] = np.empty((0, n_channels))
+        self._n_frames = min(n_frames, stretches.STRETCH_FRAMES)
+
+    def __call__(self, n_frames: int) -> NDArray[np.float64]:
+        """An array (n_frames, n_channels) that nobody else uses."""
+        import numpy as np
+
+        if len(self._frames_left) < n_frames:
+            n_channels = self._frames_left.shape[1]
+            self._frames_left = np.empty((max(n_frames, self._n_frames), n_channels))
+        block, self._frames_left = self._frames_left[:n_frames], self._frames_left[n_frames:]
+        return block
 
 
 def _fold(mixed: NDArray[np.float64], n_channels: int) -> NDArray[np.float64]:

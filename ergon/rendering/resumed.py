@@ -18,12 +18,16 @@ from .mixed_stretches import Outcome
 from .stretches import StretchedSimulation, is_expensive
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from ergon._core import Simulation, StorableIsland
-    from ergon.exchange.stretch_store import StretchStore
+    from ergon.exchange.stretch_store import Stretch, StretchStore
 
 # Reading and writing a sample takes some 20 ns, and computing it several times what the table of
 # costs says, where contacts open and close: 122 s of 23 struck islands of 20 to 60 ns took 30 s.
 _SHARE = 0.15
+_UNHEARD_FRAMES = 4096  # that are computed at once; divides a stretch
 _WORK_MIN = 1.0  # s on one core: a shorter render is not worth any files
 
 
@@ -57,13 +61,75 @@ class ResumedSimulation(StretchedSimulation):
         `outcomes` gets what the simulation reports at the end of each stretch, by its frame.
         """
         super().__init__(simulation, n_frames)
-        self._store, self._last, self._outcomes = store, last_frame, outcomes
+        self._store, self._last, self.outcomes = store, last_frame, outcomes
         self._parts = [
             _Part(island) for island in simulation.storable() if is_expensive(island, _SHARE)
         ]
         if 1e-9 * n_frames * sum(part.island.cost for part in self._parts) < _WORK_MIN:
             self._parts = []
         self._store_accepts = True
+        # The stretches before the first one that is asked for.
+        self._stretches_before: list[Stretch] = []
+        self._n_skipped = 0
+
+    def has_states(self, n_stretches: int) -> bool:
+        """Whether the states of all islands after the first stretches are stored."""
+        return all(self._store.has(key) for key in self._keys(n_stretches))
+
+    def resume(self, n_stretches: int) -> bool:
+        """Go on after the first stretches, which are not heard any more; False if a state of an
+        island after them is not known. The samples are those of a render from frame 0.
+        """
+        keys = self._keys(n_stretches)
+        known_stretches = [self._store.get(key) for key in keys]
+        n_frames = stretches.STRETCH_FRAMES
+        for part, stretch, key in zip(self._parts, known_stretches, keys, strict=True):
+            if stretch is None or len(stretch.sound) != n_frames * part.island.n_out:
+                return False
+            part.key = key
+        self._stretches_before = [stretch for stretch in known_stretches if stretch is not None]
+        self._frame = n_stretches * n_frames
+        self._n_skipped = self._frame
+        return True
+
+    def process(self, out: NDArray[np.float64]) -> None:
+        """Fill (n_frames, n_out) with the next frames. Raises DivergedError."""
+        if self._n_skipped:
+            self._skip()
+        super().process(out)
+
+    def _keys(self, n_stretches: int) -> list[str]:
+        """The keys of the last of the first stretches of each island."""
+        step = stretches.STRETCH_FRAMES
+        keys = []
+        for part in self._parts:
+            key = ""
+            for start in range(0, n_stretches * step, step):
+                key = self._simulation.island_key(part.island, start, start + step, key)
+            keys.append(key)
+        return keys
+
+    def _skip(self) -> None:
+        """Bring the simulation to the first frame that is asked for.
+
+        Islands that are not stored are computed. The last stretch is recalled, because rates of
+        change depend on the frames before.
+        """
+        import numpy as np
+
+        step, n_skipped, self._n_skipped = stretches.STRETCH_FRAMES, self._n_skipped, 0
+        for part in self._parts:
+            self._simulation.silence(part.island)
+        unheard = np.empty((min(step, _UNHEARD_FRAMES), self.n_out))
+        for first_frame in range(0, n_skipped, len(unheard)):
+            if first_frame == n_skipped - step:
+                for part, stretch in zip(self._parts, self._stretches_before, strict=True):
+                    self._simulation.recall(part.island, stretch.sound)
+            self._simulation.process(unheard)
+        for part, stretch in zip(self._parts, self._stretches_before, strict=True):
+            self._simulation.set_state(part.island, stretch.state)
+        self.n_recalled += n_skipped * len(self._parts)
+        self._stretches_before = []
 
     def _begin(self) -> None:
         """Recall the islands whose stretch is known; compute the others."""
@@ -90,8 +156,8 @@ class ResumedSimulation(StretchedSimulation):
             if part.is_recalled and part.state is not None:
                 # What the simulation reports is then that of a render which recalls nothing.
                 self._simulation.set_state(part.island, part.state)
-        if self._outcomes is not None:
-            self._outcomes[self._frame] = Outcome.from_simulation(self._simulation)
+        if self.outcomes is not None:
+            self.outcomes[self._frame] = Outcome.from_simulation(self._simulation)
         if self._frame > self._n_frames:
             return
         for part in self._parts:

@@ -16,6 +16,12 @@ class Mixer(Protocol):
     def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
         """Mix (n_frames, n_out) to (n_frames, n_channels)."""
 
+    def state(self) -> bytes | None:
+        """What later frames depend on, besides the outputs; None if that cannot be stored."""
+
+    def set_state(self, state: bytes) -> None:
+        """Go on after the frames that an equal mixer has mixed. Raises EngineError."""
+
 
 class Simulation(Protocol):
     """Computes the outputs of a piece: `_core.Simulation`."""
@@ -82,11 +88,25 @@ class KeyedStage(Staged, Protocol):
         """About how long mixing a frame takes [ns]."""
 
     def mix_key(
-        self, taps: Sequence[str], *, highpass: float | None, reference: float | None
+        self,
+        taps: Sequence[str],
+        *,
+        highpass: float | None,
+        reference: float | None,
+        with_silent: bool = False,
     ) -> str:
-        """A hash of all that the frames of `mixer` depend on; `taps` are hashes of outputs."""
+        """A hash of all that the frames of `mixer` depend on, or its state `with_silent` outputs;
+        `taps` are hashes of outputs.
+        """
 
     def stem_keys(
-        self, taps: Sequence[str], *, highpass: float | None, reference: float | None
+        self,
+        taps: Sequence[str],
+        *,
+        highpass: float | None,
+        reference: float | None,
+        with_silent: bool = False,
     ) -> Sequence[str]:
-        """A hash of all that the frames of each mixer of `measured_stems` depend on."""
+        """A hash of all that the frames, or the state, of each mixer of `measured_stems` depend
+        on.
+        """

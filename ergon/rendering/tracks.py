@@ -104,6 +104,8 @@ def _set_gains(stage: Staged, job: RenderJob, tracks: Sequence[Track], piece_end
 
 def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, piece_end: int) -> float:
     measured = MeasuredLevel(job.level, stage.rate, job.format.n_channels)
+    if job.level.loudness is None and piece_end >= mix.n_frames:
+        return measured.gain_of_peak(mix.peak)
     frames_left = piece_end
     for block in mix.blocks(job.block):
         measured.take(block[:frames_left])

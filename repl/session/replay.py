@@ -404,3 +404,9 @@ class _PassThrough:
     def process(self, frames: NDArray[np.float64], mixed: NDArray[np.float64]) -> None:
         """Copy (n_frames, n_channels)."""
         mixed[:] = frames
+
+    def state(self) -> bytes | None:
+        """Nothing that is worth storing."""
+
+    def set_state(self, state: bytes) -> None:
+        """Nothing depends on frames before."""

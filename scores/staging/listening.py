@@ -141,9 +141,11 @@ class Listening:
         reference: float | None = None,
         parts: Collection[str] | None = None,
         unit: float = 1.0,
+        with_silent: bool = False,
     ) -> str:
         """A hash of all that the frames of such a mixer depend on, up to a frame up to which `taps`
         are the hashes of what each tap gives, empty where that is silence, which changes no mix.
+        The state of a mixer has places for ways `with_silent` taps, too.
         """
         rooms = [(room.size, room.t60, room.to, room.gain) for room in self.rooms]
         channel_keys = [
@@ -161,7 +163,7 @@ class Listening:
                 *(("squared",) if path.is_squared else ()),
             )
             for path in self.ways
-            if taps[path.tap] and (parts is None or path.part in parts)
+            if (taps[path.tap] or with_silent) and (parts is None or path.part in parts)
         ]
         return sha256(repr((self.n_channels, rooms, self.fade, channel_keys)).encode()).hexdigest()
 

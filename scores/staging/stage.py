@@ -185,18 +185,39 @@ class Stage:
         return self.listening.cost
 
     def mix_key(
-        self, taps: Sequence[str], *, highpass: float | None, reference: float | None
+        self,
+        taps: Sequence[str],
+        *,
+        highpass: float | None,
+        reference: float | None,
+        with_silent: bool = False,
     ) -> str:
-        """A hash of all that the frames of `mixer` depend on; `taps` are hashes of outputs."""
-        return self.listening.mix_key(taps, highpass=highpass, reference=reference)
+        """A hash of all that the frames of `mixer` depend on, or its state `with_silent` outputs;
+        `taps` are hashes of outputs.
+        """
+        return self.listening.mix_key(
+            taps, highpass=highpass, reference=reference, with_silent=with_silent
+        )
 
     def stem_keys(
-        self, taps: Sequence[str], *, highpass: float | None, reference: float | None
+        self,
+        taps: Sequence[str],
+        *,
+        highpass: float | None,
+        reference: float | None,
+        with_silent: bool = False,
     ) -> list[str]:
-        """A hash of all that the frames of each mixer of `measured_stems` depend on."""
+        """A hash of all that the frames, or the state, of each mixer of `measured_stems` depend
+        on.
+        """
         return [
             self.listening.mix_key(
-                taps, highpass=highpass, reference=reference, parts=parts, unit=unit
+                taps,
+                highpass=highpass,
+                reference=reference,
+                parts=parts,
+                unit=unit,
+                with_silent=with_silent,
             )
             for parts, unit in self._measured_parts().values()
         ]

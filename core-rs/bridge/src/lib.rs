@@ -86,7 +86,7 @@ mod _core {
     use super::maths::{atan2, cos, decibels, exp, ln, pow, sin};
     #[pymodule_export]
     #[pymodule_export]
-    use super::meter::{Meter, TruePeak};
+    use super::meter::{LevelSteps, Meter, TruePeak};
     #[pymodule_export]
     use super::mixer::{FrozenOutputs, Mixer};
     #[pymodule_export]
@@ -94,7 +94,7 @@ mod _core {
     #[pymodule_export]
     use super::network::{Certificate, Network, ReachableNetwork};
     #[pymodule_export]
-    use super::pcm::{pcm, single};
+    use super::pcm::{crc32, packed, pcm, single};
     #[pymodule_export]
     use super::perform::{AudioRecorded, Performance};
     #[pymodule_export]

@@ -10,6 +10,7 @@ use ergon_engine::mix::mixer;
 use ergon_engine::mix::room::RoomSpec;
 use numpy::{PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 
 use crate::error::plain_error;
 use crate::frames::{rows, rows_mut};
@@ -129,6 +130,16 @@ impl Mixer {
     #[pyo3(signature = (old, outputs = None))]
     fn take_over(&mut self, old: &mut Self, outputs: Option<Vec<Option<usize>>>) {
         self.0.take_over(&mut old.0, outputs.as_deref());
+    }
+
+    /// The state of routes and rooms as bytes; `None` while a gain glides, or with frozen outputs.
+    fn state<'py>(&mut self, py: Python<'py>) -> Option<Bound<'py, PyBytes>> {
+        self.0.write_state().map(|state| PyBytes::new(py, &state))
+    }
+
+    /// Go on after the frames that an equal mixer has mixed.
+    fn set_state(&mut self, state: &[u8]) -> PyResult<()> {
+        self.0.read_state(state).map_err(plain_error)
     }
 
     /// Mix frames (n_frames, n_out) into mixed (n_frames, n_channels).

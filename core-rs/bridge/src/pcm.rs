@@ -1,8 +1,9 @@
 //! Conversion of samples to the formats of sound files.
 
 use ergon_engine::mix::pcm::{self as engine, Bits};
-use numpy::{Element, IxDyn, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{Element, IxDyn, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 
 use crate::error::plain_error;
 
@@ -16,6 +17,33 @@ pub(crate) fn pcm<'py>(
 ) -> PyResult<Bound<'py, PyArrayDyn<i32>>> {
     let bits = Bits::try_from(bits).map_err(|bits| plain_error(format!("bits must be 16 or 24, not {bits}")))?;
     converted(py, &frames, |samples, codes| engine::pcm(samples, gain, bits, codes))
+}
+
+/// The top `width` bytes (1 to 4) of codes in C order, the lowest of each first.
+#[pyfunction]
+pub(crate) fn packed<'py>(
+    py: Python<'py>,
+    codes: PyReadonlyArrayDyn<'py, i32>,
+    width: usize,
+) -> PyResult<Bound<'py, PyBytes>> {
+    if !codes.is_c_contiguous() || !(1..=4).contains(&width) {
+        return Err(plain_error("codes must be C-contiguous, and 1 to 4 bytes wide"));
+    }
+    let codes = codes.as_slice()?;
+    PyBytes::new_with(py, codes.len() * width, |bytes| {
+        engine::pack(codes, width, bytes);
+        Ok(())
+    })
+}
+
+/// The CRC-32 (as of zlib) of bytes that come after those of which it is `start`.
+#[pyfunction]
+#[pyo3(signature = (bytes, start = 0))]
+pub(crate) fn crc32(py: Python<'_>, bytes: PyReadonlyArray1<'_, u8>, start: u32) -> PyResult<u32> {
+    let mut hasher = crc32fast::Hasher::new_with_initial(start);
+    let bytes = bytes.as_slice()?;
+    py.detach(|| hasher.update(bytes));
+    Ok(hasher.finalize())
 }
 
 /// frames · gain in single precision.

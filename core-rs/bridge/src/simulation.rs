@@ -316,6 +316,11 @@ impl Simulation {
         Ok(())
     }
 
+    /// Leave an island silent, and do not compute it, until its state is set.
+    fn silence(&mut self, island: &StorableIsland) {
+        self.0.silence(&island.0);
+    }
+
     /// Compute an island from here on, and record its sound.
     fn record(&mut self, island: &StorableIsland) {
         self.0.record(&island.0);

@@ -6,6 +6,7 @@ pub mod filter;
 pub mod fold;
 pub mod frozen;
 pub mod glide;
+pub mod level_steps;
 pub mod limiter;
 pub mod meter;
 pub mod mixer;

@@ -1,5 +1,6 @@
 //! A second-order filter with a low-pass and a high-pass output.
 
+use crate::archive::state;
 use crate::maths;
 use crate::maths::wide::wide;
 
@@ -14,6 +15,8 @@ pub(crate) struct Section {
     band: f64,
     low: f64,
 }
+
+state!(Section { band, low });
 
 /// The outputs of a section for one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]

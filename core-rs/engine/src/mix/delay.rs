@@ -1,5 +1,7 @@
 //! A delay by a whole number of frames.
 
+use crate::archive::{Archive, Damaged, State, state_of};
+
 /// A delay line; its output is silent until the first sample has passed through it.
 #[derive(Clone, Debug)]
 pub(super) struct Delay {
@@ -18,6 +20,17 @@ pub struct Echo {
     pub frames: usize,
     /// Its ratio, between -1 and 1.
     pub ratio: f64,
+}
+
+impl State for Delay {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        let fields: Result<(), Damaged> = state_of!(self, archive, past, write_index);
+        fields.and(if self.write_index < self.past.len() {
+            Ok(())
+        } else {
+            Err(Damaged)
+        })
+    }
 }
 
 impl Delay {

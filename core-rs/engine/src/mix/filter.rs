@@ -1,5 +1,6 @@
 //! Filters of second order on a route.
 
+use crate::archive::state;
 use crate::maths::{pow, sqrt};
 use crate::section::{BUTTERWORTH_2, Section};
 
@@ -74,6 +75,8 @@ pub(super) struct Filter {
     section: Section,
     weights: Weights,
 }
+
+state!(Filter { section });
 
 impl Filter {
     /// A filter at rest, at `rate` [Hz].

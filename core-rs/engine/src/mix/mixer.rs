@@ -2,6 +2,7 @@
 
 mod route;
 mod span;
+mod stored;
 mod takeover;
 
 use std::sync::Arc;

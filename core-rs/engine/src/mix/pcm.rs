@@ -1,5 +1,7 @@
 //! Conversion of samples to the formats of files.
 
+use crate::maths::wide::wide;
+
 /// Width of an integer sample.
 #[derive(Clone, Copy, Debug, Eq, PartialEq)]
 pub enum Bits {
@@ -44,13 +46,47 @@ impl Bits {
 /// ```
 pub fn pcm(samples: &[f64], gain: f64, bits: Bits, codes: &mut [i32]) {
     let full_scale = f64::from(1 << (bits.width() - 1));
-    let code_shift = 32 - bits.width();
-    for (x, code) in samples.iter().zip(codes) {
-        let rounded_code = (x * gain * full_scale)
-            .round_ties_even()
-            .clamp(-full_scale, full_scale - 1.0);
-        // `as` converts NaN to 0.
-        *code = (rounded_code as i32) << code_shift;
+    round_all(samples, (gain, full_scale, 32 - bits.width()), codes);
+}
+
+wide! {
+    #[allow(clippy::needless_range_loop)] // closures would be compiled for the baseline, and called
+    fn round_all(samples: &[f64], scales: (f64, f64, u32), codes: &mut [i32]) {
+        let (gain, full_scale, code_shift) = scales;
+        let codes = &mut codes[..samples.len()];
+        for index in 0..samples.len() {
+            let rounded_code = (samples[index] * gain * full_scale).round_ties_even();
+            // Not `clamp`, whose check of its bounds is in the way of vectors. `as` converts NaN to 0.
+            let below = if rounded_code > full_scale - 1.0 { full_scale - 1.0 } else { rounded_code };
+            let clipped_code = if below < -full_scale { -full_scale } else { below };
+            codes[index] = (clipped_code as i32) << code_shift;
+        }
+    }
+}
+
+/// The top `width` bytes (1 to 4) of each code, the lowest first, as files hold them   (n_codes · `width`).
+///
+/// ```
+/// use ergon_engine::mix::pcm::pack;
+///
+/// let mut packed = [0; 6];
+/// pack(&[0x0102_0300, -0x100], 3, &mut packed);
+/// assert_eq!(packed, [3, 2, 1, 255, 255, 255]);
+/// ```
+pub fn pack(codes: &[i32], width: usize, packed: &mut [u8]) {
+    match width {
+        // Known widths are copied in registers.
+        2 => pack_known::<2>(codes, packed),
+        3 => pack_known::<3>(codes, packed),
+        4 => pack_known::<4>(codes, packed),
+        _ => pack_known::<1>(codes, packed),
+    }
+}
+
+fn pack_known<const WIDTH: usize>(codes: &[i32], packed: &mut [u8]) {
+    let (places, _) = packed.as_chunks_mut::<WIDTH>();
+    for (code, place) in codes.iter().zip(places) {
+        place.copy_from_slice(&code.to_le_bytes()[4 - WIDTH..]);
     }
 }
 
@@ -98,6 +134,21 @@ mod tests {
         let expected_codes = [top_code, -32_768, top_code, top_code, -32_768, top_code, -32_768, 0];
         assert_eq!(codes(&loud_samples, 1.0, Bits::Sixteen), expected_codes);
         assert_eq!(codes(&[0.5, -0.25], 2.0, Bits::TwentyFour), [8_388_607, -4_194_304]);
+    }
+
+    #[test]
+    fn pack_of_each_width() {
+        let codes = [0x0102_0304, -2];
+        for (width, wanted) in [
+            (1, &[1, 255][..]),
+            (2, &[2, 1, 255, 255]),
+            (3, &[3, 2, 1, 255, 255, 255]),
+            (4, &[4, 3, 2, 1, 254, 255, 255, 255]),
+        ] {
+            let mut packed = vec![0; 2 * width];
+            pack(&codes, width, &mut packed);
+            assert_eq!(packed, wanted);
+        }
     }
 
     #[test]

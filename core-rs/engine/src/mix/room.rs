@@ -8,6 +8,7 @@
 use thiserror::Error;
 
 use super::delay::Delay;
+use crate::archive::{Archive, Damaged, State, state, state_of};
 use crate::maths::wide::{half_wide, wide};
 use crate::maths::{cos, exp, log, pow, sin, sqrt};
 use crate::section::{BUTTERWORTH_2, Section};
@@ -86,6 +87,19 @@ pub(super) struct Room {
     /// Whether nothing has come in yet, so that nothing comes out.
     is_silent: bool,
     highpass: Section,
+}
+
+state!(Filters { x, y });
+
+/// A silent room has nothing to archive.
+impl State for Room {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        self.is_silent.archive(archive)?;
+        if self.is_silent {
+            return Ok(());
+        }
+        state_of!(self, archive, delays, filters, highpass)
+    }
 }
 
 impl Room {

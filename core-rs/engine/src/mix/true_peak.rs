@@ -111,7 +111,7 @@ impl TruePeak {
 wide! {
     /// The largest absolute value of samples; NaN does not count.
     #[allow(clippy::needless_range_loop)] // closures would be compiled for the baseline, and called
-    fn largest(samples: &[f64]) -> f64 {
+    pub(super) fn largest(samples: &[f64]) -> f64 {
         let mut lanes = [0.0; LANES];
         let (groups, rest) = samples.as_chunks::<LANES>();
         for group in groups {

@@ -54,6 +54,11 @@ impl Simulation {
         *self.source(island) = SoundSource::Recalled(sound, 0);
     }
 
+    /// From here on, do not compute an island, which is silent, until [`Simulation::set_state`].
+    pub fn silence(&mut self, island: &StorableIsland) {
+        *self.source(island) = SoundSource::Skipped;
+    }
+
     /// From here on, compute an island and keep its sound.
     pub fn record(&mut self, island: &StorableIsland) {
         *self.source(island) = SoundSource::Recorded(Vec::new());
@@ -64,7 +69,7 @@ impl Simulation {
         let sound_source = std::mem::replace(self.source(island), SoundSource::Computed);
         let recorded_sound = match sound_source {
             SoundSource::Recorded(recorded_sound) => recorded_sound,
-            SoundSource::Computed | SoundSource::Recalled(..) => Vec::new(),
+            SoundSource::Computed | SoundSource::Recalled(..) | SoundSource::Skipped => Vec::new(),
         };
         let island_state = self.island(island).map_or_else(Vec::new, Island::write_state);
         (recorded_sound, island_state)

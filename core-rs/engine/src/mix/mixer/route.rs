@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use crate::archive::{Archive, Damaged, State};
 use crate::mix::curve::Curve;
 use crate::mix::delay::{Delay, Echo};
 use crate::mix::filter::{Filter, FilterKind};
@@ -132,6 +133,14 @@ pub(super) struct Route {
     pub(super) residual_gain: Option<Glide>,
     /// Whether its filters give what those of the route before it give, for they hear the same in the same state.
     pub(super) repeats: bool,
+}
+
+/// What it hears and remembers, without fades.
+impl State for Route {
+    fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
+        self.filters[..].archive(archive)?;
+        self.delay.as_mut().map_or(Ok(()), |delay| delay.archive(archive))
+    }
 }
 
 impl Route {

@@ -1,0 +1,150 @@
+//! Levels of a sound, step by step.
+
+use super::meter::{Meter, MeterError};
+use super::true_peak::largest;
+use crate::archive::{Archive, Damaged, State, state};
+
+/// Peaks in a step.
+pub const PEAKS: usize = 10;
+
+/// Measures a sound in steps of a tenth of a second: the loudness of the last 400 ms, and ten peaks.
+///
+/// ```
+/// use ergon_engine::mix::level_steps::{LevelSteps, PEAKS};
+///
+/// let mut levels = LevelSteps::new(48_000.0, 1)?;
+/// levels.process(&[0.5; 4_801]);
+/// let measured = levels.measured();
+/// assert_eq!(measured.len(), 1 + PEAKS);
+/// assert_eq!(measured[1..], [0.5; PEAKS]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct LevelSteps {
+    meter: Meter,
+    /// Frames of the current step that have come.
+    frames_taken: usize,
+    peaks: [f64; PEAKS],
+    /// Loudness [LUFS] and peaks of each step   (n_steps · (1 + PEAKS))
+    measured: Vec<f64>,
+}
+
+state!(LevelSteps {
+    meter,
+    frames_taken,
+    peaks
+});
+
+impl LevelSteps {
+    /// Levels of `n_channels` at `rate` [Hz].
+    ///
+    /// # Errors
+    /// [`MeterError`] if loudness is not defined for the rate or the number of channels.
+    pub fn new(rate: f64, n_channels: usize) -> Result<Self, MeterError> {
+        Ok(Self {
+            meter: Meter::new(rate, n_channels)?,
+            frames_taken: 0,
+            peaks: [0.0; PEAKS],
+            measured: Vec::new(),
+        })
+    }
+
+    /// Number of channels.
+    pub fn n_channels(&self) -> usize {
+        self.meter.n_channels()
+    }
+
+    /// Measure (n_frames, n_channels); what is not finite counts as in [`Meter::process`].
+    pub fn process(&mut self, frames: &[f64]) {
+        let (n_channels, step) = (self.n_channels(), self.meter.tenth_frames());
+        let mut frames_left = frames;
+        while frames_left.len() >= n_channels {
+            // Peak p is that of the frames from p · step / PEAKS on.
+            let peak_index = (1..PEAKS).take_while(|p| p * step / PEAKS <= self.frames_taken).count();
+            let stop = (peak_index + 1) * step / PEAKS;
+            let n_frames = (stop - self.frames_taken).min(frames_left.len() / n_channels);
+            let span;
+            (span, frames_left) = frames_left.split_at(n_frames * n_channels);
+            self.meter.process(span);
+            self.peaks[peak_index] = self.peaks[peak_index].max(largest(span));
+            self.frames_taken += n_frames;
+            if self.frames_taken == step {
+                self.measured.push(self.meter.momentary());
+                self.measured.extend(std::mem::take(&mut self.peaks));
+                self.frames_taken = 0;
+            }
+        }
+    }
+
+    /// The loudness [LUFS] and the peaks of each complete step   (n_steps · (1 + PEAKS))
+    pub fn measured(&self) -> &[f64] {
+        &self.measured
+    }
+
+    /// What the levels of later frames depend on, besides the sound.
+    pub fn write_state(&mut self) -> Vec<u8> {
+        let mut state_bytes = Vec::new();
+        // Writing cannot fail.
+        let _ = self.archive(&mut Archive::Write(&mut state_bytes));
+        state_bytes
+    }
+
+    /// Go on after frames whose levels are `measured`; `state` is that after them.
+    ///
+    /// # Errors
+    /// [`Damaged`] if these are not the state and the levels of such steps; all is then as it was.
+    pub fn read_state(&mut self, state: &[u8], measured: &[f64]) -> Result<(), Damaged> {
+        let mut restored = self.clone();
+        let mut archive = Archive::Read(state);
+        restored.archive(&mut archive)?;
+        let step = self.meter.tenth_frames();
+        let is_valid = archive.is_empty() && restored.frames_taken < step && restored.meter.is_within_tenth();
+        if !is_valid || !measured.len().is_multiple_of(1 + PEAKS) {
+            return Err(Damaged);
+        }
+        restored.measured = measured.to_vec();
+        *self = restored;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::maths;
+
+    #[test]
+    fn levels_after_a_restored_state_equal_those_without() {
+        for n_channels in [1, 3, 8] {
+            let samples = (0..30_000 * n_channels).map(|i| maths::sin((i * i % 10_007) as f64));
+            let frames: Vec<f64> = samples.collect();
+            let mut levels = LevelSteps::new(44_100.0, n_channels).unwrap();
+            frames.chunks(77 * n_channels).for_each(|block| levels.process(block));
+            let (early, late) = frames.split_at(13_000 * n_channels);
+            let mut first = LevelSteps::new(44_100.0, n_channels).unwrap();
+            first.process(early);
+            let (state, measured) = (first.write_state(), first.measured().to_vec());
+            let mut second = LevelSteps::new(44_100.0, n_channels).unwrap();
+            second.read_state(&state, &measured).unwrap();
+            second.process(late);
+            assert_eq!(second.measured(), levels.measured());
+            assert_eq!(levels.measured().len(), 6 * (1 + PEAKS));
+            let peak = |samples: &[f64]| samples.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
+            for p in 0..PEAKS {
+                let cell = &frames[p * 4_410 / PEAKS * n_channels..(p + 1) * 4_410 / PEAKS * n_channels];
+                assert_eq!(levels.measured()[1 + p], peak(cell));
+            }
+        }
+    }
+
+    #[test]
+    fn damaged_states_are_refused() {
+        let mut levels = LevelSteps::new(44_100.0, 2).unwrap();
+        let state = levels.write_state();
+        assert!(levels.read_state(&state[1..], &[]).is_err());
+        assert!(levels.read_state(&state, &[0.0]).is_err());
+        let mut other = LevelSteps::new(44_100.0, 9).unwrap();
+        assert!(other.read_state(&state, &[]).is_err());
+        assert!(levels.read_state(&state, &[]).is_ok());
+    }
+}
