@@ -458,3 +458,33 @@ def test_unplayed_instrument_leaves_the_trials_as_they_are() -> None:
         trials.append((plan.trials.allowed, plan.trials.done))
     assert trials[0] == trials[1]
     assert trials[0][1] > 0.0
+
+
+LOOK_FRAMES = 4096  # from look to look at the energy of an island
+
+
+def test_strike_added_at_a_look_after_a_recalled_stretch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The energy at rest is 0, and half of the added strike has acted when it is looked at."""
+    monkeypatch.setattr(stretches, "STRETCH_FRAMES", LOOK_FRAMES * 3 // 2)
+    text = """\
+ergon: 1
+instruments:
+  bell:
+    modules:
+      hammer: {CEL: {M: 10g, f: 5Hz, t60: 0.2s}}
+      body: {CEL: {M: 20g, f: 440Hz, t60: 0.5s}}
+      contact: {BUT: {between: [hammer, body], K: 1e8, exponent: 2.5, gap: 1mm}}
+    out: {SOV: body}
+strikes: {late: {to: bell.hammer, at: 0.5s, impulse: 4mNs}ADDED}
+mix: {channels: 1, route: [{from: bell, to: 1}]}
+render: {tail: 0.2s}
+"""
+    added_at = 2 * LOOK_FRAMES / 44_100 - 0.1e-3
+    added = f", early: {{to: bell.hammer, at: {added_at}s, impulse: 4mNs}}"
+    digests = []
+    for saved in ("on", "off"):
+        monkeypatch.setenv("ERGON_CACHE", saved)
+        for more in ("", added):
+            Path("a.yaml").write_text(text.replace("ADDED", more))
+            digests.append(digest(ergon.render("a.yaml", RenderOptions())))
+    assert digests[:2] == digests[2:]

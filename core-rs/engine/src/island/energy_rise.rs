@@ -138,6 +138,13 @@ impl Rise {
         self.due = 0;
     }
 
+    /// The first event from step `n` on falls at `next_due`, if none fell between the last look and `n`.
+    pub(super) fn foresee(&mut self, n: u64, next_due: u64) {
+        if self.due >= n {
+            self.due = next_due;
+        }
+    }
+
     /// The most energy that was created, and the link that pushed most then.
     pub(super) fn worst(&self) -> Option<(usize, Gain)> {
         Some((self.link, self.worst?))

@@ -27,8 +27,18 @@ impl Island {
         let mut archive = Archive::Read(bytes);
         self.state.archive(&mut archive)?;
         self.quiet.archive(&mut archive)?;
+        self.foresee();
         self.begin_again();
         if archive.is_empty() { Ok(()) } else { Err(Damaged) }
+    }
+
+    /// Look again for the next event: those from here on may differ from the writer's.
+    fn foresee(&mut self) {
+        let next_step = self.state.frame;
+        let next_due = self.due(next_step);
+        if let Some(rise) = &mut self.state.watch.rise {
+            rise.foresee(next_step, next_due);
+        }
     }
 }
 
