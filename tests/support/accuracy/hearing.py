@@ -90,10 +90,11 @@ def _partials(y: np.ndarray, x: np.ndarray, rate: float) -> tuple[float, float]:
             continue
         weight = np.abs(theirs)
         t = np.arange(len(theirs)) / rate
-        # The slope of all of the phase: one that turns and comes back, as where partials beat, is
-        # no error of a pitch.
-        turned = np.unwrap(np.angle(ours * np.conj(theirs)))
-        drift = float(np.polyfit(t, turned, 1, w=weight)[0]) / (2.0 * np.pi)
+        # The mean turn from frame to frame by power (Miller and Rochwarger, 1972): a slip of the
+        # phase where partials beat and the level dips counts for nothing.
+        turned = ours * np.conj(theirs)
+        turn = float(np.angle(np.sum(turned[1:] * np.conj(turned[:-1]))))
+        drift = turn * rate / (2.0 * np.pi)
         cents.append(1200.0 * abs(float(np.log2(max(1.0 + drift / f, 1e-300)))))
         levels, others = (np.log(np.maximum(np.abs(band), 1e-300)) for band in (theirs, ours))
         fall = np.polyfit(t, levels, 1, w=weight)
