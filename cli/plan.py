@@ -148,6 +148,11 @@ def _rows_of(rows: list[PlanRow], module: str) -> list[PlanRow]:
     return part_rows
 
 
+def _contact_steps(row: PlanRow) -> int:
+    """The least number of steps a frame of contacts between frames: half as many by order 2."""
+    return row.contact_substeps * row.contact_order // 4
+
+
 def _fields(row: PlanRow) -> dict[str, object]:
     return {
         "parts": row.parts,
@@ -159,7 +164,8 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "left_out_db": row.left_out_db,
         "times": row.oversampling,
         "in_frames": row.every,
-        "contact_steps": row.contact_substeps,
+        "contact_steps": _contact_steps(row),
+        "contact_order": row.contact_order,
         "error_db": row.error_db,
         "error_over_s": row.error_s,
         "spectral_db": row.spectral_db,
@@ -204,7 +210,8 @@ def _line(row: PlanRow) -> tuple[str, ...]:
     elif row.oversampling > 1:
         computed += f" ×{row.oversampling}"
     if row.contact_substeps > 1:
-        computed += f", contacts ×{row.contact_substeps}"
+        order = f" of order {row.contact_order}" if row.contact_order == 2 else ""
+        computed += f", contacts ×{_contact_steps(row)}{order}"
     is_left_out = row.what in ("unheard", "still")
     error = "" if is_left_out else "exact" if row.error_db is None else f"{row.error_db:.0f} dB"
     if needs_trial(row) and row.error_db is None:
@@ -313,7 +320,8 @@ def _why(row: PlanRow) -> list[str]:
         lines.append(f"  The rate that it asks for is not used for {row.stays}.")
     if row.contact_substeps > 1:
         lines.append("  Closed contacts, and single laws, are computed between frames,")
-        lines.append(f"  {row.contact_substeps} steps a frame or more.")
+        steps = plural(_contact_steps(row), "step")
+        lines.append(f"  {steps} a frame or more, of order {row.contact_order}.")
     if row.error_db is not None and row.error_s is not None:
         span_text = f"over the first {row.error_s:.2g} s"
         lines.append(f"  A pilot measured an error of {row.error_db:.0f} dB {span_text}.")

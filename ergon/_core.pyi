@@ -1236,6 +1236,7 @@ class IslandChoice(NamedTuple):
     contact_substeps: int  # computations of contacts a step
     bodies: list[list[int]]
     counted_cost: int | None  # work that depends on the motion [ns a frame], if trials counted it
+    contact_order: int  # order of contacts between frames in the fewest computations, 2 or 4
 
 class FullRatePart(NamedTuple):
     """A part with its own rate that is computed at every frame, and why."""
@@ -1288,6 +1289,7 @@ class PlanRow:
     oversampling: int  # steps in `every` frames
     every: int  # 1, except for parts that are only seen
     contact_substeps: int  # computations of contacts a step, while they may be closed
+    contact_order: int  # their order, 2 or 4
     error_db: float | None  # error of the waveform that a pilot measured
     error_s: float | None  # time from the start over which it was measured [s]
     spectral_db: float | None  # if chaotic later on: mean difference of third octaves

@@ -1,7 +1,7 @@
 """A plan as a file: its decisions, island by island, so that a later run follows them.
 
 {"ergon_plan": 2, "hash": …, "budget": {"method": "ca"},
- "choices": [[modules, times, steps, [[numbers of a body] …], counted_cost] …]}
+ "choices": [[modules, times, steps, [[numbers of a body] …], counted_cost, contact_order] …]}
 
 `budget` is what the plan was made for: `method`, `error` [dB], or `cents` with `upto` [Hz];
 without any of these, the budget is by ear. A plan without `budget` is followed within the budget
@@ -26,6 +26,7 @@ from .safe import open_for_writing
 VERSION = 2  # 1: numbers of a body without its kind
 _SIZE_MAX = 50_000_000  # bytes: the numbers of ten million modes
 _NUMBER_MAX = 2**32 - 1
+_FOURTH_ORDER = 4
 
 Budget = Mapping[str, str | float]
 _BUDGET_KEYS = ("method", "error", "cents")  # one of these at most
@@ -113,15 +114,17 @@ def parse_choices(content: object) -> list[IslandChoice]:
 
 
 def _choice(value: object) -> IslandChoice:
-    if isinstance(value, list) and len(value) == 5:
-        modules, times, steps, bodies, cost = value
+    if isinstance(value, list) and len(value) in (5, 6):
+        modules, times, steps, bodies, cost = value[:5]
+        # Plans that say no order were made when there was one.
+        contact_order = value[5] if len(value) == 6 else _FOURTH_ORDER
         is_counts = _is_count(modules) and _is_count(times) and _is_count(steps)
-        is_cost = cost is None or _is_count(cost)
+        is_cost = (cost is None or _is_count(cost)) and _is_count(contact_order)
         if is_counts and is_cost and isinstance(bodies, list) and all(map(_is_counts, bodies)):
-            return IslandChoice(modules, times, steps, bodies, cost)
+            return IslandChoice(modules, times, steps, bodies, cost, contact_order)
     raise NotPlanError(
-        "a choice is [modules, times, steps, [numbers of each body], counted_cost or null], whole "
-        "numbers"
+        "a choice is [modules, times, steps, [numbers of each body], counted_cost or null, "
+        "contact_order], whole numbers"
     )
 
 

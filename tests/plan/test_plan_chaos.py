@@ -158,7 +158,7 @@ def test_by_ear_the_planner_rejects_a_too_loud_method():
         gong.network,
         gong.timeline,
         method="bm4",
-        pins=[(plan.choices()[0].modules, 4, 16, [[1, 2, 2, 0]], None)],
+        pins=[(plan.choices()[0].modules, 4, 16, [[1, 2, 2, 0]], None, 4)],
     )
     ours, theirs = play(gong, plan), play(gong, truth)
     assert metrics.bands_db(ours, theirs, RATE) < 4.0

@@ -21,7 +21,7 @@ def played(oversampling: int, curves: list[str], rate: float = RATE, **manner: f
 def pinned(network, timeline, oversampling: int, seconds: float) -> np.ndarray:
     modules = network.n_mat + network.n_lia
     plan = _core.Plan(
-        network, timeline, error_db=-40.0, pins=[(modules, oversampling, 1, [], None)]
+        network, timeline, error_db=-40.0, pins=[(modules, oversampling, 1, [], None, 4)]
     )
     assert plan.rows()[0].oversampling == oversampling
     return moved(network, timeline, seconds, plan=plan)[0]

@@ -133,6 +133,7 @@ results! {
         contact_substeps: usize,
         bodies: Vec<Vec<u32>>,
         counted_cost: Option<u32>,
+        contact_order: u32,
     }
     /// A part with its own rate that is computed at every frame, and why.
     FullRatePart { name: String, why: String }

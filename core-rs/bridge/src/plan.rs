@@ -130,13 +130,14 @@ impl Plan {
     /// The decisions, island by island.
     fn choices(&self) -> Vec<IslandChoice> {
         let named_choice = |choice: &Choice| {
-            let (modules, oversampling, contact_substeps, bodies, counted_cost) = choice.numbers();
+            let (modules, oversampling, contact_substeps, bodies, counted_cost, contact_order) = choice.numbers();
             IslandChoice {
                 modules,
                 oversampling,
                 contact_substeps,
                 bodies,
                 counted_cost,
+                contact_order,
             }
         };
         self.0.choices().iter().map(named_choice).collect()
@@ -199,6 +200,7 @@ pub(crate) struct PlanRow {
     oversampling: u32,
     every: u32,
     contact_substeps: usize,
+    contact_order: u32,
     error_db: Option<f64>,
     error_s: Option<f64>,
     spectral_db: Option<f64>,
@@ -275,6 +277,7 @@ impl PlanRow {
             },
             every: row.every,
             contact_substeps: row.contact_substeps,
+            contact_order: row.contact_order,
             error_db: row.error.map(|error| error.db),
             error_s: row.error.map(|error| error.over),
             spectral_db: row.error.and_then(|error| error.spectral),

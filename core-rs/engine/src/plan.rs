@@ -28,6 +28,7 @@ use std::sync::Arc;
 use crate::bank::{Oscillator, Strikes};
 use crate::body_modes::complex_modes::ComplexPart;
 use crate::island::inside::BodyPlan;
+use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN, StepNumbers};
 use crate::network::{Error, Network};
 use crate::scheme::{Refusal, Scheme};
 use crate::timeline::Timeline;
@@ -46,6 +47,8 @@ pub(crate) struct IslandPlan {
     pub(crate) bodies: Vec<BodyPlan>,
     /// Contact substeps a frame while a contact may be closed.
     pub(crate) contact_substeps: usize,
+    /// The order of the fewest substeps; more are of order 4.
+    pub(crate) contact_order: ContactOrder,
     /// Work that depends on the motion, as a trial counted it [ns a frame]; `None`: the table estimates that of laws.
     pub(crate) counted_cost: Option<u32>,
     /// Steps of the whole island in `every` frames: its timeline runs at this multiple of the rate.
@@ -58,6 +61,19 @@ pub(crate) struct IslandPlan {
 }
 
 impl IslandPlan {
+    /// Its steps, with these contact substeps.
+    pub(crate) fn step_numbers(&self, contact_substeps: usize) -> StepNumbers {
+        StepNumbers {
+            contact_substeps,
+            contact_order: match contact_substeps {
+                FINE_SUBSTEPS_MIN => self.contact_order,
+                _ => ContactOrder::Fourth,
+            },
+            oversampling: self.oversampling,
+            every: self.every,
+        }
+    }
+
     /// Nanoseconds a frame, by the table of costs.
     fn cost(&self) -> f64 {
         let body_costs = self.bodies.iter().map(cost::body_cost);
@@ -260,6 +276,7 @@ impl Plan {
             timeline: timeline.clone(),
             bodies: Vec::new(),
             contact_substeps,
+            contact_order: ContactOrder::Fourth,
             counted_cost: None,
             oversampling: 1,
             every: 1,

@@ -7,7 +7,7 @@ use super::delayed_ports::{PortBinding, port_bindings};
 use super::energy_gain::{self, Gains};
 use super::energy_rise::Rise;
 use super::fault::Mutes;
-use super::fine::Fine;
+use super::fine::{ContactOrder, Fine};
 use super::inside::{self, BodyPlan};
 use super::ledger::Ledger;
 use super::live_strikes::{Pending, strike_points};
@@ -30,7 +30,18 @@ use crate::state::{Body, PreviousState};
 use crate::timeline::{Drive, Ergon, Timeline, first, greatest, pushes};
 
 /// The least number of substeps at which contacts are computed finer than a frame.
-const FINE_SUBSTEPS_MIN: usize = 2;
+pub(crate) const FINE_SUBSTEPS_MIN: usize = 2;
+
+/// The steps of an island.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct StepNumbers {
+    /// Contact substeps a step while a contact may be closed; 1 if contacts push once a step.
+    pub(crate) contact_substeps: usize,
+    pub(crate) contact_order: ContactOrder,
+    /// Steps in `every` frames.
+    pub(crate) oversampling: u32,
+    pub(crate) every: u32,
+}
 
 /// How a simulation is to run.
 #[derive(Clone, Copy, Debug)]
@@ -53,12 +64,25 @@ impl Island {
         network: Arc<Network>,
         timeline: &Timeline,
         bodies: &[BodyPlan],
-        (contact_substeps, oversampling, frame_interval): (usize, u32, u32),
+        steps: StepNumbers,
         options: Options,
     ) -> Result<Self, Error> {
         refuse_ledger_of_hands(timeline, options)?;
+        let StepNumbers {
+            contact_substeps,
+            contact_order,
+            oversampling,
+            every,
+        } = steps;
         let (mut scheme, fine_links) = island_scheme(&network, timeline, contact_substeps)?;
-        let mut matter = start_matter(&network, timeline, bodies, &scheme, fine_links, contact_substeps)?;
+        let mut matter = start_matter(
+            &network,
+            timeline,
+            bodies,
+            &scheme,
+            fine_links,
+            (contact_substeps, contact_order),
+        )?;
         let gestures = framed(timeline);
         let (voice_scripts, voices) = build_voices(&network, timeline, &gestures, bodies)?;
         let guard = guard(&network, timeline, bodies, &scheme, &matter, options)?;
@@ -146,7 +170,7 @@ impl Island {
             script: Arc::new(script),
             state,
             oversampling,
-            every: frame_interval,
+            every,
         };
         island.reserve();
         island.begin_again();
@@ -185,7 +209,7 @@ fn start_matter(
     plans: &[BodyPlan],
     scheme: &Scheme,
     mut links: Vec<Run>,
-    steps: usize,
+    steps_and_order: (usize, ContactOrder),
 ) -> Result<Matter, Error> {
     let link_acts = |first: usize| interrupt::each(&links).all(|run| run.first != first);
     let led_start = match &timeline.leads[..] {
@@ -211,7 +235,7 @@ fn start_matter(
         }
     }
     kernel::proxies::join(scheme, &mut body); // bodies have moved their ports
-    let fine = fine(links, scheme, network, &mut bodies, steps, timeline);
+    let fine = fine(links, scheme, network, &mut bodies, steps_and_order, timeline);
     Ok(Matter {
         laws: Laws::new(scheme),
         body,
@@ -333,13 +357,13 @@ fn fine(
     scheme: &Scheme,
     network: &Network,
     bodies: &mut [inside::RunningBody],
-    steps: usize,
+    steps_and_order: (usize, ContactOrder),
     timeline: &Timeline,
 ) -> Option<Fine> {
     if links.is_empty() {
         return None;
     }
-    let fine_state = Fine::new(links, network, scheme, bodies, steps, timeline);
+    let fine_state = Fine::new(links, network, scheme, bodies, steps_and_order, timeline);
     for modal in bodies.iter_mut().filter_map(inside::RunningBody::modal_mut) {
         modal.make_tables(fine_state.instants());
     }

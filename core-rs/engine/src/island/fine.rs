@@ -14,6 +14,7 @@ mod frame;
 mod joint;
 mod laws;
 mod march;
+mod order;
 mod script;
 mod slides;
 mod sprung;
@@ -27,6 +28,8 @@ use crate::state::Body;
 use crowded::CrowdedMotion;
 use joint::Joint;
 use laws::{LawScript, LawState};
+pub(crate) use order::ContactOrder;
+use order::Stages;
 use script::Script;
 use slides::Frictions;
 use sprung::Sprung;
@@ -82,6 +85,8 @@ pub(crate) struct Fine {
     has_glided: Vec<bool>,
     /// Points that steps hold too, where energy may be created.
     sprung: Sprung,
+    /// Stages of the step that is computed.
+    stages: Stages,
     /// Whether a contact has ever been closed.
     pub(super) has_touched: bool,
     /// Work done so far.

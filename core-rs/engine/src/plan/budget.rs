@@ -2,6 +2,7 @@
 
 use crate::hearing::{Audible, HIGHEST_AUDIBLE, JUST_NOTICEABLE};
 use crate::integrate::MeshMethod;
+use crate::island::ContactOrder;
 use crate::plan::constants::{BUDGET_SHARE_DB, INAUDIBLE_ERROR_DB, LEFT_OUT_LEVEL_MAX, PITCH_HERTZ_MAX, SUBSTEPS_MIN};
 
 /// A method that is asked for by name.
@@ -99,6 +100,14 @@ impl Budget {
         match *self {
             Self::Error(db) => db,
             Self::Cents { .. } | Self::Method(_) => INAUDIBLE_ERROR_DB,
+        }
+    }
+
+    /// Orders of contacts that are worth trying in the fewest substeps, from the least work on.
+    pub(crate) fn contact_orders(&self) -> &'static [ContactOrder] {
+        match self {
+            Self::Cents { .. } => &[ContactOrder::Second, ContactOrder::Fourth],
+            Self::Error(_) | Self::Method(_) => &[ContactOrder::Fourth],
         }
     }
 

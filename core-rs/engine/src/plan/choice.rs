@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use crate::integrate::MeshMethod;
+use crate::island::ContactOrder;
 use crate::network::Error;
 
 /// What was decided for one island.
@@ -30,6 +31,8 @@ pub(super) struct SteppedChoice {
     pub(super) oversampling: u32,
     /// Contact substeps a step.
     pub(super) contact_substeps: usize,
+    /// Their order.
+    pub(super) contact_order: ContactOrder,
     /// Work that depends on the motion, as a trial counted it [ns a frame]; `None`: not counted.
     pub(super) counted_cost: Option<u32>,
     /// The bodies that are computed by methods of their own.
@@ -61,9 +64,9 @@ pub(super) struct MeshChoice {
     pub(super) replaces_modes: bool,
 }
 
-/// A [`Choice`] as numbers: modules, steps a frame, contact substeps a step, numbers of each body and counted cost. A
-/// bank is one body, with one step a frame.
-pub type ChoiceNumbers = (usize, u32, usize, Vec<Vec<u32>>, Option<u32>);
+/// A [`Choice`] as numbers: modules, steps a frame, contact substeps a step, numbers of each body, counted cost and the
+/// order of contacts. A bank is one body, with one step a frame.
+pub type ChoiceNumbers = (usize, u32, usize, Vec<Vec<u32>>, Option<u32>, u32);
 
 /// The first number of a body, which says what the others are.
 mod kind {
@@ -77,7 +80,10 @@ impl Choice {
     /// The choice as numbers that can be written and read.
     pub fn numbers(&self) -> ChoiceNumbers {
         match &self.method {
-            IslandMethod::Bank(modes) => (self.modules, 1, 1, vec![tagged(kind::BANK, modes)], None),
+            IslandMethod::Bank(modes) => {
+                let contact_order = ContactOrder::default().number();
+                (self.modules, 1, 1, vec![tagged(kind::BANK, modes)], None, contact_order)
+            }
             IslandMethod::Stepped(stepped) => {
                 let body_numbers = stepped.bodies.iter().map(BodyChoice::numbers).collect();
                 (
@@ -86,6 +92,7 @@ impl Choice {
                     stepped.contact_substeps,
                     body_numbers,
                     stepped.counted_cost,
+                    stepped.contact_order.number(),
                 )
             }
         }
@@ -96,13 +103,14 @@ impl Choice {
     /// # Errors
     /// [`Error::Refused`] if no choice has these numbers.
     pub fn from_numbers(
-        (modules, oversampling, contact_substeps, bodies, counted_cost): ChoiceNumbers,
+        (modules, oversampling, contact_substeps, bodies, counted_cost, contact_order): ChoiceNumbers,
     ) -> Result<Self, Error> {
         let method = match &bodies[..] {
             [body] if body.first() == Some(&kind::BANK) => IslandMethod::Bank(body[1..].to_vec()),
             bodies => IslandMethod::Stepped(SteppedChoice {
                 oversampling: oversampling.max(1),
                 contact_substeps: contact_substeps.max(1),
+                contact_order: ContactOrder::from_number(contact_order).ok_or_else(wrong_plan_error)?,
                 counted_cost,
                 bodies: BodyChoice::all_from_numbers(bodies).ok_or_else(wrong_plan_error)?,
             }),
@@ -203,7 +211,8 @@ mod tests {
         let stepped = |bodies| {
             IslandMethod::Stepped(SteppedChoice {
                 oversampling: 2,
-                contact_substeps: 16,
+                contact_substeps: 2,
+                contact_order: ContactOrder::Second,
                 counted_cost: Some(0),
                 bodies,
             })
@@ -234,11 +243,11 @@ mod tests {
             &[2, 1, 1],
         ];
         for body in wrong_bodies {
-            let numbers = (7, 1, 1, vec![body.to_vec()], None);
+            let numbers = (7, 1, 1, vec![body.to_vec()], None, 4);
             assert!(Choice::from_numbers(numbers).is_err(), "{body:?}");
         }
         // A bank is one body.
-        let numbers = (7, 1, 1, vec![vec![3, 0], vec![0, 1]], None);
+        let numbers = (7, 1, 1, vec![vec![3, 0], vec![0, 1]], None, 4);
         assert!(Choice::from_numbers(numbers).is_err());
     }
 }

@@ -354,6 +354,7 @@ impl<'a> Maker<'a> {
             method: IslandMethod::Stepped(SteppedChoice {
                 oversampling: island_plan.oversampling,
                 contact_substeps: island_plan.contact_substeps,
+                contact_order: island_plan.contact_order,
                 counted_cost: island_plan.counted_cost,
                 bodies: bodies.iter().map(PortedBody::choice).collect(),
             }),
@@ -364,6 +365,10 @@ impl<'a> Maker<'a> {
             report_row.mats -= port_count;
             (report_row.oversampling, report_row.contact_substeps, report_row.error) =
                 (island_plan.oversampling, island_plan.contact_substeps, error);
+            report_row.contact_order = island_plan
+                .step_numbers(island_plan.contact_substeps)
+                .contact_order
+                .number();
             let because = why.filter(|_| bodies.is_empty()).or(because);
             report_row.because = because.map(|no_modes| no_modes.as_str().to_owned());
             self.plan.rows.push(report_row);

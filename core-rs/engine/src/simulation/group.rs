@@ -103,12 +103,10 @@ impl Group {
                     timeline,
                     bodies,
                     contact_substeps,
-                    oversampling,
-                    every: frame_interval,
                     sleeps,
                     ..
                 } = &**island_plan;
-                let step_numbers = (*contact_substeps, *oversampling, *frame_interval);
+                let step_numbers = island_plan.step_numbers(*contact_substeps);
                 let mut island = Island::new(network.clone(), timeline, bodies, step_numbers, options)?;
                 if *sleeps {
                     island.sleep_when_quiet();

@@ -280,7 +280,7 @@ fn are_same_islands(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
     };
     let name_of_mat = |mat| island_plan.network.mat_name(mat);
     let bodies = || island_plan.bodies.iter().zip(&other.bodies);
-    let step_numbers = |own: &IslandPlan| (own.contact_substeps, own.oversampling, own.every);
+    let step_numbers = |own: &IslandPlan| own.step_numbers(own.contact_substeps);
     step_numbers(island_plan) == step_numbers(other)
         && island_plan.bodies.len() == other.bodies.len()
         && island_plan.network.is_same(&other.network)

@@ -38,8 +38,8 @@ fn planned(network: Network, timeline: &Timeline, contacts: Contacts) -> Arc<Pla
         return Arc::new(fine);
     };
     let once = |choice: &Choice| match choice.numbers() {
-        (modules, _, substeps, bodies, cost) if substeps > 1 => {
-            Choice::from_numbers((modules, oversampling, 1, bodies, cost)).unwrap()
+        (modules, _, substeps, bodies, cost, order) if substeps > 1 => {
+            Choice::from_numbers((modules, oversampling, 1, bodies, cost, order)).unwrap()
         }
         _ => choice.clone(),
     };

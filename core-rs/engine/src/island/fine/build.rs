@@ -9,7 +9,7 @@ use super::joint::{Joint, RESPONSE_PRODUCTS, fastest_rate, joint, path_responses
 use super::laws::LawScript;
 use super::slides::Frictions;
 use super::sprung::Sprung;
-use super::{Fine, FineWork, Script};
+use super::{ContactOrder, Fine, FineWork, Script};
 use crate::island::inside::RunningBody;
 use crate::island::modal::RunningModal;
 use crate::network::Network;
@@ -23,7 +23,7 @@ impl Fine {
         network: &Network,
         scheme: &Scheme,
         bodies: &[RunningBody],
-        steps: usize,
+        (steps, order): (usize, ContactOrder),
         timeline: &Timeline,
     ) -> Self {
         let rate = timeline.rate;
@@ -86,6 +86,7 @@ impl Fine {
         let mut script = Script {
             is_coupled: false,
             steps,
+            order,
             rate,
             basis,
             links,
@@ -122,6 +123,7 @@ impl Fine {
             joint_constants: script.joints.iter().map(|joint| joint.constants).collect(),
             has_glided: vec![false; n_joints],
             sprung,
+            stages: &[],
             has_touched: false,
             work: FineWork {
                 instants: 0,

@@ -1,15 +1,15 @@
 //! A frame of contacts, step by step: from one closing or opening to the next.
 //!
-//! A step is BM4's sequence of kicks by the contacts that push, with the exact linear motion of everything between
-//! them. It is of order 4 while no contact closes or opens within it; a step in which one does is repeated up to that
-//! instant.
+//! A step is a sequence of kicks by the contacts that push, with the exact linear motion of everything between them. It
+//! is of order 2 or 4 (`order`) while no contact closes or opens within it; a step in which one does is repeated up to
+//! that instant.
 
 use std::f64::consts::PI;
 
 use super::basis::Instant;
 use super::laws::{LawScript, LawState};
+use super::order::{Rates, Stages};
 use super::{Fine, Script};
-use crate::integrate::STAGES;
 use crate::kernel::Contact;
 use crate::maths::{expm1, sqrt};
 use crate::network::But;
@@ -207,7 +207,8 @@ impl Fine {
         s: f64,
         steps_left: &mut usize,
     ) -> f64 {
-        let step_length = self.length(script, laws_and_gates.1, s);
+        let (stages, step_length) = self.next_step(script, laws_and_gates.1, s);
+        self.stages = stages;
         let [saved_paths, impulses] = &mut self.saved;
         saved_paths.copy_from_slice(&self.paths);
         impulses.copy_from_slice(&self.impulse_sums);
@@ -313,18 +314,19 @@ impl Fine {
         self.laws.iter_mut().for_each(LawState::restore);
     }
 
-    /// Length of the step from `s`.
-    fn length(&mut self, script: &Script, gates: &[f64], s: f64) -> f64 {
-        let (step_count, time_step) = (script.steps as f64, script.rate.step());
+    /// Stages and length of the step from `s`.
+    fn next_step(&mut self, script: &Script, gates: &[f64], s: f64) -> (Stages, f64) {
+        let time_step = script.rate.step();
         let instant = self.instant(script, s);
-        let mut quickest = 1.0_f64;
+        let mut rates = Rates::default();
         for index in (0..script.links.len()).filter(|&index| self.pushes[index]) {
             if let Some(contact) = self.contact_now(script, gates, (index, s)) {
-                quickest = quickest.max(contact.rate_bound(self.contact_state(script, &contact, &instant), time_step));
+                rates.add(contact.rate_bound(self.contact_state(script, &contact, &instant), time_step));
             }
         }
+        let (stages, least_steps) = script.order.stages(script.steps as f64, rates);
         let frame_left = 1.0 - s;
-        frame_left / (frame_left * step_count * quickest).ceil().max(1.0)
+        (stages, frame_left / (frame_left * least_steps).ceil().max(1.0))
     }
 
     /// One step of the contacts that push, and of all laws.
@@ -332,11 +334,13 @@ impl Fine {
         // Half of the motion of bristles comes before all else, and half after it.
         self.slide_bristles(script, laws_and_gates, (&Instant::new(script.basis.n(), s), 0.5 * h));
         let mut stage_time = 0.0;
-        for (stage, [kick, drift]) in STAGES.iter().enumerate() {
-            self.kick(script, laws_and_gates, (s + stage_time * h, kick * h), stage > 3);
+        let stages = self.stages;
+        for (stage, [kick, drift]) in stages.iter().enumerate() {
+            let is_back = 2 * stage > stages.len();
+            self.kick(script, laws_and_gates, (s + stage_time * h, kick * h), is_back);
             stage_time += drift;
         }
-        self.kick(script, laws_and_gates, (s + h, STAGES[0][0] * h), true);
+        self.kick(script, laws_and_gates, (s + h, stages[0][0] * h), true);
         self.slide_bristles(
             script,
             laws_and_gates,
@@ -354,7 +358,8 @@ impl Fine {
         is_back: bool,
     ) {
         let instant = self.instant(script, s);
-        if script.is_coupled && self.order_matters(laws_and_gates.0) {
+        // In a step of one stage the last kick, in reverse order, makes up for the first.
+        if script.is_coupled && self.stages.len() > 1 && self.order_matters(laws_and_gates.0) {
             self.kick_in_order(script, laws_and_gates, (&instant, 0.5 * duration), false);
             self.kick_in_order(script, laws_and_gates, (&instant, 0.5 * duration), true);
         } else {

@@ -1,6 +1,7 @@
 //! What does not change while links between frames are computed: their points, and how a push of one moves
 //! the others.
 
+use super::ContactOrder;
 use super::basis::{Basis, Instant, add_rows};
 use super::crowded::CrowdedBody;
 use super::joint::Joint;
@@ -13,8 +14,9 @@ const UNCOUPLED: f64 = 1e-6;
 /// The constant data of links and their points.
 #[derive(Clone, Debug)]
 pub(super) struct Script {
-    /// Least number of steps a frame, and number of steps for a radian of a contact's own oscillation.
+    /// Least number of steps a frame, and of steps for a radian of a contact's own oscillation, by order 4.
     pub(super) steps: usize,
+    pub(super) order: ContactOrder,
     pub(super) rate: Rate,
     pub(super) basis: Basis,
     pub(super) links: Vec<Run>,

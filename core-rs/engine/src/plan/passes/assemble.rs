@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use crate::body_modes::linear::NoModes;
 use crate::integrate::MeshMethod;
+use crate::island::ContactOrder;
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Subset};
 use crate::plan::budget::Budget;
@@ -161,6 +162,7 @@ impl Assembled {
             timeline: hub_timeline.timeline,
             bodies: bodies.iter().map(|ported_body| ported_body.inside.clone()).collect(),
             contact_substeps,
+            contact_order: pin.map_or_else(ContactOrder::default, |pin| pin.contact_order),
             counted_cost: None,
             oversampling,
             every: 1,

@@ -136,9 +136,10 @@ impl Content {
             network,
             timeline,
             bodies,
-            contact_substeps,
+            contact_substeps: _,
+            contact_order: _,
             counted_cost: _,
-            oversampling,
+            oversampling: _,
             every: _,
             sleeps,
             to_whole: _,
@@ -146,7 +147,7 @@ impl Content {
         let networks = bodies.iter().map(BodyPlan::network);
         let part_order = PartOrder::new(networks.chain([&**network]));
         let bodies: Vec<BodyPlan> = bodies.iter().map(|body| body.anonymous(&part_order)).collect();
-        let numbers = (contact_substeps, oversampling, sleeps);
+        let numbers = (island.step_numbers(island.contact_substeps), sleeps);
         Self(Events::new(
             network,
             &part_order,

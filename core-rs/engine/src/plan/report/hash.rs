@@ -2,6 +2,7 @@
 
 use sha2::{Digest, Sha256};
 
+use crate::island::ContactOrder;
 use crate::plan::choice::Choice;
 use crate::plan::passes::audible::ModeKind;
 use crate::plan::report::content::hex;
@@ -37,7 +38,7 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             .for_each(|number| sha_hasher.update(number.to_le_bytes()));
     }
     for choice in choices {
-        let (modules, oversampling, contact_substeps, body_numbers, counted_cost) = choice.numbers();
+        let (modules, oversampling, contact_substeps, body_numbers, counted_cost, contact_order) = choice.numbers();
         let numbers = [
             modules,
             oversampling as usize,
@@ -48,6 +49,10 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
         numbers
             .iter()
             .for_each(|&number| sha_hasher.update((number as u64).to_le_bytes()));
+        // Plans had one order before they said which.
+        if contact_order != ContactOrder::default().number() {
+            sha_hasher.update(u64::from(contact_order).to_le_bytes());
+        }
         for body in &body_numbers {
             sha_hasher.update((body.len() as u64).to_le_bytes());
             body.iter().for_each(|number| sha_hasher.update(number.to_le_bytes()));

@@ -2,6 +2,7 @@
 
 use crate::hearing::Audible;
 use crate::integrate::certify;
+use crate::island::ContactOrder;
 use crate::island::inside::BodyPlan;
 use crate::network::{Network, Subset};
 use crate::plan::budget::Budget;
@@ -103,6 +104,8 @@ pub struct Row {
     pub every: u32,
     /// Contact substeps a step while contacts may be closed.
     pub contact_substeps: usize,
+    /// The order of contacts between frames: 2 or 4.
+    pub contact_order: u32,
     /// The error that a pilot measured; `None`: not measured, or exact but for what is left out.
     pub error: Option<Measured>,
     /// Why it is not computed by a better method.
@@ -146,6 +149,7 @@ impl Row {
             oversampling: 1,
             every: 1,
             contact_substeps: 1,
+            contact_order: ContactOrder::default().number(),
             error: None,
             because: None,
             radius: None,

@@ -1,6 +1,7 @@
 //! The result of a trial: an island and its error, kept as a record that a later plan can read.
 
 use crate::body_modes::linear::NoModes;
+use crate::island::ContactOrder;
 use crate::island::inside::BodyPlan;
 use crate::network::Error;
 use crate::plan::budget::Budget;
@@ -74,7 +75,7 @@ pub(in crate::plan) fn pinned(island: Assembled, pin: &SteppedChoice) -> Option<
     let modes_kept = modes_kept.collect::<Option<Vec<_>>>()?;
     let substeps = pin.contact_substeps.clamp(1, SUBSTEPS_MAX);
     let mut island = island.only(substeps, modes_kept);
-    island.island_plan.counted_cost = pin.counted_cost;
+    (island.island_plan.counted_cost, island.island_plan.contact_order) = (pin.counted_cost, pin.contact_order);
     Some(ChosenIsland::unmeasured(island))
 }
 
@@ -132,6 +133,7 @@ impl PilotResult {
             coarse_substeps as u32,
             finer_substeps as u32,
             u32::from(self.chosen.diverges),
+            island_plan.contact_order.number(),
         ];
         head_counts.extend(island_plan.counted_cost);
         let mut numbers = TrialRecord::numbers_of(self.chosen.error);
@@ -159,6 +161,7 @@ impl PilotResult {
             coarse_substeps,
             finer_substeps,
             diverges,
+            contact_order,
             ref counted_cost @ ..,
         ] = &head_counts[..]
         else {
@@ -183,6 +186,7 @@ impl PilotResult {
         let stepped_choice = SteppedChoice {
             oversampling,
             contact_substeps: contact_substeps as usize,
+            contact_order: ContactOrder::from_number(contact_order)?,
             counted_cost,
             bodies: BodyChoice::all_from_numbers(body_counts)?,
         };

@@ -1,7 +1,7 @@
 //! Plays the beginning of an island, and decides for how long that is worth it.
 
 use crate::derivative::Derivatives;
-use crate::island::{Island, OnFault, Options};
+use crate::island::{Island, OnFault, Options, StepNumbers};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
 use crate::plan::constants::{COMPARISON_SECONDS, ENERGY_CHECKS, EXCERPT_SECONDS_MAX, PILOT_SECONDS, TRIAL_WORK_MAX};
@@ -292,7 +292,10 @@ fn island(island_plan: &IslandPlan, contact_substeps: usize) -> Result<Island, E
         island_plan.network.clone(),
         &island_plan.timeline,
         &island_plan.bodies,
-        (contact_substeps, island_plan.oversampling, 1),
+        StepNumbers {
+            every: 1,
+            ..island_plan.step_numbers(contact_substeps)
+        },
         options,
     )
 }

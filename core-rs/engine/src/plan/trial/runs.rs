@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use crate::integrate::MeshMethod;
+use crate::island::StepNumbers;
 use crate::island::inside::BodyPlan;
 use crate::plan::IslandPlan;
 use crate::plan::constants::SAMPLES_MAX;
@@ -15,9 +16,7 @@ use crate::plan::trial::pilot_run::{Excerpt, PilotRun, play_while, work};
 struct RunKey {
     /// The cost of a frame, bit for bit: it differs between ways that compute outputs or events differently.
     cost: u64,
-    /// Steps a frame.
-    oversampling: u32,
-    contact_substeps: usize,
+    steps: StepNumbers,
     bodies: Vec<BodyKey>,
 }
 
@@ -105,8 +104,7 @@ fn run_key(island_plan: &IslandPlan, contact_substeps: usize) -> RunKey {
     };
     RunKey {
         cost: work(island_plan).to_bits(),
-        oversampling: island_plan.oversampling,
-        contact_substeps,
+        steps: island_plan.step_numbers(contact_substeps),
         bodies: island_plan.bodies.iter().map(body_key).collect(),
     }
 }

@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use crate::hearing::Audible;
+use crate::island::ContactOrder;
 use crate::maths::sqrt;
 use crate::network::Error;
 use crate::plan::budget::Budget;
@@ -57,6 +58,13 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// choose it.
     pub(in crate::plan) fn find(&self) -> Result<Option<Tried>, Error> {
         let (cheapest, nearest) = self.try_candidates(|_| true)?;
+        let cheapest = match cheapest {
+            Some(tried) => {
+                let lower_order = unless_spent(self.lower_order(&tried))?.flatten();
+                Some(lower_order.unwrap_or(tried))
+            }
+            None => None,
+        };
         Ok(cheapest.or(nearest).or_else(|| self.reference_itself()))
     }
 
@@ -74,8 +82,40 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         Ok(Some(between_frames.unwrap_or(plain_tried)))
     }
 
+    /// The same with contacts of a lower order, if it is within the budget and costs less.
+    fn lower_order(&self, tried: &Tried) -> Result<Option<Tried>, TrialError> {
+        let Candidate { island, substeps, .. } = &tried.candidate;
+        if *substeps != SUBSTEPS_MIN || !has_fine(island) {
+            return Ok(None);
+        }
+        let mut orders = self.budget.contact_orders().iter();
+        match orders.find(|order| order.number() < island.island_plan.contact_order.number()) {
+            Some(&order) => self.cheaper_with_order(&tried.candidate, order, tried),
+            None => Ok(None),
+        }
+    }
+
+    /// A candidate with contacts of this order, if it is within the budget and costs less than `limit`. Contacts that
+    /// are open cost nothing, so its run ends where it is known to cost more.
+    fn cheaper_with_order(
+        &self,
+        candidate: &Candidate,
+        order: ContactOrder,
+        limit: &Tried,
+    ) -> Result<Option<Tried>, TrialError> {
+        let mut candidate = candidate.clone();
+        candidate.island.island_plan.contact_order = order;
+        let (spent_before, _) = self.allowance.spent();
+        let goes_on = |_, _: &[f64]| self.allowance.spent().0 - spent_before <= limit.run.work;
+        let played_plan = (&candidate.island.island_plan, candidate.substeps);
+        let run = self.runs.play_while(played_plan, self.allowance, goes_on)?;
+        let run = run.filter(|run| !run.is_lost && !self.creates_energy(&candidate.island, run));
+        let tried = run.map(|run| self.compare(candidate, run));
+        Ok(tried.filter(|tried| tried.candidate.cost < limit.candidate.cost && !self.misses(tried)))
+    }
+
     /// The island at one step a frame with contacts between frames, if it is within the budget and costs less than
-    /// `plain`. Contacts that are open cost nothing, so its run ends where it is known to cost more.
+    /// `plain`.
     fn between_frames(&self, plain: &Tried) -> Result<Option<Tried>, TrialError> {
         let Ok(island) = (self.assemble)(AssemblyOptions::fine(1, MethodChoice::ByBudget)) else {
             return Ok(None);
@@ -84,14 +124,12 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             return Ok(None);
         }
         let candidate = Candidate::new(island, SUBSTEPS_MIN, None);
-        let (spent_before, _) = self.allowance.spent();
-        let goes_on = |_, _: &[f64]| self.allowance.spent().0 - spent_before <= plain.run.work;
-        let played_plan = (&candidate.island.island_plan, candidate.substeps);
-        let run = self.runs.play_while(played_plan, self.allowance, goes_on)?;
-        let run = run.filter(|run| !run.is_lost && !self.creates_energy(&candidate.island, run));
-        let tried = run.map(|run| self.compare(candidate, run));
-        let is_better = |tried: &Tried| tried.candidate.cost < plain.candidate.cost;
-        Ok(tried.filter(|tried| is_better(tried) && !self.misses(tried)))
+        for &order in self.budget.contact_orders() {
+            if let Some(tried) = self.cheaper_with_order(&candidate, order, plain)? {
+                return Ok(Some(tried));
+            }
+        }
+        Ok(None)
     }
 
     /// The cheapest candidate within the budget of those that are offered, and the nearest that is not within it.

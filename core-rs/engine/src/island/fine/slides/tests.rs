@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
-use crate::island::{Island, OnFault, Options};
+use crate::island::{ContactOrder, Island, OnFault, Options, StepNumbers};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::maths::cos;
 use crate::network::Dry;
@@ -37,7 +37,13 @@ fn played(network: &Network, (rate, steps): (f64, usize), n_frames: usize) -> Ve
         threads: 1,
         unchecked: false,
     };
-    let mut island = Island::new(Arc::new(network.clone()), &timeline, &[], (steps, 1, 1), options).unwrap();
+    let step_numbers = StepNumbers {
+        contact_substeps: steps,
+        contact_order: ContactOrder::Fourth,
+        oversampling: 1,
+        every: 1,
+    };
+    let mut island = Island::new(Arc::new(network.clone()), &timeline, &[], step_numbers, options).unwrap();
     let mut listened = vec![0.0; n_frames];
     island
         .process(&mut listened, n_frames, &mut ThreadTeam::alone())
