@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ergon import _core
-
 from .loudness import GatedLoudness
 
 if TYPE_CHECKING:
@@ -56,6 +54,8 @@ class Balance:
         receives; what `mixer` gives is in units of `unit`.
         """
         import numpy as np
+
+        from ergon import _core
 
         self._name, self._mixer = name, mixer
         self._loudness = GatedLoudness(rate, n_channels)

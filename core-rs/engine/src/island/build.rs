@@ -68,21 +68,8 @@ impl Island {
         options: Options,
     ) -> Result<Self, Error> {
         refuse_ledger_of_hands(timeline, options)?;
-        let StepNumbers {
-            contact_substeps,
-            contact_order,
-            oversampling,
-            every,
-        } = steps;
-        let (mut scheme, fine_links) = island_scheme(&network, timeline, contact_substeps)?;
-        let mut matter = start_matter(
-            &network,
-            timeline,
-            bodies,
-            &scheme,
-            fine_links,
-            (contact_substeps, contact_order),
-        )?;
+        let (mut scheme, fine_links) = island_scheme(&network, timeline, steps.contact_substeps)?;
+        let mut matter = start_matter(&network, timeline, bodies, &scheme, fine_links, steps)?;
         let gestures = framed(timeline);
         let (voice_scripts, voices) = build_voices(&network, timeline, &gestures, bodies)?;
         let guard = guard(&network, timeline, bodies, &scheme, &matter, options)?;
@@ -169,8 +156,8 @@ impl Island {
             quiet: None,
             script: Arc::new(script),
             state,
-            oversampling,
-            every,
+            oversampling: steps.oversampling,
+            every: steps.every,
         };
         island.reserve();
         island.begin_again();
@@ -209,7 +196,7 @@ fn start_matter(
     plans: &[BodyPlan],
     scheme: &Scheme,
     mut links: Vec<Run>,
-    steps_and_order: (usize, ContactOrder),
+    steps: StepNumbers,
 ) -> Result<Matter, Error> {
     let link_acts = |first: usize| interrupt::each(&links).all(|run| run.first != first);
     let led_start = match &timeline.leads[..] {
@@ -235,7 +222,7 @@ fn start_matter(
         }
     }
     kernel::proxies::join(scheme, &mut body); // bodies have moved their ports
-    let fine = fine(links, scheme, network, &mut bodies, steps_and_order, timeline);
+    let fine = fine(links, scheme, network, &mut bodies, steps, timeline);
     Ok(Matter {
         laws: Laws::new(scheme),
         body,
@@ -357,13 +344,13 @@ fn fine(
     scheme: &Scheme,
     network: &Network,
     bodies: &mut [inside::RunningBody],
-    steps_and_order: (usize, ContactOrder),
+    steps: StepNumbers,
     timeline: &Timeline,
 ) -> Option<Fine> {
     if links.is_empty() {
         return None;
     }
-    let fine_state = Fine::new(links, network, scheme, bodies, steps_and_order, timeline);
+    let fine_state = Fine::new(links, network, scheme, bodies, steps, timeline);
     for modal in bodies.iter_mut().filter_map(inside::RunningBody::modal_mut) {
         modal.make_tables(fine_state.instants());
     }

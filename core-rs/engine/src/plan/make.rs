@@ -363,12 +363,7 @@ impl<'a> Maker<'a> {
         if island_plan.network.n_mat() > port_count {
             let mut report_row = Row::stepped(&island_plan, certificate);
             report_row.mats -= port_count;
-            (report_row.oversampling, report_row.contact_substeps, report_row.error) =
-                (island_plan.oversampling, island_plan.contact_substeps, error);
-            report_row.contact_order = island_plan
-                .step_numbers(island_plan.contact_substeps)
-                .contact_order
-                .number();
+            (report_row.oversampling, report_row.error) = (island_plan.oversampling, error);
             let because = why.filter(|_| bodies.is_empty()).or(because);
             report_row.because = because.map(|no_modes| no_modes.as_str().to_owned());
             self.plan.rows.push(report_row);

@@ -9,7 +9,8 @@ use super::joint::{Joint, RESPONSE_PRODUCTS, fastest_rate, joint, path_responses
 use super::laws::LawScript;
 use super::slides::Frictions;
 use super::sprung::Sprung;
-use super::{ContactOrder, Fine, FineWork, Script};
+use super::{Fine, FineWork, Script};
+use crate::island::StepNumbers;
 use crate::island::inside::RunningBody;
 use crate::island::modal::RunningModal;
 use crate::network::Network;
@@ -23,7 +24,7 @@ impl Fine {
         network: &Network,
         scheme: &Scheme,
         bodies: &[RunningBody],
-        (steps, order): (usize, ContactOrder),
+        steps: StepNumbers,
         timeline: &Timeline,
     ) -> Self {
         let rate = timeline.rate;
@@ -40,10 +41,7 @@ impl Fine {
             let mut timeline_drives = timeline.drives.iter();
             timeline_drives.any(|drive| drive.mat == mat && drive.kind == DriveKind::Position)
         };
-        let new_joint = |&mat: &usize| {
-            let basis_and_rate = (&basis, rate);
-            joint(mat, is_imposed(mat), network, scheme, bodies, basis_and_rate)
-        };
+        let new_joint = |&mat: &usize| joint(mat, is_imposed(mat), network, scheme, bodies, (&basis, rate));
         let joints: Vec<Joint> = joint_mats.iter().map(new_joint).collect();
         let joint_slot = |mat: usize| joint_mats.binary_search(&mat).unwrap_or(0);
         let ends = links.iter().map(|run| (joint_slot(run.a), joint_slot(run.b))).collect();
@@ -85,8 +83,8 @@ impl Fine {
         let start_responses = start_responses(&path_responses, &joints, &basis);
         let mut script = Script {
             is_coupled: false,
-            steps,
-            order,
+            steps: steps.contact_substeps,
+            order: steps.contact_order,
             rate,
             basis,
             links,

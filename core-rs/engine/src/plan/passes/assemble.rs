@@ -11,7 +11,7 @@ use crate::plan::budget::Budget;
 use crate::plan::choice::SteppedChoice;
 use crate::plan::constants::{SUBSTEPS_MAX, SUBSTEPS_MIN};
 use crate::plan::passes::mesh::MethodChoice;
-use crate::plan::passes::ported::{self, Cut, PortedBody};
+use crate::plan::passes::ported::{self, PortedBody};
 use crate::plan::passes::solved_modes::Memo;
 use crate::plan::passes::split::OwnTimeline;
 use crate::plan::passes::truncate::KeptModes;
@@ -146,11 +146,7 @@ impl Assembled {
                 (ported::uncut_island(subset, island_timeline, timeline), hub_substeps)
             }
         };
-        let Cut {
-            hub,
-            timeline: hub_timeline,
-            bodies,
-        } = island_cut;
+        let (hub, hub_timeline, bodies) = (island_cut.hub, island_cut.timeline, island_cut.bodies);
         let island_plan = IslandPlan {
             to_whole: NetworkIndices {
                 mats: Some(through(&subset.mats, &hub.mats)),

@@ -182,7 +182,12 @@ impl Row {
     pub(in crate::plan) fn stepped(island_plan: &IslandPlan, certificate: Certificate) -> Self {
         let frame_cost = island_plan.hub_cost();
         let timeline = &island_plan.timeline;
-        Self::for_network(&island_plan.network, Computed::Stepped).costing(frame_cost, timeline, certificate.word)
+        let steps = island_plan.step_numbers(island_plan.contact_substeps);
+        Self {
+            contact_substeps: steps.contact_substeps,
+            contact_order: steps.contact_order.number(),
+            ..Self::for_network(&island_plan.network, Computed::Stepped).costing(frame_cost, timeline, certificate.word)
+        }
     }
 
     /// The row of a body inside an island.
