@@ -457,7 +457,9 @@ class Checker:
         is_ca = isinstance(struck_part, Instrument) and struck_part.ca_rate is not None
         if part.modules[target.module].kind != "CEL" or is_ca:
             message = f"{label}: {quote(target.text)} has no pitch of its own; notes are for CELs"
-            self.collector.error("E304", message, target.place)
+            is_tuned = isinstance(struck_part, Instrument) and struck_part.pitch is not None
+            advice = "give the instrument `notes`, such as notes: [C4, D4]: a member for each"
+            self.collector.error("E304", message, target.place, help=advice if is_tuned else None)
 
     def _is_of_cells(self, target: Target, label: str) -> None:
         """Report a target whose members have no pitch each."""

@@ -325,6 +325,17 @@ def test_notes_of_strikes_set_pitch_at_strike():
         assert pitch(single, rate) == pytest.approx(f, rel=3e-3), begin
 
 
+def test_notes_of_instrument_without_members_name_the_field():
+    """A library's flute has a pitch, and one voice."""
+    text = (
+        "ergon: 1\nuse: [instruments/winds.yaml]\n"
+        "strikes: {tune: {to: flute, at: 1|1, notes: A4 D5, every: 1, impulse: 1mNs}}\n"
+        "mix: {channels: 1, route: [{from: flute, to: 1}]}\n"
+    )
+    (diagnostic,) = load("s.yaml", text=text).diagnostics
+    assert (diagnostic.code, "notes: [C4, D4]" in str(diagnostic.help)) == ("E304", True)
+
+
 @pytest.mark.parametrize(
     ("fields", "code", "words"),
     [
