@@ -53,7 +53,7 @@ class Hearing:
         """Strike as soon as it can be done; returns what is struck. Raises one of `REFUSALS`."""
         schedule = self._schedule
         playing = schedule.changes.playing_at(schedule.engine.frame).version
-        number, prefix = None, ""
+        number, prefix = playing.number, ""  # a version that is due may yet be late
         if command.name not in playing.maps:
             edit, head = version_edits.combined([command]), schedule.head
             brings = edit(head, 0.0).texts is not head.texts
@@ -86,14 +86,15 @@ class Hearing:
             elif stroke.n_panics not in (None, self._stops.n_panics):
                 continue  # a panic has put at its start what this stroke would bring back
             elif not self._stops.panicked:
-                for place, impulse in stroke.strokes:
-                    self._strike(place, impulse)
-                if stroke.after:
+                missed = [struck for struck in stroke.strokes if not self._strike(*struck)]
+                if missed:  # too many acts are under way
+                    self._awaited.append(stroke._replace(strokes=missed))
+                elif stroke.after:
                     end, n_panics = now + n_up, self._stops.n_panics
                     self._awaited.append(_Awaited(stroke.after, frame=end, n_panics=n_panics))
 
-    def _strike(self, place: Place, impulse: float) -> None:
+    def _strike(self, place: Place, impulse: float) -> bool:
         part, module, member = place
         strike = partial(self._schedule.engine.strike, place_number(place), impulse)
         event = {"part": part, "module": module, "member": member, "impulse": impulse}
-        self._acts.begin(strike, "strike", **event)
+        return self._acts.begin(strike, "strike", **event)
