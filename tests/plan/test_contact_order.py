@@ -31,6 +31,14 @@ strikes: {{tap: {{to: ball.drop, at: {TAPPED_AT}s, impulse: {IMPULSE}Ns, lasts: 
 mix: {{channels: 1, route: [{{from: ball, to: 1}}]}}
 render: {{tail: 0.3s}}
 """
+# By ear plain CA does not do for this stroke.
+PAN = """
+ergon: 1
+instruments: {pan: {from: found/pan, transpose: 9st}}
+strikes: {stroke: {to: pan.hammer, at: 0.1s, impulse: 30mNs}}
+mix: {channels: 1, route: [{from: pan, to: 1}]}
+render: {tail: 1s}
+"""
 
 
 def _pins(order: int) -> list[_core.IslandChoice]:
@@ -39,8 +47,8 @@ def _pins(order: int) -> list[_core.IslandChoice]:
     return [own._replace(contact_order=order, counted_cost=None) for own in plan.choices()]
 
 
-def _built() -> PreparedPiece:
-    piece = load("scene.yaml", text=SCORE).piece
+def _built(text: str = SCORE) -> PreparedPiece:
+    piece = load("scene.yaml", text=text).piece
     assert piece is not None
     return prepare(piece)
 
@@ -87,12 +95,12 @@ def test_contact_of_order_2_takes_a_fifth_of_the_work():
     assert 0.0 < work[2] < 0.2 * work[4]
 
 
-def test_plan_by_ear_takes_order_2_where_contact_stays_closed():
-    ready = _built()
+def test_plan_by_ear_takes_order_2_for_slow_contacts():
+    ready = _built(PAN)
     (choice,) = _core.Plan(ready.network, ready.timeline, cents=3.0).choices()
     (exact_choice,) = _core.Plan(ready.network, ready.timeline, error_db=-60.0).choices()
+    assert (choice.contact_substeps, choice.contact_order) == (2, 2)
     assert exact_choice.contact_order == 4
-    assert choice.contact_substeps == 1 or choice.contact_order == 2
 
 
 @pytest.mark.parametrize(("order", "again"), [("", 4), (", 2", 2), (", 4", 4)])

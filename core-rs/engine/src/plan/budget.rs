@@ -2,8 +2,8 @@
 
 use crate::hearing::{Audible, HIGHEST_AUDIBLE, JUST_NOTICEABLE};
 use crate::integrate::MeshMethod;
-use crate::island::ContactOrder;
-use crate::plan::constants::{BUDGET_SHARE_DB, INAUDIBLE_ERROR_DB, LEFT_OUT_LEVEL_MAX, PITCH_HERTZ_MAX, SUBSTEPS_MIN};
+use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
+use crate::plan::constants::{BUDGET_SHARE_DB, INAUDIBLE_ERROR_DB, LEFT_OUT_LEVEL_MAX, PITCH_HERTZ_MAX};
 
 /// A method that is asked for by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,7 +115,7 @@ impl Budget {
     pub(crate) fn contact_substeps(&self) -> usize {
         match self {
             Self::Method(_) => 1,
-            Self::Error(_) | Self::Cents { .. } => SUBSTEPS_MIN,
+            Self::Error(_) | Self::Cents { .. } => FINE_SUBSTEPS_MIN,
         }
     }
 

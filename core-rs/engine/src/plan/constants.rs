@@ -132,12 +132,10 @@ pub(in crate::plan) const EARLY_CHECK: (usize, f64) = (4, 12.0);
 pub(in crate::plan) const BUDGET_SHARE_DB: f64 = -6.0;
 /// Most steps a frame of a candidate that a plan may choose.
 pub(in crate::plan) const OVERSAMPLING_MAX: u32 = 8;
-/// Fewest substeps a frame of contacts that are computed finer than a frame.
-pub(in crate::plan) const SUBSTEPS_MIN: usize = 2;
-/// Most of them; more would be slower than they are worth.
+/// Most substeps a frame of contacts that are computed finer than a frame; more would be slower than they are worth.
 pub(in crate::plan) const SUBSTEPS_MAX: usize = 64;
 /// Contact substeps a step of a reference. If contacts take more than the part `COSTLY_SHARE` of the cost, a doubling
-/// doubles nearly all work, so it begins at `SUBSTEPS_MIN`.
+/// doubles nearly all work, so it begins at `FINE_SUBSTEPS_MIN`.
 pub(in crate::plan) const REFERENCE_SUBSTEPS: usize = 32;
 /// The part of the cost above which contacts count as costly.
 pub(in crate::plan) const COSTLY_SHARE: f64 = 0.5;

@@ -3,14 +3,14 @@
 use std::sync::LazyLock;
 
 use crate::integrate::MeshMethod;
-use crate::island::Island;
 use crate::island::inside::BodyPlan;
 use crate::island::mesh::Mesh;
 use crate::island::slow::{Slow, Springs};
+use crate::island::{FINE_SUBSTEPS_MIN, Island};
 use crate::network::{Contact, LinkKind, Measure, Network, Pairwise, Run, SpaceLaw, SpaceLink};
 use crate::plan::BankPlan;
 use crate::plan::IslandPlan;
-use crate::plan::constants::{LAW_INSTANTS, LAW_PARTS, LAW_ROUNDS, SUBSTEPS_MIN};
+use crate::plan::constants::{LAW_INSTANTS, LAW_PARTS, LAW_ROUNDS};
 use crate::plan::passes::mesh::LADDER;
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
@@ -103,7 +103,7 @@ fn friction_factor(pairs: &Pairwise) -> f64 {
 pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
     let (network, body_plans) = (&*island_plan.network, &island_plan.bodies);
     let contact_substeps = island_plan.contact_substeps;
-    if contact_substeps < SUBSTEPS_MIN {
+    if contact_substeps < FINE_SUBSTEPS_MIN {
         return 0.0;
     }
     let single_links = |is_kind: fn(&LinkKind) -> bool| -> Vec<&Run> {
@@ -117,7 +117,7 @@ pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
     if fine_laws.len() > Scheme::FINE_LAWS {
         return 0.0;
     }
-    let parts_max = contact_substeps / SUBSTEPS_MIN;
+    let parts_max = contact_substeps / FINE_SUBSTEPS_MIN;
     // If a frame may be divided, laws are computed in this many parts on average.
     let mean_parts = if parts_max > 1 {
         1.0 + LAW_PARTS * parts_max as f64

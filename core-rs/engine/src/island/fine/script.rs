@@ -16,6 +16,7 @@ const UNCOUPLED: f64 = 1e-6;
 pub(super) struct Script {
     /// Least number of steps a frame, and of steps for a radian of a contact's own oscillation, by order 4.
     pub(super) steps: usize,
+    /// Of the splitting by which closed contacts are stepped.
     pub(super) order: ContactOrder,
     pub(super) rate: Rate,
     pub(super) basis: Basis,

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use crate::body_modes::linear::NoModes;
 use crate::integrate::MeshMethod;
-use crate::island::ContactOrder;
 use crate::island::inside::BodyPlan;
+use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
 use crate::network::{Error, LinkKind, Network, Subset};
 use crate::plan::budget::Budget;
 use crate::plan::choice::SteppedChoice;
-use crate::plan::constants::{SUBSTEPS_MAX, SUBSTEPS_MIN};
+use crate::plan::constants::SUBSTEPS_MAX;
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::{self, PortedBody};
 use crate::plan::passes::solved_modes::Memo;
@@ -284,7 +284,7 @@ pub(in crate::plan) fn hub(
     let certificate = match hub_scheme.certify_or(network, refusal) {
         // Between frames a law is solved implicitly, so no slope of its friction is too steep.
         Err(Error::Unstable { .. }) if may_collocate_alone && hub_scheme.bears_springs(network) => {
-            contact_substeps = SUBSTEPS_MIN.min(steps_max);
+            contact_substeps = FINE_SUBSTEPS_MIN.min(steps_max);
             hub_scheme.take_fine(&steered);
             hub_scheme.certify_or(network, refusal)?
         }

@@ -2,8 +2,9 @@
 //! are computed. A candidate is assembled only if it is stable.
 
 use crate::integrate::MeshMethod;
+use crate::island::FINE_SUBSTEPS_MIN;
 use crate::network::Error;
-use crate::plan::constants::{OVERSAMPLING_MAX, SUBSTEPS_MAX, SUBSTEPS_MIN};
+use crate::plan::constants::{OVERSAMPLING_MAX, SUBSTEPS_MAX};
 use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::Allowance;
@@ -114,7 +115,7 @@ fn substeps_of(island: &Assembled) -> Vec<usize> {
     if !has_fine(island) {
         return vec![1];
     }
-    let doublings = SUBSTEPS_MIN.ilog2()..=SUBSTEPS_MAX.ilog2();
+    let doublings = FINE_SUBSTEPS_MIN.ilog2()..=SUBSTEPS_MAX.ilog2();
     doublings.map(|doublings| 1 << doublings).collect()
 }
 

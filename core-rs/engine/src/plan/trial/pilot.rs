@@ -7,10 +7,11 @@
 use std::cell::Cell;
 use std::rc::Rc;
 
+use crate::island::FINE_SUBSTEPS_MIN;
 use crate::network::Error;
 use crate::plan::IslandPlan;
 use crate::plan::budget::Budget;
-use crate::plan::constants::{FAINT_SHARE, OVERSAMPLING_MAX, PARTED_DB, PILOT_PARTS, SEARCH_COST, SUBSTEPS_MIN};
+use crate::plan::constants::{FAINT_SHARE, OVERSAMPLING_MAX, PARTED_DB, PILOT_PARTS, SEARCH_COST};
 use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::report::row::Measured;
@@ -214,7 +215,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             },
             long_run: finer.map(|finer| LongRun {
                 finer,
-                contact_substeps: [tried.candidate.substeps; 2],
+                contact_substeps: tried.candidate.substeps,
             }),
         };
         Ok((pilot_result, tried.run))
@@ -328,7 +329,7 @@ fn first_substeps(island: &Assembled, budget: &Budget) -> usize {
     let substeps = island.island_plan.contact_substeps;
     let may_be_fine = island.may_collocate && !matches!(budget, Budget::Method(_));
     match may_be_fine && !is_plain_first(island) {
-        true => substeps.max(SUBSTEPS_MIN),
+        true => substeps.max(FINE_SUBSTEPS_MIN),
         false => substeps,
     }
 }

@@ -89,8 +89,8 @@ pub(in crate::plan) struct PilotResult {
 /// The island at half its step and with all its modes, with which the chosen one is compared.
 pub(in crate::plan) struct LongRun {
     pub(in crate::plan) finer: Assembled,
-    /// Contact substeps a step of the chosen island and of this one.
-    pub(in crate::plan) contact_substeps: [usize; 2],
+    /// Contact substeps a step, of both islands.
+    pub(in crate::plan) contact_substeps: usize,
 }
 
 impl PilotResult {
@@ -102,11 +102,8 @@ impl PilotResult {
     ) -> Result<ChosenIsland, Error> {
         let Self { mut chosen, long_run } = self;
         if let (Some(measured), Some(long_run)) = (chosen.error, long_run) {
-            let [coarse_substeps, finer_substeps] = long_run.contact_substeps;
-            let played_pair = [
-                (&chosen.island.island_plan, coarse_substeps),
-                (&long_run.finer.island_plan, finer_substeps),
-            ];
+            let played_pair = [&chosen.island.island_plan, &long_run.finer.island_plan]
+                .map(|island_plan| (island_plan, long_run.contact_substeps));
             chosen.error = unless_spent(horizon::extend_error(measured, budget, played_pair, trial_context))?;
         }
         chosen.error = chosen.error.map(|error| error.doubted(budget.asked()));
@@ -124,14 +121,13 @@ impl PilotResult {
             ..
         } = &self.chosen.island;
         let long_run = self.long_run.as_ref();
-        let [coarse_substeps, finer_substeps] = long_run.map_or([0, 0], |long_run| long_run.contact_substeps);
+        let long_run_substeps = long_run.map_or(0, |long_run| long_run.contact_substeps);
         let mut head_counts = vec![
             island_plan.oversampling,
             island_plan.contact_substeps as u32,
             *shape as u32,
             u32::from(*is_plain),
-            coarse_substeps as u32,
-            finer_substeps as u32,
+            long_run_substeps as u32,
             u32::from(self.chosen.diverges),
             island_plan.contact_order.number(),
         ];
@@ -158,8 +154,7 @@ impl PilotResult {
             contact_substeps,
             shape,
             is_plain,
-            coarse_substeps,
-            finer_substeps,
+            long_run_substeps,
             diverges,
             contact_order,
             ref counted_cost @ ..,
@@ -178,8 +173,8 @@ impl PilotResult {
             _ => None,
         };
         let (is_plain, diverges) = (flag_of(is_plain)?, flag_of(diverges)?);
-        let is_too_much = coarse_substeps.max(finer_substeps) as usize > RECORDED_SUBSTEPS_MAX;
-        if !(1..=2 * OVERSAMPLING_MAX).contains(&oversampling) || is_too_much {
+        let long_run_substeps = long_run_substeps as usize;
+        if !(1..=2 * OVERSAMPLING_MAX).contains(&oversampling) || long_run_substeps > RECORDED_SUBSTEPS_MAX {
             return None;
         }
         let shape = *Shape::ALL.get(shape as usize)?;
@@ -208,11 +203,11 @@ impl PilotResult {
             Some(why) => Some(NoModes::from_text(why)?),
             None => None,
         };
-        let long_run = if coarse_substeps > 0 {
+        let long_run = if long_run_substeps > 0 {
             let methods = island.mesh_methods();
             Some(LongRun {
                 finer: assemble(island.again(2 * oversampling, &methods), None).ok()?,
-                contact_substeps: [coarse_substeps, finer_substeps].map(|substeps| substeps as usize),
+                contact_substeps: long_run_substeps,
             })
         } else {
             None

@@ -7,13 +7,14 @@ use std::ops::RangeInclusive;
 use std::rc::Rc;
 
 use crate::hearing::Audible;
+use crate::island::FINE_SUBSTEPS_MIN;
 use crate::maths::pow;
 use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::constants::{
     CONVERGENCE_ORDERS, COSTLY_SHARE, DOUBLING_RESERVE, EQUAL_ERRORS_DB, FACTOR_TWO_DB, FAMILY_SHARE,
     INAUDIBLE_ERROR_DB, OVERSAMPLING_MAX, REFERENCE_DB, REFERENCE_MARGIN_DB, REFERENCE_SHARE, REFERENCE_SUBSTEPS,
-    SUBSTEPS_MAX, SUBSTEPS_MIN,
+    SUBSTEPS_MAX,
 };
 use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::trial::allowance::{Allowance, TrialError};
@@ -127,7 +128,7 @@ fn first_substeps(first: &Candidate) -> usize {
     let is_costly = contact_cost > COSTLY_SHARE * first.cost || is_plain_first(&first.island);
     match first.island.may_collocate {
         true if !first.island.has_dry_friction() => SUBSTEPS_OF_LAWS,
-        _ if is_costly => SUBSTEPS_MIN,
+        _ if is_costly => FINE_SUBSTEPS_MIN,
         _ => REFERENCE_SUBSTEPS,
     }
 }
@@ -143,7 +144,7 @@ pub(in crate::plan) fn is_plain_first(island: &Assembled) -> bool {
     let mut island_plan = island.island_plan.clone();
     (island_plan.contact_substeps, island_plan.counted_cost) = (1, None);
     let plain_cost = island_plan.cost();
-    island_plan.contact_substeps = SUBSTEPS_MIN;
+    island_plan.contact_substeps = FINE_SUBSTEPS_MIN;
     island.may_collocate && island_plan.cost() > f64::from(OVERSAMPLING_MAX) * plain_cost
 }
 

@@ -9,13 +9,13 @@ use std::collections::BTreeMap;
 use std::rc::Rc;
 
 use crate::hearing::Audible;
-use crate::island::ContactOrder;
+use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
 use crate::maths::sqrt;
 use crate::network::Error;
 use crate::plan::budget::Budget;
 use crate::plan::constants::{
     BUDGET_MARGIN_DB, CREATED_SHARE_MAX, EQUAL_ERRORS_DB, EQUAL_ERRORS_RATIO, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX,
-    SPECTRUM_NOISE, SUBSTEPS_MIN,
+    SPECTRUM_NOISE,
 };
 use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::passes::mesh::MethodChoice;
@@ -85,7 +85,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     /// The same with contacts of a lower order, if it is within the budget and costs less.
     fn lower_order(&self, tried: &Tried) -> Result<Option<Tried>, TrialError> {
         let Candidate { island, substeps, .. } = &tried.candidate;
-        if *substeps != SUBSTEPS_MIN || !has_fine(island) {
+        if *substeps != FINE_SUBSTEPS_MIN || !has_fine(island) {
             return Ok(None);
         }
         let mut orders = self.budget.contact_orders().iter();
@@ -123,7 +123,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
         if !has_fine(&island) {
             return Ok(None);
         }
-        let candidate = Candidate::new(island, SUBSTEPS_MIN, None);
+        let candidate = Candidate::new(island, FINE_SUBSTEPS_MIN, None);
         for &order in self.budget.contact_orders() {
             if let Some(tried) = self.cheaper_with_order(&candidate, order, plain)? {
                 return Ok(Some(tried));
