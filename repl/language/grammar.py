@@ -6,25 +6,39 @@ offered.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+from ergon.notation.tables.shapes import NAME
 from ergon.notation.text.errors import TextError, quote
-from ergon.notation.text.spelling import is_misspelt, is_one_slip, nearest
-from ergon.repl.language import hearing, verbs
+from ergon.notation.text.spelling import nearest
 from ergon.repl.language import values as v
+from ergon.repl.language import verbs
 from ergon.repl.language.commands import NOW, Command, When, Word
 from ergon.repl.language.forms import Form, Slot
+from ergon.repl.language.line_verb import find_verb_of
 from ergon.repl.language.lines import Line, split_words
-from ergon.repl.language.scope import Scope, playable
-from ergon.scores.pattern.cycle_table import TABLE as TRANSFORMS
+from ergon.repl.language.scope import Scope
 
 _TIME_LEADS = {
     "at": v.POSITION,
     "in": v.LENGTH,
     "sync": v.SYNC,
 }  # words before the time at which a line acts
+# A verb, the word that it does not take, and the line that does it.
+_OTHER_VERBS = (
+    ("undo", re.compile(r"\d+"), "back {}"),
+    ("stop", NAME, "mute {0}, or remove {0}"),
+)
+_UNITS = {
+    **{name: "bar" for name in ("bar", "bars")},
+    **{name: "" for name in ("beat", "beats")},
+    **{name: "s" for name in ("s", "sec", "second", "seconds")},
+    **{name: name for name in ("ms", "dB", "st", "Hz", "kHz", "mNs", "cents")},
+}
+_NUMBER = re.compile(r"[+-]?\d+(\.\d+)?(/\d+)?")
 _TIME_COMPLETIONS = (
     v.Completion("now", "at the next tick"),
     v.Completion("at", "at a position or a mark"),
@@ -52,7 +66,7 @@ def read_command(line: Line, scope: Scope, hints: Hints | None = None) -> Comman
         _first_hints(words, scope, hints)
     if not words:
         return None
-    verb, arguments = _find_verb(words, scope)
+    verb, arguments = find_verb_of(words, scope)
     after = words[-1].end
     refusals = []
     for form in _forms(verb, arguments):
@@ -96,92 +110,6 @@ def _split_joined_words(words: list[Word]) -> list[Word]:
 def _split_word(word: Word, at: int) -> tuple[Word, Word]:
     middle = word.start + at
     return Word(word.text[:at], word.start, middle), Word(word.text[at:], middle, word.end)
-
-
-# --- the verb ------------------------------------------------------------------------------------
-
-
-def _find_verb(words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
-    """The verb, and the other words."""
-    first = words[0].text
-    second = words[1].text if len(words) > 1 else ""
-    if second == "=":
-        return "=", [words[0], *words[2:]]
-    if first in scope.blocks and not _is_near_subject_verb(second):
-        return "run", words  # what else follows are its values
-    about_player = verbs.verbs_matching(second, verbs.SUBJECT_VERBS) if second else ()
-    is_player = first in scope.players
-    is_instrument = first in playable(scope)
-    is_played = first in scope.gestures or first in scope.takes or is_instrument
-    is_name = first not in verbs.VERBS or is_instrument  # an instrument may be `pan`
-    sure = second in verbs.SUBJECT_VERBS and is_name
-    sure = sure and not (second == "every" and is_played)
-    if about_player and (is_player or sure):
-        return about_player[0], [words[0], *words[2:]]
-    if is_name and _is_stroke(words, scope):
-        return "hear", words
-    some = verbs.verbs_matching(first, verbs.VERBS)
-    if len(some) == 1 and not (is_player and first != some[0]):
-        return some[0], words[1:]
-    raise _unknown_verb(words, some, scope)
-
-
-def _is_stroke(words: list[Word], scope: Scope) -> bool:
-    """Whether a line is an instrument, notes and a level alone: `kick f`, `vib C4 E4 mf`."""
-    first, *rest = (word.text for word in words)
-    is_instrument = first.partition(".")[0] in playable(scope)
-    return is_instrument and bool(rest) and all(hearing.is_stroke_word(text) for text in rest)
-
-
-def _is_near_subject_verb(word: str) -> bool:
-    return any(is_misspelt(word, verb) for verb in verbs.SUBJECT_VERBS)
-
-
-def _unknown_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> TextError:
-    first, place = words[0].text, words[0].start
-    if first in scope.players:
-        second = words[1] if len(words) > 1 else None
-        example = f"{first} plays {next(iter(scope.gestures), 'knock')}"
-        if second is None:
-            return TextError(f"what does {first} play? write {example}", offset=words[0].end)
-        near = nearest(second.text, verbs.SUBJECT_VERBS)
-        message = f"unknown verb {quote(second.text)}"
-        return TextError(
-            message if near else f"{message}; after a player write plays or do: {example}",
-            offset=second.start,
-            length=len(second.text),
-            suggestion=near,
-        )
-    if some:
-        return verbs.ambiguous(first, some, place)
-    played = first in scope.gestures or first in scope.takes
-    if played and (player := next(iter(scope.players), None)):
-        message = f"{quote(first)} is not a verb; a player plays it"
-        suggestion = f"{player} plays {first}"
-        return TextError(message, offset=place, length=len(first), suggestion=suggestion)
-    if first in TRANSFORMS:
-        message = f"{quote(first)} is a transformation, of a rhythm or of strikes"
-        voice = next(iter(scope.strikes), "d1")
-        what = " ".join(word.text for word in words)
-        raise TextError(f"{message}: {voice} do {what}", offset=place, length=len(first))
-    if first in scope.acts or first in scope.instruments:
-        return TextError(_instrument_lines(first, scope), offset=place, length=len(first))
-    known = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])
-    near = verbs.MEANT.get(first) or nearest(first, known)
-    is_meant = first in verbs.MEANT
-    if not is_meant and near in verbs.TAKING_AWAY and not is_one_slip(first, near):
-        near = nearest(first, [verb for verb in known if verb not in verbs.TAKING_AWAY])
-    message = f"unknown verb {quote(first)}"
-    message = message if near else f"{message}; `help` lists them all"
-    return TextError(message, offset=place, length=len(first), suggestion=near)
-
-
-def _instrument_lines(name: str, scope: Scope) -> str:
-    """The lines that play an instrument, where its name replaces a verb."""
-    message = f"{quote(name)} is an instrument, not a verb; "
-    if any(part.startswith(f"{name}.") for part in scope.instruments):
-        return message + f'write {name} = "c4 e4*2", {name} notes C4 E4 every 1, or {name} C4 f'
-    return message + f'write {name} = "{name}*4", or {name} f for one stroke'
 
 
 def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
@@ -377,12 +305,27 @@ class _FormReader:
     def _unexpected(self, word: Word, leads: list[str]) -> TextError:
         whens = ("now", *_TIME_LEADS) if self.form.timed else ()
         message = f"{quote(word.text)} does not belong here"
+        if (joined := self._joined_with_unit(word)) is not None:
+            message = f"a number and its unit are one word: {joined}"
+            return TextError(message, offset=word.start, length=len(word.text))
+        for verb, pattern, advice in _OTHER_VERBS:
+            if verb == self.form.verb and pattern.fullmatch(word.text):
+                message = f"{message}; write {advice.format(word.text)}"
+                return TextError(message, offset=word.start, length=len(word.text))
         near = nearest(word.text, (*(lead for lead in leads if lead[-1] != "="), *whens))
         if near is None:
             message = f"{message}; write {self.form.written}"
         if not self.form.timed and word.text in _TIME_LEADS:
             message = f"'{self.form.verb}' acts at once: leave out '{word.text}'"
         return TextError(message, offset=word.start, length=len(word.text), suggestion=near)
+
+    def _joined_with_unit(self, word: Word) -> str | None:
+        """A number before a unit that is a word of its own, joined with it; None if it is not."""
+        unit = _UNITS.get(word.text)
+        before = self.line.text[: word.start - self.line.start].split()
+        if unit is None or not before or not _NUMBER.fullmatch(before[-1]):
+            return None
+        return before[-1] + unit
 
     # --- completions ------------------------------------------------------------------------------
 

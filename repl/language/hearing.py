@@ -99,8 +99,9 @@ def _target(text: str, scope: Scope) -> str:
     families = [family] if slash else [*scope.families]
     known = [group for group in families if name in scope.families.get(group, ())]
     if known:
-        message = f"{quote(name)} is an instrument of {known[0]}, which is not in use: type "
-        raise TextError(f"{message}`use {known[0]}`, then `hear {path}`", length=len(text))
+        error = v.family_missing(name, known[0], f"hear {path}")
+        error.length = len(text)
+        raise error
     if family in scope.families:
         raise v.unknown_name(name, f"an instrument of {family}", scope.families[family])
     if slash:

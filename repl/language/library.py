@@ -13,7 +13,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import Command, When
 from ergon.repl.language.forms import SHOWN_SLOT, Slot, Words, form
-from ergon.repl.language.scope import SUFFIXES, Scope, scores_in
+from ergon.repl.language.scope import SUFFIXES, Scope, scores_in, unused_family
 from ergon.repl.language.values import Completion, CompletionContext, Value
 from ergon.scores.reading.families import file_of, library
 
@@ -65,10 +65,14 @@ def family_hint(scope: Scope, name: str) -> str:
     return ", ".join(scope.families.get(name, ())) or "no instruments"
 
 
-def _read_family(text: str, *_: Any) -> tuple[str, str]:
+def _read_family(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, str]:
     """The name of a family and its file, as a score uses it."""
     if text in library():
         return text, file_of(text)
+    folder, _slash, name = text.rpartition("/")
+    if (known := unused_family(name, scope)) and folder in ("", known):
+        message = f"{quote(text)} is an instrument: type `use {known}` for its family, or "
+        raise TextError(f"{message}`{name} = {known}/{name}` for it alone", length=len(text))
     path = PurePosixPath(text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text)
     if path.suffix not in SUFFIXES:
         what = "a family of the library, or a file such as drums.yaml"

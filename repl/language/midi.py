@@ -217,7 +217,9 @@ def _read_played_instrument(text: str, scope: Scope, _: Mapping[str, Any]) -> st
     if text in scope.blocks:
         return text
     if part not in playable(scope):
-        raise v.unknown_name(text, "an instrument or a block", (*playable(scope), *scope.blocks))
+        raise v.unknown_instrument(
+            text, "an instrument or a block", (*playable(scope), *scope.blocks), scope
+        )
     if part not in scope.acts:
         message = f"the impulses are missing: {quote(part)} does not say how it is played; write "
         raise TextError(f"{message}them, such as 1mNs..20mNs", length=len(text))

@@ -179,7 +179,9 @@ def _room_completions(_: CompletionContext) -> Iterator[Completion]:
 
 def _read_faded(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text != _MASTER and text not in scope.instruments:
-        raise v.unknown_name(text, "an instrument or master", (*scope.instruments, _MASTER))
+        raise v.unknown_instrument(
+            text, "an instrument or master", (*scope.instruments, _MASTER), scope
+        )
     return text
 
 
@@ -219,7 +221,7 @@ FILTER_FIELDS = Value(
     _read_filter_fields,
     _filter_completions,
 )
-PAN = v.quantity_value(k.PAN, "-0.3", (), "a place from -1 to 1")
+PAN = v.quantity_value(k.PAN, "-0.3", (), "a place from -1 (first channel) to 1 (second channel)")
 SEND = Value(f"a room and a level, such as {_SEND}", _read_send, _send_completions)
 ROOM_NAME = Value(
     "a name of a room", _room_name, lambda context: v.name_completions(context.scope.rooms)

@@ -145,7 +145,7 @@ def _read_struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if not NAME.fullmatch(text.split(".")[0]) or len(text) > 4 * MAX_NAME:
         raise TextError(f"{quote(text)} is not an instrument", length=len(text))
     if text.split(".")[0] not in playable(scope):
-        raise v.unknown_name(text, "an instrument", playable(scope))
+        raise v.unknown_instrument(text, "an instrument", playable(scope), scope)
     return text
 
 

@@ -47,7 +47,7 @@ def _read(text: str, scope: Scope, slots: Mapping[str, Any]) -> Mapping[str, str
         check_options({name: word for name, word in options.items() if name != "to"}, scope)
         to = options.get("to")
         if to is not None and to.text.split(".")[0] not in playable(scope):
-            error = v.unknown_name(to.text, "an instrument", playable(scope))
+            error = v.unknown_instrument(to.text, "an instrument", playable(scope), scope)
             error.offset = to.offset
             raise error
     except TextError as error:
@@ -80,7 +80,9 @@ def _check_words(text: str, to: str, scope: Scope, *, is_sure: bool) -> None:
         part = name.split(".")[0]
         error = None
         if part not in playable(scope) and part not in scope.keys:
-            error = v.unknown_name(part, "an instrument or a key", (*playable(scope), *scope.keys))
+            error = v.unknown_instrument(
+                part, "an instrument or a key", (*playable(scope), *scope.keys), scope
+            )
         elif part not in scope.acts and not is_sure and level_of(struck) is None:
             message = f"the impulse is missing: {quote(part)} does not say how it is played; write "
             error = TextError(f"{message}it after the rhythm, such as 2mNs", length=len(part))

@@ -62,6 +62,14 @@ def playable(scope: Scope) -> Mapping[str, str]:
     return {**scope.instruments, **scope.available}
 
 
+def unused_family(name: str, scope: Scope) -> str | None:
+    """The family that an instrument is to be brought in from; None if a line may play that name,
+    or no family has it.
+    """
+    families = (family for family, members in scope.families.items() if name in members)
+    return None if name in playable(scope) else next(families, None)
+
+
 def scores_in(folder: Path | None) -> list[Path]:
     """The score files in a folder, by name; none if it cannot be read."""
     return files_in(folder, SUFFIXES)

@@ -72,7 +72,9 @@ def _read(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str
     """The fields of the strikes, as texts."""
     first = text.split()[0]
     if first in scope.phrases and first not in playable(scope):  # the next form reads it
-        raise v.unknown_name(first, "an instrument or a key", (*playable(scope), *scope.keys))
+        raise v.unknown_instrument(
+            first, "an instrument or a key", (*playable(scope), *scope.keys), scope
+        )
     before, do = split_at_do(text)
     modules, options = parse_strikes(before, OPTIONS)
     modules, options = with_level(modules, options, (*playable(scope), *scope.keys))
@@ -82,7 +84,9 @@ def _read(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str
     for module in modules:
         part = module.text.split(".")[0]
         if part not in playable(scope) and part not in scope.keys:
-            error = v.unknown_name(part, "an instrument or a key", (*playable(scope), *scope.keys))
+            error = v.unknown_instrument(
+                part, "an instrument or a key", (*playable(scope), *scope.keys), scope
+            )
             error.offset += module.offset
             raise error
     check_options(options, scope)
@@ -180,7 +184,7 @@ def _offers_notes(context: v.CompletionContext) -> Iterator[v.Completion]:
 
 def _struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text.split(".")[0] not in playable(scope):
-        raise v.unknown_name(text, "an instrument", playable(scope))
+        raise v.unknown_instrument(text, "an instrument", playable(scope), scope)
     return text
 
 

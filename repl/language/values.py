@@ -16,7 +16,7 @@ from ergon.notation.tables.shapes import MAX_NAME, NAME, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language.commands import NOW, Now, Sync
-from ergon.repl.language.scope import Scope, playable, scores_in
+from ergon.repl.language.scope import Scope, playable, scores_in, unused_family
 from ergon.scores.gesture import notation, space_path
 from ergon.scores.gesture.points import CURVES, UNITS_PER_METRE
 from ergon.scores.gesture.transforms import ARGUMENTS, ARITY, EXAMPLES
@@ -78,7 +78,7 @@ def name_value(what: str, *sections: str) -> Value:
 
     def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         if text not in (names := known(scope)):
-            raise unknown_name(text, what, names)
+            raise unknown_instrument(text, what, names, scope)
         return text
 
     return Value(what, read, lambda context: name_completions(known(context.scope)))
@@ -98,6 +98,21 @@ def unknown_name(text: str, what: str, names: Iterable[str]) -> TextError:
         some = ", ".join(known[:8]) + (", …" if len(known) > 8 else "")
         message += f"; there are only {some}" if known else "; the score has none"
     return TextError(message, length=len(text), suggestion=near)
+
+
+def unknown_instrument(text: str, what: str, names: Iterable[str], scope: Scope) -> TextError:
+    """The same for an instrument or one of its modules; names the family that has to come first."""
+    name = text.split(".")[0]
+    family = unused_family(name, scope)
+    return unknown_name(text, what, names) if family is None else family_missing(name, family)
+
+
+def family_missing(name: str, family: str, then: str = "") -> TextError:
+    """The error for an instrument of a family that is not in use; `then` is what to type next."""
+    message = (
+        f"{quote(name)} is an instrument of {family}, which is not in use: type `use {family}`"
+    )
+    return TextError(f"{message}, then `{then}`" if then else message, length=len(name))
 
 
 def check_word(record: Record, field: str, word: str, offset: int) -> None:
@@ -167,7 +182,7 @@ def _read_with_level(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     if text in scope.instruments or text in scope.players:
         return text
     names = (*scope.instruments, *scope.players, *scope.strikes)
-    raise unknown_name(text, "an instrument, a player or the name of strikes", names)
+    raise unknown_instrument(text, "an instrument, a player or the name of strikes", names, scope)
 
 
 def _read_doing(section: str) -> Callable[[str, Scope, Mapping[str, Any]], str]:

@@ -177,7 +177,24 @@ TAKING_AWAY = frozenset(
     )
 )
 # What other programs call some verbs; by its letters `quiet` would be `quit`.
-MEANT = {"quiet": "hush", "silence": "hush", "exit": "quit", "delete": "remove"}
+# Words of other programs, and the verb that does it here.
+MEANT = {
+    **dict.fromkeys(("quiet", "silence"), "hush"),
+    **dict.fromkeys(("exit", "bye", "close"), "quit"),
+    **dict.fromkeys(("delete", "del", "kill", "clear"), "remove"),
+    **dict.fromkeys(("volume", "vol", "level", "louder", "softer", "quieter"), "gain"),
+    **dict.fromkeys(("bpm", "speed", "faster", "slower"), "tempo"),
+    **dict.fromkeys(("reverb", "hall"), "room"),
+    **dict.fromkeys(("send", "output", "channel"), "route"),
+    **dict.fromkeys(("start", "go", "resume", "continue"), "play"),
+    **dict.fromkeys(("pause", "halt"), "stop"),
+    **dict.fromkeys(("import", "add", "new", "instrument"), "use"),
+    **dict.fromkeys(("eq", "lowpass", "highpass", "delay"), "filter"),
+    **dict.fromkeys(("status", "list", "who"), "voices"),
+    "write": "save",
+    "open": "load",
+    "unsolo": "unmute",
+}
 SHORTEST = {form.verb: form.short for form in FORMS}
 SUBJECT_VERBS = tuple(
     dict.fromkeys(form.verb for form in FORMS if form.subject and form.verb != "=")

@@ -129,7 +129,8 @@ def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
     members = piece.families.get(name)
     if members is None:
         if hear.notes:
-            raise NotTakenError(f"{name} has no notes; write `hear {hear.target}`")
+            message = f"{name} has no notes; write `hear {hear.target}`, or make one that has: "
+            raise NotTakenError(f"{message}`{name}-notes = {name} notes=C3..C5`")
         return [_act(piece, hear.target, name)]
     if not hear.notes:
         return [_act(piece, hear.target, members[len(members) // 2])]

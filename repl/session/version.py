@@ -228,5 +228,5 @@ def piece_of(texts: Texts) -> Piece:
     loaded = texts.load()
     if loaded.piece is None:
         first = next(found for found in loaded.diagnostics if found.severity == "error")
-        raise NotTakenError(first.message)
+        raise NotTakenError(f"{first.message} ({first.help})" if first.help else first.message)
     return loaded.piece

@@ -122,10 +122,12 @@ def route(
 def remove(texts: Texts, piece: Piece, name: str) -> Texts:
     """Remove a named thing, and what belongs to it alone.
 
-    A player is removed with the part, a key with its couplings, an instrument with its routes.
-    Raises EditError.
+    A player is removed with the part, a key with its couplings, an instrument with its routes; of
+    strikes and an instrument of one name, the strikes. Raises EditError.
     """
     section, path = definition_path(texts, name)
+    if section == "instruments" and _has(texts, ("strikes", name)):
+        return texts.remove(("strikes", name))
     if section == "players" and _has(texts, ("parts", name)):
         texts = texts.remove(("parts", name))
     if section == "keys":

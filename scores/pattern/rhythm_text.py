@@ -42,6 +42,7 @@ from ergon.scores.pattern.rhythm_signs import NUMBER, Scanner
 MAX_TEXT = 4_000  # characters
 MAX_BRACKETS = 32  # inside one another
 
+_HITS_AND_DOTS = re.compile(r"[xX.\s-]+")
 WORD = re.compile(r"[^\W_][\w#'+:-]*(?:\.[\w#'+:-]+)*")
 _CLOSING = {"[": "]", "<": ">", "{": "}"}
 _OPENING = {close: opened for opened, close in _CLOSING.items()}
@@ -189,6 +190,8 @@ class _Parser(Scanner, Generic[V]):
         around = self.text[max(0, self.place - 1) : self.place + 2]
         if not steps or len(around) < 3 or around.strip() != ".":
             message = "a dot that groups has steps and a space on each side: kick hat . snare hat"
+            if _HITS_AND_DOTS.fullmatch(self.text):
+                message = "a hit is the name of an instrument, and a rest is ~: kick ~ kick kick"
             raise self.mistake(message, self.place)
         self.place += 1
 

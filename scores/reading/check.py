@@ -458,7 +458,8 @@ class Checker:
         if part.modules[target.module].kind != "CEL" or is_ca:
             message = f"{label}: {quote(target.text)} has no pitch of its own; notes are for CELs"
             is_tuned = isinstance(struck_part, Instrument) and struck_part.pitch is not None
-            advice = "give the instrument `notes`, such as notes: [C4, D4]: a member for each"
+            advice = "`notes` gives an instrument a member for each: notes: [C4, D4] in a score, "
+            advice += f"{target.part}-notes = {target.part} notes=C4..D5 at the prompt"
             self.collector.error("E304", message, target.place, help=advice if is_tuned else None)
 
     def _is_of_cells(self, target: Target, label: str) -> None:
