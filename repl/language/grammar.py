@@ -12,7 +12,7 @@ from typing import Any
 
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import is_misspelt, is_one_slip, nearest
-from ergon.repl.language import hearing, verbs
+from ergon.repl.language import amounts, hearing, verbs
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import NOW, Command, When, Word
 from ergon.repl.language.forms import Form, Slot
@@ -21,9 +21,9 @@ from ergon.repl.language.scope import Scope, playable
 from ergon.scores.pattern.cycle_table import TABLE as TRANSFORMS
 
 _TIME_LEADS = {
-    "at": v.POSITION,
-    "in": v.LENGTH,
-    "sync": v.SYNC,
+    "at": amounts.POSITION,
+    "in": amounts.LENGTH,
+    "sync": amounts.SYNC,
 }  # words before the time at which a line acts
 _TIME_COMPLETIONS = (
     v.Completion("now", "at the next tick"),
