@@ -73,9 +73,8 @@ class Checker:
             self.matter.by_name.get,
         )
         players = {v.context.name: self._player(v) for v in self._section_values("players")}
-        mix = routed(
-            build_mix.mix(score["mix"], self.uses.files), self.matter.by_name, self.part_names
-        )
+        written_mix = build_mix.mix(score["mix"], self.uses.files)
+        mix = routed(written_mix, self.matter.by_name, self.part_names)
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reach_led(memory, file)
         included = self._included(times, len(duet))
