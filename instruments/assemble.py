@@ -140,14 +140,14 @@ class Assembly:
                         self.network.follow_mass(module.name, mat, by)
             if module.kind not in LINKS:
                 continue
-            ends = module.fields["between"]
+            ends = module.ends
             if self.refused and any((end.part, end.module) not in self.mats for end in ends):
                 continue
             first = self.network.n_lia
             with self._collecting_refusals():
                 links = list(single_links(module))
                 for link in links:
-                    self.link(name, link, *link.fields["between"], reach=reach)
+                    self.link(name, link, *link.ends, reach=reach)
                 if module.fields.get("box") is not None:
                     self.walls[name, module.name] = [self.links[name, link.name] for link in links]
             self.links[name, module.name] = range(first, self.network.n_lia)

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import MISSING, Context, Either, Shape, wrong_shape
+from ergon.notation.tables.shapes import MISSING, Context, Shape, wrong_shape
 from ergon.notation.text import document
 from ergon.notation.text.document import Node
 

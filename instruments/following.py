@@ -8,8 +8,9 @@ from typing import Any
 
 from ergon.instruments.model import Module, Target
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import NamesOf
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import MISSING, Name, NamesOf, Shape
+from ergon.notation.tables.shapes import MISSING, Name, Shape
 
 CONSTANTS_MAX = 4  # constants of one law
 
@@ -64,7 +65,7 @@ def targets(module: Module) -> Iterator[Target]:
 
 def check_mass(values: Values) -> None:
     """Report another parameter of a MAS than M, and a mass that is not above 0."""
-    for name, following in _written(values).items():
+    for name, following in written_followings(values).items():
         if name != "M":
             message = f"{values.context.label('follows')}: of a MAS only M follows a MAT"
             values.error("E111", message, "follows")
@@ -73,14 +74,14 @@ def check_mass(values: Values) -> None:
             values.error("E105", message, "follows")
 
 
-def _written(values: Values) -> Mapping[str, Any]:
-    """What follows; in space nothing does."""
+def written_followings(values: Values) -> Mapping[str, Any]:
+    """What follows by its name, as it is written; in space nothing does."""
     return (values["follows"] or {}) if "follows" in values.record.by_name else {}
 
 
 def check_constants(values: Values) -> None:
     """Report a constant of a law that has a value of its own too, and too many that follow."""
-    written = _written(values)
+    written = written_followings(values)
     for name in written:
         if name in values.nodes:
             message = f"{values.context.label(name)}: it follows a MAT too; keep one of the two"

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import MISSING, Either, choice
+from ergon.notation.tables.shapes import MISSING, choice
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,16 +9,9 @@ from typing import Any
 from ergon import _core
 from ergon.instruments.modal_band import Band, band
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Values
-from ergon.notation.tables.shapes import (
-    MISSING,
-    NAME,
-    Context,
-    Either,
-    ListOf,
-    NamesOf,
-    Text,
-)
+from ergon.notation.tables.shapes import MISSING, NAME, Context, Text
 from ergon.notation.text.document import Document, Node
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place

@@ -9,8 +9,9 @@ from typing import Any
 
 from ergon import _core
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import MISSING, ListOf, NamesOf, Shape
+from ergon.notation.tables.shapes import MISSING, Shape
 
 _SCATTER = 0.5  # octaves that a decay lies above or below the line at most
 _WEAKEST = 0.5  # of the level that is written

@@ -119,6 +119,18 @@ class Module:
     )
 
     @property
+    def ends(self) -> tuple[Target, ...]:
+        """What a link joins, once its names are looked up; empty for other kinds."""
+        ends: tuple[Target, ...] = self.fields.get("between") or ()
+        return ends
+
+    @property
+    def driven(self) -> Target:
+        """The MAT that an ENX or ENF drives, once its name is looked up."""
+        target: Target = self.fields["to"]
+        return target
+
+    @property
     def shown_kind(self) -> str:
         """Its kind in messages and reports."""
         return self.written_kind or self.kind

@@ -8,19 +8,9 @@ from typing import Any
 from ergon.instruments.kinds.outputs import OUTPUTS, OutputKind
 from ergon.instruments.module_kinds import tables
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import (
-    MISSING,
-    NAME,
-    Context,
-    Either,
-    ListOf,
-    Name,
-    NamesOf,
-    Reference,
-    Shape,
-    wrong_shape,
-)
+from ergon.notation.tables.shapes import MISSING, NAME, Context, Name, Reference, Shape, wrong_shape
 from ergon.notation.text import document
 from ergon.notation.text.document import Node
 from ergon.notation.text.errors import quote

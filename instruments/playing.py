@@ -9,8 +9,9 @@ from ergon.instruments.drawing import FIELDS, WORDS, DrawnActs, Pressing
 from ergon.instruments.model import Act, Hold, Module
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import MISSING, ListOf, Name, NamesOf, Reference
+from ergon.notation.tables.shapes import MISSING, Name, Reference
 from ergon.notation.tables.strengths import ImpulseRange
 
 _ANY_REACH = 1e-3, 1e-2  # N·s

@@ -8,8 +8,9 @@ from typing import Any
 from ergon import _core
 from ergon.instruments.model import Target
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import ListOf, Shape
+from ergon.notation.tables.shapes import Shape
 
 _WAYS = ("shares", "at", "follows")
 

@@ -20,19 +20,17 @@ from ergon.instruments.space.checks import check as check_in_space
 from ergon.instruments.transpose import INTERVAL, between, moved, named_pitch
 from ergon.notation.tables import tuning
 from ergon.notation.tables import value_kinds as k
-from ergon.notation.tables.expressions import named_amounts
+from ergon.notation.tables.compound import ListOf, NamesOf, merged
 from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.named_values import named_amounts
 from ergon.notation.tables.notes import Notes, check_note
 from ergon.notation.tables.shapes import (
     MISSING,
     Context,
-    ListOf,
     Name,
-    NamesOf,
     Reference,
     Shape,
     choice,
-    merged,
     wrong_shape,
 )
 from ergon.notation.tables.tuning_fields import TUNING
@@ -318,9 +316,11 @@ def _in_space(name: str, kind: str, values: Values, axes: int) -> Module:
     return _completed(name, kind, fields, values)
 
 
-def _completed(name: str, kind: str, fields: dict[str, Any], values: Values) -> Module:
+def _completed(name: str, kind: str, fields: dict[str, object], values: Values) -> Module:
     """A module of the fields that are built from those that are written."""
     known = KINDS[kind]
+    for unbuilt in known.unbuilt:
+        fields.pop(unbuilt, None)
     known.complete(values, fields)
     known.check(values)
     becomes, written = (known.becomes, kind) if known.becomes else (kind, "")

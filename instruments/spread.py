@@ -16,8 +16,8 @@ from ergon.instruments.members import PATTERN
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Module, Target
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either, ListOf
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import Either, ListOf
 from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.errors import Collector, quote
 
@@ -100,7 +100,7 @@ def single_links(module: Module) -> Iterator[Module]:
 
     A link that acts between all points of two ranges is one link; a box is one for each wall.
     """
-    ends = module.fields["between"]
+    ends = module.ends
     n, gap = size(ends), module.fields.get("gap")
     if module.fields.get("box") is not None:
         yield from _walls(module)

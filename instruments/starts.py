@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ergon.notation.tables.compound import Either, ListOf
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import Either, ListOf, Name, Reference, Shape
+from ergon.notation.tables.shapes import Name, Reference, Shape
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import MISSING, Either
+from ergon.notation.tables.shapes import MISSING
 
 INHARMONICITY_MAX = 0.1
 

@@ -29,7 +29,7 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
     from ergon.notation.text.files import Files, is_file
     from ergon.notation.text.spelling import nearest
     from ergon.notation.text.values import Place
-    from ergon.scores.reading import build
+    from ergon.scores.reading import build_mix
 
     path = Path(name)
     if not is_file(path):
@@ -48,7 +48,7 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
         path = shipped[path.name]
     collector = Collector()
     files = Files(collector, path.parent, bounds=FileBounds.around(path.parent, trust=True))
-    layout = build.layout(path.name, path.parent, Place(str(path), 1, 1), files)
+    layout = build_mix.layout(path.name, path.parent, Place(str(path), 1, 1), files)
     is_refused = collector.has_errors()
     diagnostics = collector.finish()
     (report or Report()).diagnostics(diagnostics, files.documents, collector.left_out())

@@ -278,7 +278,7 @@ def _points(piece: Piece, name: str) -> Iterator[tuple[str, Sequence[Target]]]:
                 yield f"out {output.name}" if output.name else "out", output.targets
     touched = [target for strike in piece.strikes for target in strike.to]
     for owner, module in piece.modules():
-        end_targets = module.fields.get("between", ())
+        end_targets = module.ends
         if len({end.part for end in end_targets} | {owner}) > 1:
             touched += end_targets
     yield from (("", (target,)) for target in touched if target.part == name)

@@ -116,7 +116,7 @@ def _players(
     timeline, mats = simulated.stage.timeline, simulated.stage.built.assembly.mats
     if timeline is None:
         return
-    for end in contact.fields["between"]:
+    for end in contact.ends:
         if kinds[end.part, end.module] not in _THROWN:
             continue
         name, direction = f"{end.part}.{end.module}", _direction(contact, end)
@@ -130,14 +130,14 @@ def _keys(piece: Piece, contact: Module, kinds: _Kinds) -> Iterator[tuple[str, f
     in to do so: 1 or -1.
     """
     struck = {(name, key.struck): name for name, key in piece.keys.items()}
-    for end in contact.fields["between"]:
+    for end in contact.ends:
         if key := struck.get((end.part, end.module)):
             yield key, _direction(contact, end)
-    thrown = {(e.part, e.module) for e in contact.fields["between"]} - struck.keys()
+    thrown = {(e.part, e.module) for e in contact.ends} - struck.keys()
     for _, module in piece.modules():
         if module.kind != "BUT" or module is contact:
             continue
-        targets_by_module = {(end.part, end.module): end for end in module.fields["between"]}
+        targets_by_module = {(end.part, end.module): end for end in module.ends}
         between = thrown & targets_by_module.keys()
         if any(kinds[end] in _THROWN for end in between):
             yield from (
@@ -150,7 +150,7 @@ def _keys(piece: Piece, contact: Module, kinds: _Kinds) -> Iterator[tuple[str, f
 def _direction(contact: Module, end: Target) -> float:
     """The direction in which an end of a contact moves to close it: upwards 1, downwards -1."""
     upwards = contact.fields["side"] == "below"
-    return 1.0 if upwards == (end == contact.fields["between"][0]) else -1.0
+    return 1.0 if upwards == (end == contact.ends[0]) else -1.0
 
 
 def _strokes(gesture: StagedGesture, direction: float) -> Iterator[_Stroke]:

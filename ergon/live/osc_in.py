@@ -127,8 +127,8 @@ def _joined_parts(piece: Piece) -> Iterator[set[str]]:
     ]
     for name, modules in parts:
         for module in modules:
-            if "between" in module.fields:
-                yield {name, *(end.part for end in module.fields["between"])}
+            if module.ends:
+                yield {name, *(end.part for end in module.ends)}
 
 
 def _check_accepted(all_heeded: Sequence[bool]) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, TypedDict
+from typing import TypedDict
 
 from ergon import _core
 from ergon.instruments.kinds import bodies
 from ergon.instruments.kinds.kind import Quantities, kind, picked
 from ergon.instruments.modal import BANK_DECAYS, BANK_GAINS, BANK_PITCHES, Each
 from ergon.notation.tables import value_kinds as k
-from ergon.notation.tables.fields import Field, Values
+from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import choice
 
 
@@ -34,10 +34,6 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
         Field("angles", choice("random", "even"), "how a galaxy lies around its middle", "even"),
         *bodies.STARTS,
     )
-
-
-def _complete(values: Values, fields: dict[str, Any]) -> None:
-    fields.pop("modes")
 
 
 class BankFields(TypedDict):
@@ -74,7 +70,7 @@ BANK = kind(
     "many CEL",
     _fields,
     gliding=("f", "t60"),
-    complete=_complete,
+    unbuilt=("modes",),
     add=_add,
     count=_count,
 )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from ergon.instruments.bodies import DECAY
 from ergon.instruments.kinds.kind import Quantities
 from ergon.instruments.materials import MATERIAL
@@ -59,7 +57,8 @@ def check_pitched(values: Values, name: str) -> None:
         )
 
 
-def without(fields: dict[str, Any], *names: str) -> None:
-    """Drop fields that were turned into others; without a K, the body has a pitch."""
-    for name in (*names, *(("K", "Z") if fields.get("K") is None else ())):
-        fields.pop(name, None)
+def with_pitch_or_links(values: Values, fields: dict[str, object]) -> None:
+    """Drop K and Z of a body that has a pitch instead."""
+    if fields.get("K") is None:
+        for name in ("K", "Z"):
+            fields.pop(name, None)

@@ -8,8 +8,9 @@ from typing import Any, Literal, NamedTuple
 
 from ergon.instruments.model import Form
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import ListOf, Reference, Shape
+from ergon.notation.tables.shapes import Reference, Shape
 from ergon.notation.text.errors import with_article
 
 Family = Literal["mat", "link", "generator", "input"]
@@ -56,7 +57,7 @@ def no_check(values: Values) -> None:
     """Nothing contradicts anything."""
 
 
-def as_written(values: Values, fields: dict[str, Any]) -> None:
+def as_written(values: Values, fields: object) -> None:
     """Fields are what is written."""
 
 
@@ -75,7 +76,8 @@ class Kind:
     """A kind of module: its family, and its table for each form of instrument that may have it.
 
     `gliding`: the parameters that may change while a piece plays; a generator changes as a
-    whole. `scaled`: for a link, the fields that the engine's factors of K and of Z multiply.
+    whole. `unbuilt`: fields from which others are made. `scaled`: for a link, the fields that the
+    engine's factors of K and of Z multiply.
     `lever`: the power of a lever's ratio that multiplies a field that no other kind has.
     `check` reports fields that contradict each other. `complete` turns fields into those that
     are built. `add` builds: (network, name, fields, seed) of a MAT or a generator, (network,
@@ -87,11 +89,12 @@ class Kind:
     family: Family
     tables: Mapping[Form, Record]
     gliding: tuple[str, ...] = ()
+    unbuilt: tuple[str, ...] = ()
     scaled: tuple[str, str] = ("K", "Z")
     role: Role = "linear"
     lever: Mapping[str, int] = field(default_factory=dict)
     check: Callable[[Values], None] = no_check
-    complete: Callable[[Values, dict[str, Any]], None] = as_written
+    complete: Callable[..., None] = as_written
     add: Callable[..., int] = only_in_space
     count: Callable[..., int] = single_mat
     becomes: str = ""

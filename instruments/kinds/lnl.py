@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, TypedDict
+from typing import TypedDict
 
 from ergon import _core
 from ergon.instruments import following
 from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Quantities, kind
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import ListOf, Pair
 from ergon.notation.tables.fields import Field, Values
-from ergon.notation.tables.shapes import ListOf, Pair, Text
+from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError
 
 MAX_LAW = 2_000  # characters of a law
@@ -53,7 +54,7 @@ def _check(values: Values) -> None:
     following.check_constants(values)
 
 
-def _complete(values: Values, fields: dict[str, Any]) -> None:
+def _complete(values: Values, fields: dict[str, object]) -> None:
     fields["constants"] = dict(values.free)
     if "interval" in values.by_name:
         fields["interval"] = values.by_name["interval"]

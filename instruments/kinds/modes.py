@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, TypedDict
+from typing import TypedDict
 
 from ergon import _core
 from ergon.instruments.kinds.kind import Quantities, kind
 from ergon.instruments.modal import BAND, MODES_DECAYS, MODES_PITCHES, PLACES
 from ergon.notation.tables import value_kinds as k
-from ergon.notation.tables.fields import Field, Values
+from ergon.notation.tables.fields import Field
 
 
 def _fields(quantities: Quantities) -> tuple[Field, ...]:
@@ -25,11 +25,6 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
         Field("band", BAND, "more modes, which are drawn between two frequencies"),
         Field("modes", k.PATH, "a CSV file of f, t60 and levels, instead of lists"),
     )
-
-
-def _complete(values: Values, fields: dict[str, Any]) -> None:
-    fields.pop("modes")
-    fields.pop("band")
 
 
 class ModesFields(TypedDict):
@@ -56,7 +51,7 @@ MODES = kind(
     "generator",
     "a body of which modes and their levels are known",
     _fields,
-    complete=_complete,
+    unbuilt=("modes", "band"),
     add=_add,
     count=_count,
 )

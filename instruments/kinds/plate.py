@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypedDict
+from typing import TypedDict
 
 from ergon import _core
 from ergon.instruments.bodies import Bending
@@ -10,8 +10,9 @@ from ergon.instruments.kinds import bodies
 from ergon.instruments.kinds.kind import Quantities, kind, picked
 from ergon.instruments.matter import MATTER
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Pair
 from ergon.notation.tables.fields import Field, Values
-from ergon.notation.tables.shapes import Pair, choice
+from ergon.notation.tables.shapes import choice
 
 MAX_RADIUS = 400  # half a million masses, whose lowest mode takes ten seconds to find
 _MAX_SIDE = 2 * MAX_RADIUS + 1
@@ -61,10 +62,6 @@ def _check(values: Values) -> None:
         values.error("E111", message, other)
 
 
-def _complete(values: Values, fields: dict[str, Any]) -> None:
-    bodies.without(fields, *MATTER, "masses")
-
-
 class PlateFields(TypedDict):
     """Its fields as it is built."""
 
@@ -99,7 +96,8 @@ PLATE = kind(
     _fields,
     gliding=("f", "t60"),
     check=_check,
-    complete=_complete,
+    unbuilt=(*MATTER, "masses"),
+    complete=bodies.with_pitch_or_links,
     add=_add,
     count=_count,
 )

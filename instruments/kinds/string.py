@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypedDict
+from typing import TypedDict
 
 from ergon import _core
 from ergon.instruments.kinds import bodies
@@ -58,10 +58,10 @@ def _check(values: Values) -> None:
         values.error("E111", message, "stiffness")
 
 
-def _complete(values: Values, fields: dict[str, Any]) -> None:
-    bodies.without(fields, *MATTER)
-    if isinstance(wire := fields.get("stretching"), Stretched):
-        fields["stretching"] = wire.stretching(fields["masses"], fields["ends"])
+def _complete(values: Values, fields: dict[str, object]) -> None:
+    bodies.with_pitch_or_links(values, fields)
+    if isinstance(wire := values["stretching"], Stretched):
+        fields["stretching"] = wire.stretching(values["masses"], values["ends"])
 
 
 class StringFields(TypedDict):
@@ -87,6 +87,7 @@ STRING = kind(
     meant={"held": "ends"},
     gliding=("f", "t60"),
     check=_check,
+    unbuilt=MATTER,
     complete=_complete,
     add=_add,
     count=_count,

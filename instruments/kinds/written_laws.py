@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 from ergon.instruments import following
 from ergon.instruments.kinds.kind import BETWEEN, ENDPOINT, Kind, Quantities, kind, needs
@@ -37,15 +36,15 @@ def law_kind(
 
     def check(values: Values) -> None:
         following.check_constants(values)
-        follows = values["follows"] if "follows" in values.record.by_name else ()
+        follows = following.written_followings(values)
         for constant in constants:
             if constant not in follows:
                 needs(values, name, constant)
 
-    def complete(values: Values, built: dict[str, Any]) -> None:
+    def complete(values: Values, built: dict[str, object]) -> None:
         written = {constant: built.pop(constant) for constant in constants}
         # A constant that is missing was reported; the law needs one nevertheless.
-        follows = built.get("follows") or ()
+        follows = following.written_followings(values)
         built["constants"] = {
             constant: 1.0 if value is None else value
             for constant, value in written.items()

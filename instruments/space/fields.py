@@ -6,8 +6,9 @@ from dataclasses import replace
 from typing import Literal
 
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record
-from ergon.notation.tables.shapes import ListOf, Shape, choice
+from ergon.notation.tables.shapes import Shape, choice
 
 MAX_POINTS = 500_000  # of one generator: one and a half million coordinates
 MAX_SPRINGS = 2_000_000  # of one generator

@@ -11,6 +11,7 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
+from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, When, Word
 from ergon.repl.language.forms import OFF_SLOT, Slot, form
@@ -57,7 +58,7 @@ _LFO_OPTIONS = {"period": "4bar", "shape": "sine", "until": "C", "phase": "0.25"
 
 
 def _target(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
-    target = str(v.TARGET.read(text, scope, slots_read))
+    target = str(amounts.TARGET.read(text, scope, slots_read))
     if target.rpartition(".")[2] not in ALL:
         known = ", ".join(ALL)
         message = f"only these parameters change by themselves: {known}"
@@ -78,7 +79,7 @@ def _options(text: str, scope: Scope, known: Mapping[str, str]) -> tuple[str, in
         shape = AUTOMATION.by_name[name].shape
         try:
             if name == "until":
-                v.POSITION.read(word.text, scope, {})
+                amounts.POSITION.read(word.text, scope, {})
             elif isinstance(shape, Text):
                 shape.parse(word.text)
         except TextError as error:
@@ -135,7 +136,7 @@ def _offers(known: Mapping[str, str], first: str = "") -> Any:
             offered = (
                 (v.Completion(first, "its ends"),)
                 if first
-                else v.dimension_value(shape).completions(context)
+                else amounts.dimension_value(shape).completions(context)
             )
             yield from offered
             return
@@ -203,9 +204,11 @@ FILE_SOURCE = v.Value(
 FILE_RANGE = v.Value(
     "two values or factors, such as 1..5", _read_ends, lambda _: [v.Completion("0.8..1.2", "ends")]
 )
-CHANNEL = v.quantity_value(k.integer(1, 16, "1"), "1", (), "a channel from 1 to 16")
-FILE_START = v.quantity_value(k.RATIO, "32", (), "quarter notes of the file that are left out")
-AUTOMATED_TARGET = v.Value("a parameter, such as bell.m.f", _target, v.TARGET.completions)
+CHANNEL = amounts.quantity_value(k.integer(1, 16, "1"), "1", (), "a channel from 1 to 16")
+FILE_START = amounts.quantity_value(
+    k.RATIO, "32", (), "quarter notes of the file that are left out"
+)
+AUTOMATED_TARGET = v.Value("a parameter, such as bell.m.f", _target, amounts.TARGET.completions)
 AUTOMATION_VALUES = v.Value("values and the length of a step", _read_set, _offers(_SET_OPTIONS))
 LFO = v.Value("a range and a period", _read_lfo, _offers(_LFO_OPTIONS, "0.8..1.2"))
 
@@ -242,7 +245,7 @@ SET_FILE_FORM = form("set", "set", "a parameter follows a MIDI file",
     Slot("ends", "LOW..HIGH", FILE_RANGE, "range"),
     Slot("channel", "N", CHANNEL, "channel", optional=True),
     Slot("start", "QUARTERS", FILE_START, "start", optional=True),
-    Slot("until", "WHERE", v.POSITION, "until", optional=True))
+    Slot("until", "WHERE", amounts.POSITION, "until", optional=True))
 LFO_FORM = form("lfo", "lf", "a parameter swings between two values",
     "lfo bell.m.K 0.8..1.2 period 4bar", automate_lfo,
     Slot("target", "PATH", AUTOMATED_TARGET),

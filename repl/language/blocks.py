@@ -8,6 +8,7 @@ from typing import Any
 
 from ergon.notation.tables.shapes import NAME
 from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.block_values import checked
 from ergon.repl.language.commands import Command, When
@@ -128,7 +129,9 @@ NEW_BLOCK = Value(
 )
 VALUES = Value("values, such as 16 or n=16", lambda text, *_: tuple(text.split()), lambda _: ())
 LINES = Value("a line, or several below it", _lines, lambda _: ())
-EVERY = Value("a length in bars or beats", lambda text, *_: parse_every(text), v.LENGTH.completions)
+EVERY = Value(
+    "a length in bars or beats", lambda text, *_: parse_every(text), amounts.LENGTH.completions
+)
 RULE = Value("a condition and a block", _rule, _rule_completions)
 
 

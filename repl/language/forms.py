@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import Command, Word
 from ergon.repl.language.values import Value
@@ -80,10 +81,10 @@ def form(
 
 # Places that several verbs have.
 PLAYER_SLOT = Slot("player", "PLAYER", v.PLAYER)
-OVER_SLOT = Slot("over", "LENGTH", v.LENGTH, "over", optional=True)
+OVER_SLOT = Slot("over", "LENGTH", amounts.LENGTH, "over", optional=True)
 OFF_SLOT = Slot("", "", None, "off")
 LINK_SLOTS = (
-    Slot("stiffness", "STIFFNESS", v.STIFFNESS, "K=", optional=True),
-    Slot("viscosity", "VISCOSITY", v.DAMPING, "Z=", optional=True),
+    Slot("stiffness", "STIFFNESS", amounts.STIFFNESS, "K=", optional=True),
+    Slot("viscosity", "VISCOSITY", amounts.DAMPING, "Z=", optional=True),
 )
-SHOWN_SLOT = Slot("name", "NAME", v.NAME_OR_PARAMETER, optional=True)
+SHOWN_SLOT = Slot("name", "NAME", amounts.NAME_OR_PARAMETER, optional=True)

@@ -14,8 +14,8 @@ from typing import Any
 from ergon.notation.tables.shapes import NAME
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
+from ergon.repl.language import amounts, verbs
 from ergon.repl.language import values as v
-from ergon.repl.language import verbs
 from ergon.repl.language.commands import NOW, Command, When, Word
 from ergon.repl.language.forms import Form, Slot
 from ergon.repl.language.line_verb import find_verb_of
@@ -23,9 +23,9 @@ from ergon.repl.language.lines import Line, split_words
 from ergon.repl.language.scope import Scope
 
 _TIME_LEADS = {
-    "at": v.POSITION,
-    "in": v.LENGTH,
-    "sync": v.SYNC,
+    "at": amounts.POSITION,
+    "in": amounts.LENGTH,
+    "sync": amounts.SYNC,
 }  # words before the time at which a line acts
 # A verb, the word that it does not take, and the line that does it.
 _OTHER_VERBS = (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, Command
 from ergon.repl.language.forms import Slot, form
@@ -78,9 +79,9 @@ _SOUNDING_OR_ALL = Slot("name", "NAME", v.WITH_LEVEL, optional=True)
 _STRIKES = Slot("name", "STRIKES", v.STRIKES)
 GAIN_FORM = form("gain", "ga", "sets the level of an instrument, a player or everything",
     "gain bell -6dB", Gain,
-    _SOUNDING_OR_ALL, Slot("ratio", "LEVEL|xFACTOR", v.GAIN))
+    _SOUNDING_OR_ALL, Slot("ratio", "LEVEL|xFACTOR", amounts.GAIN))
 GAIN_STRIKES_FORM = form("gain", "ga", "scales the impulses of strikes", "gain rain -6dB",
-    GainStrikes, _STRIKES, Slot("ratio", "LEVEL|xFACTOR", v.GAIN))
+    GainStrikes, _STRIKES, Slot("ratio", "LEVEL|xFACTOR", amounts.GAIN))
 MUTE_FORM = form("mute", "mu", "silences an instrument or a player", "mute bell", Mute, _SOUNDING)
 MUTE_STRIKES_FORM = form("mute", "mu", "lets strikes go on without striking", "mute rain",
     MuteStrikes, _STRIKES)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from ergon.notation.clock.positions import Length
 from ergon.notation.text.errors import TextError
+from ergon.repl.language import amounts
 from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, Command, When
@@ -134,7 +135,8 @@ def build(
 _KEYS = Slot("a", "KEY", v.KEY), Slot("b", "KEY", v.OTHER_KEY)
 SET_FORM = form("set", "set", "a physical parameter glides to a value, or by a factor",
     "set bell.m.K x1.5 over 2bar", set_parameter,
-    Slot("target", "PATH", v.TARGET), Slot("change", "VALUE|xFACTOR", v.CHANGE), OVER_SLOT)
+    Slot("target", "PATH", amounts.TARGET), Slot("change", "VALUE|xFACTOR", amounts.CHANGE),
+    OVER_SLOT)
 COUPLE_FORM = form("couple", "c", "joins two keys by a spring and a damper",
     "couple k1 k2 K=40N/m", couple, *_KEYS, *LINK_SLOTS)
 BUILD_FORM = form("=", "=", "adds an instrument like another, or from a file",

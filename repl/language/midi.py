@@ -12,6 +12,7 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.strengths import level
 from ergon.notation.tables.velocities import LAWS
 from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import When
 from ergon.repl.language.forms import OFF_SLOT, PLAYER_SLOT, Slot, Words, form
@@ -100,7 +101,7 @@ def _range_ends(text: str, example: str) -> tuple[str, str]:
 
 def _read_range(text: str, scope: Scope, slots: Mapping[str, Any]) -> tuple[float, float, str]:
     shape = scope.targets[slots["target"]]
-    dimension = v.DIMENSIONS.get(shape, q.NUMBER)
+    dimension = amounts.DIMENSIONS.get(shape, q.NUMBER)
     low, high = (float(shape.parse(end)) for end in _range_ends(text, f"{dimension.example}..…"))
     # A constant of a law is in SI units, whatever its dimension.
     return low, high, "" if shape is k.CONSTANT else dimension.si
@@ -108,7 +109,7 @@ def _read_range(text: str, scope: Scope, slots: Mapping[str, Any]) -> tuple[floa
 
 def _range_completions(context: CompletionContext) -> Iterator[Completion]:
     shape = context.scope.targets[context.fields["target"]]
-    yield from v.dimension_value(shape).completions(context)
+    yield from amounts.dimension_value(shape).completions(context)
 
 
 def _read_levels(text: str, *_: Any) -> tuple[float, float]:
@@ -131,7 +132,7 @@ RANGE = Value("two values with their units, such as 1kN/m..9kN/m", _read_range, 
 LEVELS = Value(
     "two levels, such as -40dB..0dB",
     _read_levels,
-    v.unit_completions("-40dB..0dB", ("dB",), "levels"),
+    amounts.unit_completions("-40dB..0dB", ("dB",), "levels"),
 )
 TEMPOS = Value(
     "two tempos, such as 60..180",
@@ -252,7 +253,7 @@ PLAYED_BY_NOTES = Value(
 IMPULSES = Value(
     "the impulses of the softest and the loudest note, such as 1mNs..20mNs",
     _read_impulses,
-    v.unit_completions("1mNs..20mNs", ("Ns", "mNs", "uNs"), "an impulse"),
+    amounts.unit_completions("1mNs..20mNs", ("Ns", "mNs", "uNs"), "an impulse"),
 )
 CURVE = Value(
     "a curve (square, root or even)",
@@ -302,7 +303,7 @@ _NOTES = Slot("notes", "NOTE|NOTE..NOTE", NOTES, "note")
 _CURVE = Slot("curve", "square|root|even", CURVE, "curve", optional=True)
 MAP_PARAMETER_FORM = form("map", "map", "a MIDI controller moves a parameter",
     "map cc 21 bell.m.K 1kN/m..9kN/m", map_control,
-    _SOURCE, Slot("target", "PATH", v.TARGET),
+    _SOURCE, Slot("target", "PATH", amounts.TARGET),
     Slot("range", "VALUE..VALUE", RANGE))
 MAP_GAIN_FORM = form("map", "map", "a MIDI controller moves a level, in dB",
     "map cc 7 gain bell -40dB..0dB", map_gain,

@@ -11,6 +11,7 @@ from ergon.notation.clock.positions import Length
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import amounts
 from ergon.repl.language import structure as s
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, Command, When
@@ -221,7 +222,7 @@ FILTER_FIELDS = Value(
     _read_filter_fields,
     _filter_completions,
 )
-PAN = v.quantity_value(k.PAN, "-0.3", (), "a place from -1 (first channel) to 1 (second channel)")
+PAN = amounts.quantity_value(k.PAN, "-0.3", (), "a place from -1 (first channel) to 1 (second)")
 SEND = Value(f"a room and a level, such as {_SEND}", _read_send, _send_completions)
 ROOM_NAME = Value(
     "a name of a room", _room_name, lambda context: v.name_completions(context.scope.rooms)
@@ -240,11 +241,11 @@ ROUTE_FORM = form("route", "ro", "an instrument sounds from these channels, and 
     "route bell 3 4 gain -6dB pan -0.3", route,
     Slot("name", "INSTRUMENT", s.INSTRUMENT),
     Slot("channels", "CHANNEL …|nearest", s.CHANNELS, many=True),
-    Slot("gain", "LEVEL", v.LEVEL, "gain", optional=True),
+    Slot("gain", "LEVEL", amounts.LEVEL, "gain", optional=True),
     Slot("pan", "PLACE", PAN, "pan", optional=True))
 ROUTE_GAIN_FORM = form("route", "ro", "an instrument has this level where it sounds",
     "route bell gain -6dB", route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
-    Slot("gain", "LEVEL", v.LEVEL, "gain"))
+    Slot("gain", "LEVEL", amounts.LEVEL, "gain"))
 ROUTE_PAN_FORM = form("route", "ro", "an instrument sounds from here between its two channels",
     "route bell pan -0.3", route, Slot("name", "INSTRUMENT", s.INSTRUMENT),
     Slot("pan", "PLACE", PAN, "pan"))
@@ -253,7 +254,7 @@ PAN_FORM = form("pan", "pan", "an instrument sounds from here between its two ch
     Slot("pan", "PLACE", PAN))
 MOVE_PAN_FORM = form("pan", "pan", "an instrument moves to here between its two channels",
     "pan bell 0.8 over 4bar", MovePan, Slot("name", "INSTRUMENT", s.INSTRUMENT),
-    Slot("pan", "PLACE", PAN), Slot("over", "LENGTH", v.LENGTH, "over"))
+    Slot("pan", "PLACE", PAN), Slot("over", "LENGTH", amounts.LENGTH, "over"))
 FILTER_FORM = form("filter", "fil", "a filter or a delay on what is heard; off: without",
     "filter bell lowpass 2kHz", filtered,
     Slot("name", "INSTRUMENT", s.INSTRUMENT),
@@ -270,5 +271,5 @@ FADE_FORM = form("fade", "fa", "fades an instrument or everything in or out",
     "fade bell out over 8bar", fade,
     Slot("name", "INSTRUMENT|master", FADED),
     Slot("way", "in|out", FADE_DIRECTION),
-    Slot("over", "LENGTH", v.LENGTH, "over"))
+    Slot("over", "LENGTH", amounts.LENGTH, "over"))
 # fmt: on

@@ -10,6 +10,7 @@ from typing import Any
 from ergon.notation.tables import notes
 from ergon.notation.tables.shapes import MAX_NAME, NAME
 from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, When
 from ergon.repl.language.forms import Slot, Words, form
@@ -189,5 +190,5 @@ PHRASE_FORM = form("phrase", "ph", "defines or redefines a phrase: when, what, h
     Slot("name", "NAME", NEW_PHRASE),
     Slot("entries", "TIME NOTE … [IMPULSE], …", ENTRIES, many=True),
     Slot("to", "INSTRUMENT", TO, "to", optional=True),
-    Slot("length", "LENGTH", v.LENGTH, "length", optional=True))
+    Slot("length", "LENGTH", amounts.LENGTH, "length", optional=True))
 # fmt: on

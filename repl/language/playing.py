@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError
+from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, When, Word
 from ergon.repl.language.forms import PLAYER_SLOT, Slot, form
@@ -20,7 +21,7 @@ from ergon.scores.pattern import words as play_words
 from ergon.scores.pattern.turn_chain import Change
 from ergon.scores.reading.part import PLAY, SHAPES
 from ergon.scores.reading.playing import PlayingOptions
-from ergon.scores.reading.playing_options import playing_options
+from ergon.scores.reading.playing_options import OptionValues, playing_options
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,10 +113,10 @@ def _by_example(option: str) -> v.Value:
 
 # Values that a line checks or completes better than the table of a part: marks and completions.
 _OPTION_VALUES = {
-    "at": v.POSITION,
-    "until": v.POSITION,
-    "every": v.LENGTH,
-    "times": v.TIMES,
+    "at": amounts.POSITION,
+    "until": amounts.POSITION,
+    "every": amounts.LENGTH,
+    "times": amounts.TIMES,
     **{name: _by_example(name) for name in ("chance", "euclid", "swing", "skip")},
 }
 
@@ -125,7 +126,7 @@ def _value(option: str) -> v.Value:
         return _OPTION_VALUES[option]
     shape = SHAPES[option]
     assert isinstance(shape, Text), option
-    return v.dimension_value(shape)
+    return amounts.dimension_value(shape)
 
 
 def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
@@ -185,7 +186,7 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
         options.get("times"),
         options.get("until"),
         play.do,
-        playing_options(options),
+        playing_options(cast("OptionValues", options)),
         entry_of_play(play.written, words["play"].text).with_fields(at=None),
         when=position or when,
         words=fields,

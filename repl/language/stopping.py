@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, Command
 from ergon.repl.language.forms import Slot, form
@@ -43,7 +44,7 @@ REST_FORM = form("rest", "res", "the player finishes this gesture and begins no 
     "rest ada", Rest, Slot("player", "PLAYER|all", v.PLAYER_OR_ALL))
 HUSH_FORM = form("hush", "hu", "all hands lift; what sounds rings out", "hush", Hush)
 DAMP_FORM = form("damp", "d", "adds viscosity everywhere until all is silent",
-    "damp 3s", Damp, Slot("time", "TIME", v.DURATION))
+    "damp 3s", Damp, Slot("time", "TIME", amounts.DURATION))
 PANIC_FORM = form("panic", "pa", "silence at once, no force on any key",
     "panic", Panic, timed=False)
 RELEASE_FORM = form("release", "rele", "switches sound and forces on again, after a stop",

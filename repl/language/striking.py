@@ -10,6 +10,7 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import NAME, Text
 from ergon.notation.tables.strengths import is_level
 from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, When, Word
 from ergon.repl.language.forms import Slot, form
@@ -119,12 +120,12 @@ def with_level(
 def check_options(options: Mapping[str, PlacedWord], scope: Scope) -> None:
     """Check the values of options. Raises TextError."""
     for name, word in options.items():
-        shape = v.POSITION if name == "until" else STRIKES.by_name[name].shape
+        shape = amounts.POSITION if name == "until" else STRIKES.by_name[name].shape
         try:
             if isinstance(shape, Text):
                 shape.parse(word.text)
             else:
-                v.POSITION.read(word.text, scope, {})
+                amounts.POSITION.read(word.text, scope, {})
         except TextError as error:
             error.offset += word.offset
             raise

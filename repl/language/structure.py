@@ -8,7 +8,8 @@ from typing import Any
 
 from ergon.instruments.module_kinds import KINDS, LINKS
 from ergon.instruments.transpose import parse_interval
-from ergon.notation.tables.shapes import Either, Shape, Text
+from ergon.notation.tables.compound import Either
+from ergon.notation.tables.shapes import Shape, Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 from ergon.repl.language import values as v

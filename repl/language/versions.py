@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ergon.notation.clock.positions import Length
 from ergon.notation.text.errors import TextError
+from ergon.repl.language import amounts
 from ergon.repl.language import values as v
 from ergon.repl.language.commands import BlockCommand, Command, When
 from ergon.repl.language.forms import OVER_SLOT, Slot, Words, form
@@ -95,11 +96,11 @@ def scene(names: tuple[str, str | None], over: Length | None, *, when: When, wor
 UNDO_FORM = form("undo", "und", "returns to the version before", "undo", Undo)
 REDO_FORM = form("redo", "red", "restores the version that was undone", "redo", Redo)
 BACK_FORM = form("back", "b", "goes back by a number of versions",
-    "back 3", Back, Slot("count", "N", v.COUNT))
+    "back 3", Back, Slot("count", "N", amounts.COUNT))
 HISTORY_FORM = form("history", "hi", "lists the versions, with their bars",
     "history", History, timed=False)
 KEEP_FORM = form("keep", "k", "writes what was played last as a score of its own",
-    "keep 8bar as verse-2", Keep, Slot("length", "LENGTH", v.LENGTH),
+    "keep 8bar as verse-2", Keep, Slot("length", "LENGTH", amounts.LENGTH),
     Slot("name", "NAME", v.NEW_NAME, "as"), timed=False)
 SCENE_FORM = form("scene", "sce", "plays kept bars from their beginning, again and again",
     "scene verse-2 -> refrain over 4bar", scene,
@@ -112,5 +113,5 @@ LOAD_FORM = form("load", "lo", "opens another score in place of this one",
 RELOAD_FORM = form("reload", "relo", "reads the score's files again; what differs changes",
     "reload", Reload)
 SEED_FORM = form("seed", "see", "sets the number from which all chance derives",
-    "seed 7", Seed, Slot("seed", "N", v.SEED))
+    "seed 7", Seed, Slot("seed", "N", amounts.SEED))
 # fmt: on

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from ergon.live.display import decibels_of
 from ergon.notation.text.document import Mapping
 from ergon.notation.text.spelling import nearest
-from ergon.repl.language.values import TUNING
+from ergon.repl.language.amounts import TUNING
 from ergon.repl.session.rehearsing import rehearsal_stage
 from ergon.repl.session.tuning_lines import tuning_lines
 from ergon.repl.session.version import NotTakenError

@@ -79,7 +79,7 @@ def _played_names(piece: Piece) -> set[str]:
 
 def _end_parts(module: Module) -> Iterator[str]:
     """The parts at the ends of a link."""
-    for end in module.fields.get("between") or ():
+    for end in module.ends:
         yield end.part
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from ergon.instruments.model import Instrument
-from ergon.notation.tables.shapes import NamesOf
+from ergon.notation.tables.compound import NamesOf
 from ergon.notation.text import document, edit
 from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.edit import EditError

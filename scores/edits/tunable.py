@@ -120,7 +120,7 @@ class TunablePart:
             return False
         # Links to a PROXY between masses of another part, or that follow a MAT of another part, are
         # left out.
-        end_targets = *module.fields["between"], *following.targets(module)
+        end_targets = *module.ends, *following.targets(module)
         return all((end.part, end.module) in assembly.mats for end in end_targets)
 
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, cast
 
 from ergon.instruments.model import Target
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
-from ergon.notation.tables.expressions import literal, parse_with_names
 from ergon.notation.tables.fields import Field, Record, Values
+from ergon.notation.tables.named_values import literal, parse_with_names
 from ergon.notation.tables.shapes import Reference, Text, choice
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError, quote
@@ -25,7 +25,7 @@ from ergon.scores.pattern.steps import Steps, steps
 from ergon.scores.pattern.values import Amount, ReadAmount, parse_values
 from ergon.scores.reading.curves import CurvePoint, is_curve, parse_curve
 from ergon.scores.reading.midi_uses import MidiUses
-from ergon.scores.reading.patterns import PATTERN_TABLE, pattern_of
+from ergon.scores.reading.patterns import PATTERN_TABLE, PatternValues, pattern_of
 
 Shape = Literal["sine", "triangle", "ramp", "square"]
 SHAPES: tuple[Shape, ...] = ("sine", "triangle", "ramp", "square")
@@ -216,7 +216,7 @@ def build_automation(
             order, amounts = parse_with_names(
                 _node(v, "to"), lambda text: parse_values(text, read, is_pitch=is_pitch)
             )
-            pattern = pattern_of(v.by_name, order)
+            pattern = pattern_of(cast("PatternValues", v.by_name), order)
             if v["every"] is None and pattern.euclid is None:
                 message = (
                     "automation: one value needs `over`, the length of the glide"

@@ -1,47 +1,40 @@
-"""Makes the objects of a piece from the values that were read, and checks their fields together."""
+"""Makes what moves and plays in a piece from the values that were read, and checks their fields
+together."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any, cast
 
-from ergon.common.sound_files import with_ending, wrong_ending
-from ergon.instruments.model import Layout, Module, Target
+from ergon.instruments.model import Module, Target
 from ergon.instruments.read import module
 from ergon.instruments.read import modules as read_modules
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import value_kinds as k
-from ergon.notation.tables.expressions import parse_with_names
 from ergon.notation.tables.fields import Values
-from ergon.notation.tables.shapes import MISSING, Context
+from ergon.notation.tables.named_values import parse_with_names
 from ergon.notation.tables.strengths import MEZZO_FORTE, Levels
 from ergon.notation.tables.value_kinds import AXES
 from ergon.notation.text.document import Scalar
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.files import Files
-from ergon.notation.text.values import Place
 from ergon.scores.gesture import notation, note_files, space_path, take_file
 from ergon.scores.pattern.order import Group, plain
 from ergon.scores.pattern.values import Amount, parse_values
-from ergon.scores.reading import calibration, mixing, tones
+from ergon.scores.reading import calibration
 from ergon.scores.reading.automatable import amount_reader
 from ergon.scores.reading.gesture_tables import OSC
-from ergon.scores.reading.measured_tables import LAYOUT
-from ergon.scores.reading.outputs import Accuracy, Master, Mix, RenderSpec, Route
-from ergon.scores.reading.patterns import PATTERN_FIELDS, pattern_of
+from ergon.scores.reading.patterns import PATTERN_FIELDS, PatternValues, pattern_of
 from ergon.scores.reading.piece import Hit, Strikes, TempoEntry
 from ergon.scores.reading.playing import Coupling, Gesture, Key, Player, SoundInput, TakeFile
-from ergon.scores.reading.playing_options import playing_options
+from ergon.scores.reading.playing_options import OptionValues, playing_options
 from ergon.scores.reading.sweep_fields import passing
-from ergon.space import directions
 
 START = Position()
-_BITS: dict[str, Literal[16, 24, "float"]] = {"16": 16, "24": 24, "float": "float"}
 
 
-def _has_single(values: Values, *groups: tuple[str, ...]) -> bool:
+def has_single(values: Values, *groups: tuple[str, ...]) -> bool:
     """Whether fields of exactly one group are written; reports two, or none."""
     present = [group for group in groups if values.written(*group)]
     if len(present) > 1:
@@ -78,7 +71,7 @@ def key(values: Values, files: Files) -> Key:
     else:
         if not values.written("M"):
             values.error("E103", f"{values.context.label('')} has no 'M': its mass, such as 400g")
-        _has_single(values, ("K", "Z"), ("f", "t60"))
+        has_single(values, ("K", "Z"), ("f", "t60"))
         fields = {name: values[name] for name in (*cel, "rest", "X0", "V0")}
         places = {name: node.place for name, node in values.nodes.items()}
         modules = (Module("", "CEL", fields, values.place, places),)
@@ -106,7 +99,7 @@ def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gestu
 
     None if an error was reported.
     """
-    if not _has_single(values, ("notation",), ("points",)):
+    if not has_single(values, ("notation",), ("points",)):
         return None
     name = values.written("notation", "points")[0]
     text = values.by_name.get(name)
@@ -129,7 +122,8 @@ def gestures(values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gestu
     except TextError as error:
         values.context.text_error(error, text, "")
         return None
-    options = values["do"] or (), playing_options(values.by_name), values.place, text
+    manner = playing_options(cast("OptionValues", values.by_name))
+    options = values["do"] or (), manner, values.place, text
     parsed = [
         Gesture(values.context.name, gesture.points, gesture.bar_checks, *options)
         for gesture in read
@@ -305,26 +299,35 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
         except TextError as error:
             v.context.text_error(error, node, "notes")
     has_pattern = v.written(*PATTERN_FIELDS, "notes")
-    pattern = pattern_of(v.by_name, order) if has_pattern else None
+    written = cast("PatternValues", v.by_name)
+    pattern = pattern_of(written, order) if has_pattern else None
+    bare = _bare_strikes(v, to)
+    return replace(bare, span=v["for"], rate=v["rate"], pattern=pattern, notes=notes)
+
+
+def _bare_strikes(v: Values, to: tuple[Target, ...]) -> Strikes:
+    """Strikes with what every kind of them may have."""
     return Strikes(
-        **_common_fields(v, to), span=v["for"], rate=v["rate"], pattern=pattern, notes=notes
+        name=v.context.name,
+        to=to,
+        at=v["at"],
+        until=v["until"],
+        every=v["every"],
+        times=v["times"],
+        levels=v["impulse"] or (None if v.written("mass") else Levels((MEZZO_FORTE,))),
+        mass=v["mass"],
+        speed=v["speed"],
+        place=v.place,
+        lasts=v["lasts"],
     )
-
-
-def _common_fields(v: Values, to: tuple[Target, ...]) -> dict[str, Any]:
-    """The fields that strikes of every kind may have."""
-    names = ("at", "until", "every", "times", "mass", "speed", "lasts")
-    levels = v["impulse"] or (None if v.written("mass") else Levels((MEZZO_FORTE,)))
-    fields = {name: v[name] for name in names}
-    return {"name": v.context.name, "to": to, "place": v.place, "levels": levels, **fields}
 
 
 def _check_force(values: Values) -> None:
     """Check that strikes have `impulse`, both `mass` and `speed`, or neither; reports errors."""
     if values.written("impulse"):
-        _has_single(values, ("impulse",), ("mass", "speed"))
+        has_single(values, ("impulse",), ("mass", "speed"))
     if values.written("lasts"):
-        _has_single(values, ("lasts",), ("mass", "speed"))
+        has_single(values, ("lasts",), ("mass", "speed"))
     if len(force_fields := values.written("mass", "speed")) == 1:
         values.error(
             "E103", f"{values.context.label('')} needs both mass and speed", force_fields[0]
@@ -336,14 +339,13 @@ def rhythm_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     if values.written("for") and values.written("until"):
         message = f"{values.context.label('until')}: `for` is written too; keep one of the two"
         values.error("E111", message, "until")
-    return Strikes(**_common_fields(values, to), span=values["for"])
+    return replace(_bare_strikes(values, to), span=values["for"])
 
 
 def passing_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     """Strikes by a sweep or along a path, on the targets that their names reach."""
     _check_force(values)
-    fields = _common_fields(values, to)
-    return Strikes(**fields, length=values["for"], passing=passing(values))
+    return replace(_bare_strikes(values, to), length=values["for"], passing=passing(values))
 
 
 def _is_at_start(read: notation.Notation, source: str, text: Scalar) -> notation.Notation:
@@ -413,155 +415,3 @@ def tempo(values: Values, tempos: tuple[tuple[float, float], ...] = ()) -> Tempo
     bpm, end = values["bpm"] or (None, None)
     place, over, meter = values.node.place, values["over"], values["meter"]
     return TempoEntry(values["at"] or START, bpm, end, over, meter, place, tempos)
-
-
-def layout(name: str, folder: Path, asked_place: Place, files: Files) -> Layout | None:
-    """The loudspeakers of a layout file; None if an error was reported."""
-    document = files.required(name, folder, asked_place)
-    if document is None or document.root is None:
-        return None
-    values = LAYOUT.read(document.root, "", Context(files.collector, "a layout"))
-    if values is MISSING:
-        return None
-    speakers = tuple(_speaker(speaker) for speaker in values["speakers"] if speaker is not MISSING)
-    is_equidistant = values["project"] == "equidistant"
-    outputs = _outputs(values, len(values["speakers"]))
-    return Layout(Path(document.file), speakers, is_equidistant, values["title"] or "", outputs)
-
-
-def _outputs(values: Values, n_speakers: int) -> tuple[int, ...]:
-    """The output of each loudspeaker; empty where they follow one another."""
-    outputs = tuple(output for output in values["outputs"] or () if output is not MISSING)
-    doubled = sorted({output for output in outputs if outputs.count(output) > 1})
-    if outputs and len(outputs) != n_speakers:
-        message = f"there are {len(outputs)} outputs for {n_speakers} loudspeakers"
-        values.error("E104", message, "outputs")
-        return ()
-    if doubled:
-        values.error("E111", f"two loudspeakers are at the output {doubled[0]}", "outputs")
-        return ()
-    return () if outputs == tuple(range(1, n_speakers + 1)) else outputs
-
-
-def _speaker(speaker_values: Values | tuple[float, ...]) -> tuple[float, float, float]:
-    if isinstance(speaker_values, Values):
-        return directions.point(speaker_values["az"], speaker_values["el"], speaker_values["r"])
-    x, y, *z = speaker_values
-    return x, y, z[0] if z else 0.0
-
-
-def mix(values: Values | None, files: Files) -> Mix:
-    """The mix; without a `mix` section every output has a channel of its own."""
-    if values is None:
-        return Mix(0, None, (), None, None)
-    folder = values.node.document.folder
-    room = None
-    if values["layout"] is not None:
-        room = layout(values["layout"], folder, values.place_of("layout"), files)
-    routes = tuple(_route(route) for route in values["route"] or ())
-    rooms = mixing.rooms(values["rooms"])
-    refused = {*(values["rooms"] or {})} - {mix_room.name for mix_room in rooms}
-    routes = tuple(_without_sends(route, refused) for route in routes)
-    route_channels = [*(r.to for r in routes if r.to != "nearest"), *(r.to for r in rooms if r.to)]
-    highest = max(map(max, route_channels), default=0)
-    outputs = room.n_channels if room else 0
-    channels = values["channels"] or max(highest, outputs)
-    for route in routes:
-        if route.to == "nearest":
-            if room is None:
-                message = f"{route.part}: `nearest` needs a layout in the mix"
-                values.context.error("E103", message, route.place)
-        elif max(route.to) > channels:
-            message = f"channel {max(route.to)} does not exist; the mix has {channels}"
-            values.context.error("E202", message, route.place)
-        if route.is_panned and (route.to == "nearest" or len(set(route.to)) != 2):
-            message = f"{route.part}: `pan` lies between two channels, such as `to: [1, 2]`"
-            values.context.error("E103", message, route.place)
-    for room_entry in rooms:
-        last_channel = max(room_entry.to, default=0)
-        if last_channel > channels:
-            message = f"channel {last_channel} does not exist; the mix has {channels}"
-            values.context.error("E202", message, room_entry.place)
-    if room is not None and values.written("channels") and outputs > channels:
-        message = f"the layout has {outputs} loudspeakers, but the mix has {channels} channels"
-        if room.outputs:
-            message = f"the layout has output {outputs}, but the mix has {channels} channels"
-        values.error("E202", message, "channels")
-    master = values["master"]
-    master_of_mix = None
-    if isinstance(master, Values):
-        m = master
-        fade = mixing.fade(m["fade"])
-        master_of_mix = Master(
-            m["normalise"],
-            m["limit"],
-            m["gain"],
-            m.node.place,
-            fade,
-            m["reference"],
-            m["loudness"],
-        )
-        if m["loudness"] is not None and m["normalise"] is not None:
-            message = f"{m.context.label('loudness')}: the level of the sum is said twice; "
-            m.error("E111", message + "remove `normalise` or `loudness`", "loudness")
-    return Mix(channels, room, routes, master_of_mix, values.place, rooms)
-
-
-def _without_sends(route: Route, refused: set[str]) -> Route:
-    """A route without what it sends to rooms that were refused: they are not missing too."""
-    return replace(route, sends=tuple(send for send in route.sends if send[0] not in refused))
-
-
-def _route(values: Values) -> Route:
-    name = values["from"]
-    v = values
-    return Route(
-        name,
-        None,
-        v["to"],
-        v["gain"],
-        v["highpass"],
-        name.place,
-        mixing.pan(v["pan"]),
-        mixing.sends(v["send"], v.nodes.get("send")),
-        mixing.fade(v["fade"]),
-        v["radiate"],
-        v["level"],
-        None,
-        mixing.pan_path(v["pan"]),
-        tones.tones(v),
-        tones.echo(v),
-    )
-
-
-def accuracy(values: Values | None) -> Accuracy:
-    """The limits of the planner: one measure of exactness, and work."""
-    if values is None:
-        return Accuracy()
-    if values.written("method") or values.written("error") or values.written("cents"):
-        _has_single(values, ("method",), ("error",), ("cents",))
-    if values.written("upto") and not values.written("cents"):
-        values.error("E103", f"{values.context.label('upto')} needs `cents`", "upto")
-    if values["guard"] == "off" and values["method"] != "ca":
-        message = f"{values.context.label('guard')}: only `method: ca` steps without a guard"
-        values.error("E111", message, "guard")
-    asked_accuracy = Accuracy(
-        *(values[name] for name in ("method", "error", "cents", "upto", "cpu"))
-    )
-    return replace(asked_accuracy, is_unguarded=values["guard"] == "off")
-
-
-def render(values: Values | None, files: Files) -> RenderSpec:
-    """The file to write; a file outside the folder of the score is reported."""
-    if values is None:
-        return RenderSpec(None, 24, "auto", None, None)
-    if values["file"] is not None:
-        folder, place = values.nodes["file"].document.folder, values.place_of("file")
-        label = f"{values.context.label('file')}: "
-        files.target(values["file"], folder, place, label)
-        if (ending_mistake := wrong_ending(values["file"])) is not None:
-            values.error(
-                "E201", f"{label}{ending_mistake}", "file", suggestion=with_ending(values["file"])
-            )
-    bits = _BITS[values["bits"]]
-    return RenderSpec(values["file"], bits, values["tail"], values["channels"], values.place)

@@ -18,7 +18,7 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 from ergon.notation.text.memory import Memory
-from ergon.scores.reading import build, melodies, phrase_do, rhythm_strikes
+from ergon.scores.reading import build, build_mix, melodies, phrase_do, rhythm_strikes
 from ergon.scores.reading.above_rate import without_modes_above
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.automation_targets import AutomationTargets
@@ -27,7 +27,7 @@ from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
 from ergon.scores.reading.known_entries import KnownEntries
 from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.matter import PartsReader
-from ergon.scores.reading.melody import NoteTargets
+from ergon.scores.reading.note_targets import NoteTargets
 from ergon.scores.reading.piece import Hit, Piece, Strikes
 from ergon.scores.reading.playing import Coupling, Play, Player
 from ergon.scores.reading.routing import routed
@@ -51,7 +51,7 @@ class Checker:
         self.part_names = PartNames(self.collector, tuning=names.tuning)
         self.gestures_and_takes = GesturesAndTakes(names, uses)
         self.matter = PartsReader(names, uses, self.part_names, self.gestures_and_takes)
-        self._phrases_by_name: dict[str, Any] | None = None
+        self._phrases_by_name: dict[str, Values | None] | None = None
 
     def piece(self) -> Piece:
         """The whole piece; its values are valid only if no error was reported."""
@@ -73,7 +73,8 @@ class Checker:
             self.matter.by_name.get,
         )
         players = {v.context.name: self._player(v) for v in self._section_values("players")}
-        mix = routed(build.mix(score["mix"], self.uses.files), self.matter.by_name, self.part_names)
+        written_mix = build_mix.mix(score["mix"], self.uses.files)
+        mix = routed(written_mix, self.matter.by_name, self.part_names)
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reach_led(memory, file)
         included = self._included(times, len(duet))
@@ -114,8 +115,8 @@ class Checker:
             duet=tuple(duet),
             parts=plays,
             mix=mix,
-            render=build.render(score["render"], self.uses.files),
-            accuracy=build.accuracy(score["accuracy"]),
+            render=build_mix.render(score["render"], self.uses.files),
+            accuracy=build_mix.accuracy(score["accuracy"]),
             place=score.place,
             tempo_map=times.map,
             automation=changes,
@@ -360,9 +361,10 @@ class Checker:
         if melodies.kind_of(values) != "play":
             return strikes
         do = phrase_do.phrase_do(values)
-        if do is None or not do[1]:
+        phrase = self._phrases()[values["play"]]
+        if phrase is None or do is None or not do[1]:
             return strikes
-        names = melodies.notes_in(self._phrases()[values["play"]], values)
+        names = melodies.notes_in(phrase, values)
         return rhythm_strikes.transformed_strikes(strikes, do[1], values, self.part_names, names)
 
     def _with_reaches(self, strikes: Strikes, values: Values) -> Strikes | None:
@@ -440,7 +442,7 @@ class Checker:
             strikes_built, to=coordinates, along=tuple(part / length for part in direction)
         )
 
-    def _phrases(self) -> dict[str, Any]:
+    def _phrases(self) -> dict[str, Values | None]:
         """Phrases, and takes that are MIDI files."""
         if self._phrases_by_name is None:
             tables = self.names.tables

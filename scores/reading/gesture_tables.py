@@ -7,15 +7,9 @@ from typing import Any
 
 from ergon.instruments.transpose import INTERVAL
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import (
-    Context,
-    Either,
-    Reference,
-    Shape,
-    choice,
-    wrong_shape,
-)
+from ergon.notation.tables.shapes import Context, Reference, Shape, choice, wrong_shape
 from ergon.notation.tables.velocities import VELOCITY_CURVE
 from ergon.notation.text.document import Node, Scalar
 from ergon.scores.gesture.points import CURVES

@@ -7,13 +7,9 @@ from dataclasses import replace
 from ergon.instruments.module_kinds import LINKS, tables
 from ergon.instruments.read import MODULES_DOC, module_table
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
-from ergon.notation.tables.shapes import (
-    ListOf,
-    NamesOf,
-    Reference,
-    choice,
-)
+from ergon.notation.tables.shapes import Reference, choice
 
 KEY = Record(
     "key",

@@ -16,15 +16,15 @@ from ergon.instruments.read import instrument
 from ergon.instruments.space import mesh_file
 from ergon.instruments.transpose import moved, named_pitch
 from ergon.notation.tables import tuning
-from ergon.notation.tables.expressions import named_amounts
 from ergon.notation.tables.fields import Values
+from ergon.notation.tables.named_values import named_amounts
 from ergon.notation.tables.notes import pitch
 from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import quote
 from ergon.notation.text.syntax import Decoder, decode
 from ergon.notation.text.values import Place
-from ergon.scores.reading import build, overlay
+from ergon.scores.reading import build, build_mix, overlay
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.known_modules import resolve_names
 from ergon.scores.reading.playing import Key
@@ -359,7 +359,7 @@ class PartsReader:
 
     def _layout(self, name: str, place: Place) -> Layout | None:
         folder = self._uses.files.documents[place.file].folder
-        return build.layout(name, folder, place, self._uses.files)
+        return build_mix.layout(name, folder, place, self._uses.files)
 
 
 def _bodies(values: Values) -> dict[str, Values]:

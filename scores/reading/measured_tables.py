@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either, ListOf
 from ergon.notation.tables.fields import Field, Record
-from ergon.notation.tables.shapes import (
-    Either,
-    ListOf,
-    Text,
-    choice,
-)
+from ergon.notation.tables.shapes import Text, choice
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.reading.mix_tables import CHANNEL, MAX_CHANNELS
 

@@ -26,7 +26,9 @@ from ergon.scores.gesture.midi_pressures import read_pressures
 from ergon.scores.gesture.note_files import SUFFIXES, is_musicxml, read_notes
 from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.gesture.transforms import Transform
-from ergon.scores.reading.melody import NoteTargets, Row, transformed
+from ergon.scores.reading.melody import Row
+from ergon.scores.reading.note_targets import NoteTargets
+from ergon.scores.reading.phrase_changes import transformed
 from ergon.scores.reading.phrase_do import phrase_do
 from ergon.scores.reading.phrase_rows import phrase_rows, with_levels
 from ergon.scores.reading.piece import Hit, Strikes

@@ -6,15 +6,9 @@ from typing import Any
 
 from ergon.instruments.playing import LOUDNESS
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
-from ergon.notation.tables.shapes import (
-    Either,
-    ListOf,
-    NamesOf,
-    Reference,
-    Text,
-    choice,
-)
+from ergon.notation.tables.shapes import Reference, Text, choice
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.reading import mixing, tones
 from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from ergon.instruments.bodies import Decays
 from ergon.notation.clock.positions import Position
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import MISSING, Either, ListOf, Name, NamesOf, Shape, choice
+from ergon.notation.tables.shapes import MISSING, Name, Shape, choice
 from ergon.notation.text import document
 from ergon.notation.text.document import Node
 from ergon.notation.text.values import Place
@@ -188,7 +189,7 @@ def rooms(rooms_read: Any) -> tuple[Room, ...]:
     return tuple(_rooms(rooms_read or {}))
 
 
-def _rooms(rooms_read: dict[str, Any]) -> Iterator[Room]:
+def _rooms(rooms_read: Mapping[str, object]) -> Iterator[Room]:
     for name, values in rooms_read.items():
         if not isinstance(values, Values) or values["t60"] is None:
             continue

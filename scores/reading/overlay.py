@@ -113,7 +113,7 @@ def _hidden(member: Values, field_name: str) -> set[str]:
     return hidden
 
 
-def _modules(base: Mapping[str, Any], member_modules: Mapping[str, Any]) -> dict[str, Any]:
+def _modules(base: Mapping[str, object], member_modules: Mapping[str, object]) -> dict[str, object]:
     merged = dict(base)
     for name, body in member_modules.items():
         base_module = base.get(name)

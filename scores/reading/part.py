@@ -5,21 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import prod
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
-from ergon.notation.clock.positions import Length
+from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import (
-    MISSING,
-    Context,
-    ListOf,
-    Name,
-    Reference,
-    Shape,
-    Text,
-    wrong_shape,
-)
+from ergon.notation.tables.shapes import MISSING, Context, Name, Reference, Shape, Text, wrong_shape
 from ergon.notation.text.document import Node, Scalar, Sequence
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.values import Place
@@ -27,12 +19,18 @@ from ergon.scores.gesture.transforms import Transform
 from ergon.scores.pattern import words
 from ergon.scores.pattern.order import Group, name_of, parse, plain
 from ergon.scores.pattern.pattern import Pattern, iteration_mistake
-from ergon.scores.pattern.turn_chain import as_turns
+from ergon.scores.pattern.turn_chain import Change, as_turns
 from ergon.scores.pattern.turns import numbered
 from ergon.scores.pattern.turns import parse as parse_turns
-from ergon.scores.reading.patterns import PATTERN_TABLE, pattern_of
+from ergon.scores.reading.patterns import PATTERN_TABLE, PatternValues, pattern_of
 from ergon.scores.reading.playing import Play
-from ergon.scores.reading.playing_options import ENTRY_FIELDS, HAND_WORDS, PLAY_DO, playing_options
+from ergon.scores.reading.playing_options import (
+    ENTRY_FIELDS,
+    HAND_WORDS,
+    PLAY_DO,
+    OptionValues,
+    playing_options,
+)
 
 MAX_ROWS = 1_000_000
 MAX_PATTERN = 10_000  # characters
@@ -44,36 +42,48 @@ def _unused_rate(context: Context, place: Place) -> None:
     context.error("N403", message, place)
 
 
+class _EntryValues(PatternValues, OptionValues, total=False):
+    """What is written of an entry or in a row, beside what is played."""
+
+    at: Position
+    every: Length
+    times: int
+    until: Position
+    do: tuple[Change, ...]
+
+
 def _play(values: Values) -> Play:
     if values.written("rate"):
         _unused_rate(values.context, values.place_of("rate"))
     until = values.place_of("until") if values.written("until") else None
     played: Played = values["play"] or Played("", None, values.place)
-    return _entry(values.by_name, values.context, played, values.place_of("at"), until)
+    written = cast("_EntryValues", values.by_name)
+    return _entry(written, values.context, played, values.place_of("at"), until)
 
 
 def _entry(
-    fields: dict[str, Any],
+    written: _EntryValues,
     context: Context,
     played: Played,
     place_of_at: Place,
     until: Place | None,
 ) -> Play:
-    do, turns = as_turns(fields.get("do", ()))
-    fields = {**fields, "nth": numbered((*fields.get("nth", ()), *turns))} if turns else fields
-    pattern = pattern_of(fields, played.order or plain(played.text))
+    do, turns = as_turns(written.get("do", ()))
+    if turns:
+        written = {**written, "nth": numbered((*written.get("nth", ()), *turns))}
+    pattern = pattern_of(written, played.order or plain(played.text))
     if mistake := iteration_mistake(pattern):
         context.error("E305", f"{quote(played.text)}: {mistake}", played.place)
     only = next(pattern.leaves(), None) if pattern.is_plain else None
     return Play(
         player=context.name,
         what=played.text if only is None else only.name or "",
-        at=fields["at"],
-        every=_spaced(pattern, fields.get("every"), do),
-        times=fields.get("times"),
-        until=fields.get("until"),
+        at=written["at"],
+        every=_spaced(pattern, written.get("every"), do),
+        times=written.get("times"),
+        until=written.get("until"),
         do=do,
-        manner=playing_options(fields),
+        manner=playing_options(written),
         place=played.place,
         begin_place=place_of_at,
         until_place=until,
@@ -204,7 +214,7 @@ def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
     except TextError as error:
         context.text_error(error, node, "")
         return None
-    fields: dict[str, Any] = {}
+    fields: dict[str, object] = {}
     broken = False
     for name, word in (("at", row.at), *row.play.options.items()):
         value = _option(name, word, node, context)
@@ -230,7 +240,7 @@ def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
         else _place(what_words, node)
     )
     return _entry(
-        fields,
+        cast("_EntryValues", fields),
         context,
         Played(Name(text, place), row.play.order, place),
         row_place,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import TypedDict
 
 from ergon.notation.clock.occurrences import MAX_OCCURRENCES
 from ergon.notation.tables import value_kinds as k
@@ -11,7 +10,8 @@ from ergon.notation.tables.fields import Field
 from ergon.notation.tables.shapes import Text
 from ergon.scores.pattern.order import Group
 from ergon.scores.pattern.pattern import Pattern
-from ergon.scores.pattern.rhythm import parse_euclid, parse_swing
+from ergon.scores.pattern.rhythm import EVEN, Euclid, parse_euclid, parse_swing
+from ergon.scores.pattern.turns import Turn
 
 _EUCLID = Text(
     parse_euclid,
@@ -31,7 +31,23 @@ PATTERN_TABLE = (
 PATTERN_FIELDS = tuple(field.name for field in PATTERN_TABLE)
 
 
-def pattern_of(fields: Mapping[str, Any], order: Group) -> Pattern:
+class PatternValues(TypedDict, total=False):
+    """What is written of PATTERN_TABLE, and the changes of some rounds."""
+
+    chance: float
+    euclid: Euclid
+    swing: float
+    skip: int
+    nth: tuple[Turn, ...]
+
+
+def pattern_of(written: PatternValues, order: Group) -> Pattern:
     """An order with the rhythm and the chance that were written beside it."""
-    pattern_fields = {name: fields[name] for name in PATTERN_FIELDS if name in fields}
-    return Pattern(order, turns=fields.get("nth", ()), **pattern_fields)
+    return Pattern(
+        order,
+        euclid=written.get("euclid"),
+        swing=written.get("swing", EVEN),
+        chance=written.get("chance"),
+        turns=written.get("nth", ()),
+        skip=written.get("skip", 0),
+    )

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TypeVar
 
-from ergon.notation.tables.expressions import parse_with_names
+from ergon.notation.tables.compound import Either, ListOf
 from ergon.notation.tables.fields import Values
-from ergon.notation.tables.shapes import Either, ListOf, Text
+from ergon.notation.tables.named_values import parse_with_names
+from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError, quote
 from ergon.scores.gesture.transforms import ARITY, MEANINGS, Transform, parse_do
 from ergon.scores.pattern.cycle_table import TABLE

@@ -11,7 +11,9 @@ from ergon.notation.tables.fields import Values
 from ergon.notation.tables.shapes import Name
 from ergon.notation.tables.strengths import MEZZO_FORTE, Level, Levels
 from ergon.notation.text.errors import TextError
-from ergon.scores.reading.melody import MAX_ROWS, NoteTargets, Row, length_of, transformed
+from ergon.scores.reading.melody import MAX_ROWS, Row
+from ergon.scores.reading.note_targets import NoteTargets
+from ergon.scores.reading.phrase_changes import length_of, transformed
 
 _DEEPEST = 20  # phrases inside one another
 

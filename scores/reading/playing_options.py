@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TypedDict
 
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either, ListOf
 from ergon.notation.tables.fields import Field
-from ergon.notation.tables.shapes import Either, ListOf, Text, choice
+from ergon.notation.tables.shapes import Text, choice
 from ergon.scores.gesture.transforms import MEANINGS, parse_chain, parse_do
 from ergon.scores.pattern import turn_chain
-from ergon.scores.reading.playing import NO_OPTIONS, PlayingOptions
+from ergon.scores.reading.playing import NO_OPTIONS, Ergons, PlayingOptions, Touch
 
 HAND_WORDS = MEANINGS | {
     word: f"{form.line}, such as {form.example}" for word, form in turn_chain.FORMS.items()
@@ -73,8 +73,26 @@ ENTRY_FIELDS = tuple(
 _NAMES = frozenset(field.name for field in GESTURE_FIELDS)
 
 
-def playing_options(fields: Mapping[str, Any]) -> PlayingOptions:
+class OptionValues(TypedDict, total=False):
+    """What is written of GESTURE_FIELDS or of ENTRY_FIELDS."""
+
+    touch: Touch
+    ergons: Ergons
+    grain: float
+    join: float
+    force_limit: float
+    layer: bool
+
+
+def playing_options(written: OptionValues) -> PlayingOptions:
     """The options that were written; an option that was not is None."""
-    if _NAMES.isdisjoint(fields):  # most rows of most tables
+    if _NAMES.isdisjoint(written):  # most rows of most tables
         return NO_OPTIONS
-    return PlayingOptions(**{name: value for name, value in fields.items() if name in _NAMES})
+    return PlayingOptions(
+        touch=written.get("touch"),
+        ergons=written.get("ergons"),
+        grain=written.get("grain"),
+        join=written.get("join"),
+        force_limit=written.get("force_limit"),
+        layer=written.get("layer"),
+    )

@@ -18,7 +18,8 @@ from ergon.notation.text.values import Place
 from ergon.scores.pattern.struck import Struck, key_of, name_of, notes_of
 from ergon.scores.reading import build
 from ergon.scores.reading.clocked import clocked
-from ergon.scores.reading.melody import NoteTargets, Row
+from ergon.scores.reading.melody import Row
+from ergon.scores.reading.note_targets import NoteTargets
 from ergon.scores.reading.phrase_do import rhythm_do
 from ergon.scores.reading.piece import Strikes
 from ergon.scores.reading.rhythms import (

@@ -7,15 +7,9 @@ from __future__ import annotations
 
 from ergon.instruments.read import INSTRUMENT
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
-from ergon.notation.tables.shapes import (
-    Either,
-    ListOf,
-    NamedValues,
-    NamesOf,
-    Text,
-    choice,
-)
+from ergon.notation.tables.shapes import NamedValues, Text, choice
 from ergon.notation.tables.tuning_fields import TUNING
 from ergon.notation.text.errors import TextError
 from ergon.scores.reading.automation import AUTOMATION

@@ -116,7 +116,7 @@ class SoundingNames:
         if isinstance(value, Rhythm):
             value = renamed(value, self.sounding_name)
         name_fields = _NAMED.get(type(value), ())
-        changed_fields: dict[str, Any] = {}
+        changed_fields: dict[str, object] = {}
         for field in fields(value):
             field_value = getattr(value, field.name)
             new_value = (

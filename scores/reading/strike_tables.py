@@ -9,16 +9,9 @@ from typing import Any
 from ergon.instruments.space.fields import DIRECTION
 from ergon.instruments.transpose import INTERVAL
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import (
-    MISSING,
-    Context,
-    ListOf,
-    Reference,
-    Shape,
-    Text,
-    wrong_shape,
-)
+from ergon.notation.tables.shapes import MISSING, Context, Reference, Shape, Text, wrong_shape
 from ergon.notation.tables.strengths import LEVELS
 from ergon.notation.text import document
 from ergon.notation.text.document import Mapping, Node, Scalar

@@ -9,8 +9,8 @@ from typing import Any
 from ergon.common.changed import changed_part
 from ergon.notation.clock.positions import Position
 from ergon.notation.clock.tempo import NO_FILE, Entry, FileTimes, TempoError, TempoMap
-from ergon.notation.tables.expressions import named_amounts
 from ergon.notation.tables.fields import Values
+from ergon.notation.tables.named_values import named_amounts
 from ergon.notation.tables.shapes import MISSING
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.memory import Memory

@@ -8,8 +8,9 @@ from math import log10
 from typing import Any, Literal
 
 from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
-from ergon.notation.tables.shapes import MISSING, Either
+from ergon.notation.tables.shapes import MISSING
 
 Filtering = Literal["lowpass", "lowshelf", "highshelf"]
 DELAY_MAX = 10.0  # [s]

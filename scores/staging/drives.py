@@ -53,7 +53,7 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
         for module in modules:
             if module.kind not in ("ENX", "ENF"):
                 continue
-            mat = assembly.mat(module.fields["to"])
+            mat = assembly.mat(module.driven)
             is_position = module.kind == "ENX"
             # Behind a lever positions are multiplied by s, and forces divided by s.
             scale = reach if is_position else 1.0 / reach
@@ -76,5 +76,5 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
                 sound=sound,
                 start=0.0 if begin is None else tempo.seconds(tempo.resolve(begin)),
                 scale=scale * module.fields["scale"],
-                is_exclusive=module.fields["to"].part == name,
+                is_exclusive=module.driven.part == name,
             )

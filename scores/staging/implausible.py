@@ -92,14 +92,14 @@ class _Scene:
         """Report W327 for a contact that is pressed at the beginning, W329 for one that the travel
         cannot close.
         """
-        end_modules = (self.modules[end.part, end.module] for end in but.fields["between"])
+        end_modules = (self.modules[end.part, end.module] for end in but.ends)
         if any("axes" in end.fields for end in end_modules):
             return  # points in space start where they are
         sign = 1.0 if but.fields["side"] == "below" else -1.0
         place = but.places.get("gap", but.place)
         pressed, nearest = -inf, -inf  # the deepest of the points of a range
         for link in single_links(but):
-            (a, b), gap = link.fields["between"], link.fields["gap"]
+            (a, b), gap = link.ends, link.fields["gap"]
             start = sign * (self._start(a) - self._start(b)) - gap
             pressed = max(pressed, start) if gap < 0.0 else pressed
             (low_a, high_a), (low_b, high_b) = self._travel(a), self._travel(b)
@@ -113,7 +113,7 @@ class _Scene:
             message += f"by {_millimetres(pressed)} from the beginning"
             help = "write a gap of 0 or more, or a RES or REF where the two are tied for good"
             yield Diagnostic("W327", message, place, None, help)
-        has_travel = any(self._key(end) is not None for end in but.fields["between"])
+        has_travel = any(self._key(end) is not None for end in but.ends)
         if has_travel and nearest <= 0.0:
             message = (
                 f"contact {quote(name)} is beyond the travel of its key: at the end of the travel "
@@ -131,7 +131,7 @@ class _Scene:
         is_contact = link.kind == "BUT"
         if is_contact and (link.fields["exponent"] != 1.0 or link.fields["contact"] == "magic"):
             return
-        end_targets = link.fields["between"]
+        end_targets = link.ends
         # If one mass is linked to a range, all its links pull on it together.
         inverse = sum(size(end_targets) / end.count / self._mass(end) for end in end_targets)
         if inverse == 0.0:

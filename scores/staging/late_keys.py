@@ -19,7 +19,7 @@ def links_on_keys(piece: Piece) -> Iterator[tuple[str, Target, Module]]:
     """The links of instruments and couplings that end on keys: the link's part, its end, itself."""
     for name, instrument in piece.instruments.items():
         for module in instrument.modules:
-            for end in module.fields.get("between") or ():
+            for end in module.ends:
                 if end.part in piece.keys:
                     yield name, end, module
     for coupling in piece.duet:

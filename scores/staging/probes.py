@@ -60,9 +60,7 @@ def probed(piece: Piece) -> ProbedPiece:
     heard.
     """
     contacts, rubbings = list(_contacts(piece)), list(_rubbings(piece))
-    end_targets = (
-        end for _, _, module in (*contacts, *rubbings) for end in module.fields["between"]
-    )
+    end_targets = (end for _, _, module in (*contacts, *rubbings) for end in module.ends)
     targets = {_identity(target): target for target in (*end_targets, *_single(piece))}
     first_targets = list(targets.items())[:MAX_POINTS]
     kinds = {(part, module.name): module for part, module in piece.modules()}
@@ -72,12 +70,12 @@ def probed(piece: Piece) -> ProbedPiece:
     }
     measured = []
     for name, contact_name, module in contacts:
-        a, b = (points.get(_identity(end)) for end in module.fields["between"])
+        a, b = (points.get(_identity(end)) for end in module.ends)
         if a is not None and b is not None:
             measured.append(ProbedLink(name, contact_name, module, a, b))
     rubbed = []
     for name, contact_name, module in rubbings:
-        a, b = (points.get(_identity(end)) for end in module.fields["between"])
+        a, b = (points.get(_identity(end)) for end in module.ends)
         if a is not None and b is not None:
             rubbed.append(ProbedLink(name, contact_name, module, a, b))
     outputs = tuple(
@@ -108,7 +106,7 @@ def _point(target: Target, output: int, module: Module) -> Point:
 
 def _contacts(piece: Piece) -> Iterator[tuple[str, str, Module]]:
     for part, module in piece.modules():
-        if module.kind == "BUT" and not module.fields["between"][0].points:
+        if module.kind == "BUT" and not module.ends[0].points:
             yield from _named(part, module)
 
 
@@ -116,7 +114,7 @@ def _rubbings(piece: Piece) -> Iterator[tuple[str, str, Module]]:
     for instrument in piece.instruments.values():
         for module in instrument.modules if instrument.ca_rate is None else ():
             is_damped = module.kind == "LNL" and module.fields.get("damping")
-            if is_damped and not module.fields["between"][0].points:
+            if is_damped and not module.ends[0].points:
                 yield from _named(instrument.name, module)
 
 

@@ -127,7 +127,7 @@ class _LinkGraph:
             self._link(Link(name, coupling.place), a, b)
 
     def _pair(self, link: Module) -> tuple[int, int]:
-        a, b = (self._points(target)[0] for target in link.fields["between"])
+        a, b = (self._points(target)[0] for target in link.ends)
         return a, b
 
     def _link(self, link: Link, a: int, b: int) -> None:
@@ -136,12 +136,12 @@ class _LinkGraph:
 
     def _is_alone(self, module: Module) -> bool:
         """Whether the imposed point is a point of its own here, not part of a whole module."""
-        target = module.fields["to"]
+        target = module.driven
         return (target.part, target.module) not in self._wholes
 
     def _held_by(self, part: str, module: Module) -> range:
         if module.kind == "ENX":
-            return self._points(module.fields["to"])
+            return self._points(module.driven)
         first_mat = self.assembly.mats[part, module.name]
         return range(first_mat, first_mat + 1)
 

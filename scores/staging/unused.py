@@ -43,7 +43,7 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
         for target in following.targets(module):
             groups.join(part, target.part)
         if module.kind in LINKS:
-            end_parts = tuple(end.part for end in module.fields["between"])
+            end_parts = tuple(end.part for end in module.ends)
             links[part, module.name] = end_parts
             groups.join(*end_parts)
         elif module.kind == "PROXY":

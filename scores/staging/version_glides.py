@@ -175,7 +175,7 @@ def leaving_links(
         link
         for link in leaving
         if (link.glide.part, link.glide.module) not in staying
-        and all(_end_stays(end, piece_before, piece_after) for end in link.module.fields["between"])
+        and all(_end_stays(end, piece_before, piece_after) for end in link.module.ends)
     )
 
 
@@ -244,7 +244,7 @@ def _module_at(end: Target, piece: Piece) -> Module | None:
 
 def _joins_earlier_part(module: Module, piece_before: Piece) -> bool:
     """Whether a link has an end in a part that the earlier piece has too."""
-    end_parts = {end.part for end in module.fields["between"]}
+    end_parts = {end.part for end in module.ends}
     return any(end in piece_before.keys or end in piece_before.instruments for end in end_parts)
 
 

@@ -26,7 +26,7 @@ LONGER = {
     ("core-rs/engine/src/plan/passes/assemble.rs", "new"): 89,
     ("core-rs/engine/src/plan/passes/cells.rs", "oscillators"): 91,
     ("core-rs/engine/src/body_modes/complex_modes/blocks.rs", "add"): 117,
-    ("core-rs/engine/src/plan/passes/islands.rs", "islands"): 86,
+    ("core-rs/engine/src/plan/passes/islands.rs", "islands"): 88,
     ("core-rs/engine/src/plan/passes/slow.rs", "find_bodies"): 107,
     ("core-rs/engine/src/plan/passes/split.rs", "split"): 90,
     ("core-rs/engine/src/spectrum/general/schur.rs", "sweep"): 87,

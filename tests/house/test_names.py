@@ -28,6 +28,7 @@ WORDS_OF_SCORES = {
     "scores/reading/include.py": {"at"},
     "scores/reading/melody.py": {"at"},
     "scores/reading/mixing.py": {"at"},
+    "scores/reading/part.py": {"at"},
     "scores/reading/piece.py": {"at"},
     "scores/reading/playing.py": {"at"},
 }

@@ -6,17 +6,9 @@ import pytest
 import yaml
 
 from docs.generators import reference
+from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
-from ergon.notation.tables.shapes import (
-    MISSING,
-    Context,
-    Either,
-    ListOf,
-    NamesOf,
-    Reference,
-    Text,
-    choice,
-)
+from ergon.notation.tables.shapes import MISSING, Context, Reference, Text, choice
 from ergon.notation.text.document import Document, compose
 from ergon.notation.text.errors import Collector, TextError
 from ergon.scores.reading.load import load

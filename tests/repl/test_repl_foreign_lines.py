@@ -32,7 +32,7 @@ def session(tmp_path_factory):
         ("faster", "did you mean 'tempo'?"),
         ("reverb", "did you mean 'room'?"),
         ("kick every 1/2", "write d1 strikes kick every 1/2"),
-        ("pan bell left", "a place from -1 (first channel) to 1 (second channel)"),
+        ("pan bell left", "a place from -1 (first channel) to 1 (second)"),
         ('d1 = "x...x..."', "a hit is the name of an instrument, and a rest is ~"),
     ],
 )

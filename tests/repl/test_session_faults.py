@@ -3,50 +3,18 @@
 from __future__ import annotations
 
 import itertools
-import json
 import threading
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from delayed_sessions import MARGIN, Delayed, delays
+from delayed_sessions import MARGIN, Delayed, check_render, delays, events, peaks_of_seconds
 from patience import until
 from sessions import EVERY, Stepped
 
 from ergon.repl.session.schedule import Schedule
 from tests.repl.test_repl_session import SCORE
-
-
-@pytest.fixture
-def delayed(tmp_path: Path) -> Iterator[Delayed]:
-    session = Delayed(SCORE, tmp_path)
-    with delays(lambda: session):
-        yield session
-    session.close()
-
-
-def events(delayed: Stepped, name: str) -> list[dict[str, Any]]:
-    """The journal's events of a name."""
-    rows = (json.loads(row) for row in delayed.journal.read_text().splitlines())
-    return [row for row in rows if row["event"] == name]
-
-
-def check_render(delayed: Delayed) -> None:
-    """The journal renders what was heard."""
-    delayed.close()
-    delayed.delay = lambda: 0.0
-    assert np.array_equal(delayed.again(), delayed.sound)
-
-
-def seconds_of(delayed: Stepped, channel: int) -> np.ndarray:
-    """The peak of each second of a channel."""
-    n = int(delayed.rate)
-    sound = np.abs(delayed.sound[: len(delayed.sound) // n * n, channel])
-    return sound.reshape(-1, n).max(axis=1)
-
 
 # --- 2: the music goes on while the prompt is busy ------------------------------------------------
 
@@ -59,7 +27,7 @@ def test_sound_during_line_of_a_minute(delayed: Delayed) -> None:
     delayed.ok("set bell.m.t60 0.4s")
     delayed.delay = lambda: 0.0
     delayed.run(4.0)
-    assert seconds_of(delayed, 1)[2:].min() > 1e-4
+    assert peaks_of_seconds(delayed, 1)[2:].min() > 1e-4
     assert not events(delayed, "skip")
     check_render(delayed)
 
@@ -80,7 +48,7 @@ def test_sound_during_blocked_py_line(tmp_path: Path) -> None:
             until(lambda: _is_fed(session.schedule), "an extension")
         session.gate.set()
         line.join()
-    assert seconds_of(stepped, 1)[2:].min() > 1e-4
+    assert peaks_of_seconds(stepped, 1)[2:].min() > 1e-4
     assert not events(stepped, "skip")
     assert np.array_equal(stepped.again()[: len(stepped.sound)], stepped.sound)
 
@@ -101,8 +69,8 @@ def test_skip_is_written_to_the_journal(delayed: Delayed, seconds: float) -> Non
     (skip,) = events(delayed, "skip")
     assert skip["begin"] < skip["end"]
     assert any("was skipped" in one for one in delayed.session.messages())
-    assert seconds_of(delayed, 1)[int(seconds) - 2] < 1e-6
-    assert seconds_of(delayed, 1)[-2:].min() > 1e-4
+    assert peaks_of_seconds(delayed, 1)[int(seconds) - 2] < 1e-6
+    assert peaks_of_seconds(delayed, 1)[-2:].min() > 1e-4
     check_render(delayed)
 
 
@@ -304,136 +272,6 @@ def test_lines_before_play_singly_equal_a_block(tmp_path: Path) -> None:
     assert heads[0] == heads[1]
 
 
-# --- 8: levels that act before what was sent earlier ----------------------------------------------
-
-
-def test_gain_of_an_instrument_under_way(delayed: Delayed) -> None:
-    """It acted before the instrument was there, and the journal could not be rendered."""
-    delayed.delay = lambda: 0.1
-    delayed.ok("tempo 110")
-    delayed.ok("kick = skins/kick\nroute kick 1 2")
-    assert delayed.session.schedule.changes.under_way
-    delayed.ok("gain kick -3dB")
-    delayed.delay = lambda: 0.0
-    delayed.ok("play")
-    delayed.ok("rain strikes kick.skin.centre every 1 impulse 20mNs now")
-    delayed.run(2.0)
-    assert np.abs(delayed.sound).max() > 1e-6
-    check_render(delayed)
-
-
-def test_levels_act_in_the_order_of_their_frames(delayed: Delayed) -> None:
-    """`unmute` was done after `mute`, which had been typed before it and acted after it."""
-    delayed.ok("play")
-    delayed.ok("leo plays knock every 1/4 now")
-    delayed.run(1.0)
-    delayed.ok("mute drum")
-    delayed.run(0.8)
-    assert delayed.session.schedule.changes.under_way
-    delayed.ok("unmute now")
-    delayed.ok("couple k1 k2 K=40N/m Z=0.2Ns/m")
-    delayed.run(4.0)
-    assert delayed.session.schedule.head.faders.muted == {"drum"}
-    assert seconds_of(delayed, 1)[1] > 1e-6
-    assert seconds_of(delayed, 1)[-1] == 0.0
-    check_render(delayed)
-
-
-def test_unmute_now_before_a_mute_at_the_bar(delayed: Delayed) -> None:
-    """A version that took over before the bar had the level of after it."""
-    delayed.ok("play")
-    delayed.ok("leo plays knock every 1/4 now")
-    delayed.run(1.0)
-    delayed.ok("gain drum x0")
-    delayed.run(0.8)
-    assert delayed.session.schedule.changes.under_way
-    delayed.ok("couple k1 k2 K=40N/m Z=0.2Ns/m now")
-    delayed.run(3.0)
-    (level,) = [event["frame"] for event in events(delayed, "commit") if event["beat"] == 4.0]
-    assert np.abs(delayed.sound[level - 400 : level - 200, 1]).max() > 1e-6
-    check_render(delayed)
-
-
-def test_gain_of_a_withdrawn_instrument(delayed: Delayed) -> None:
-    """It acted without the instrument, and was lost."""
-    delayed.ok("play")
-    delayed.ok("ada plays knock every 1/4 now")
-    delayed.run(1.75)
-    delayed.ok("kick = skins/kick\nroute kick 1 2")
-    delayed.ok("gain kick -3dB")
-    delayed.ok("gain bell -6dB")
-    assert len(delayed.session.schedule.changes.under_way) == 3
-    delayed.ok("hush now")
-    delayed.run(3.0)
-    assert delayed.session.schedule.head.faders.gains == pytest.approx(
-        {"kick": 0.708, "bell": 0.501}, abs=1e-3
-    )
-    assert not events(delayed, "dropped")
-    check_render(delayed)
-
-
-def test_undo_keeps_levels_applied_earlier(delayed: Delayed) -> None:
-    """The version after a line lacked the levels that had overtaken it."""
-    delayed.delay = lambda: 0.1
-    delayed.ok("tempo 110")
-    delayed.ok("set bell.m.t60 0.4s")
-    delayed.ok("mute drum")
-    assert len(delayed.session.schedule.changes.under_way) == 2
-    delayed.run(0.5)
-    delayed.ok("knock = 0@0 smooth 5@1/8 smooth 0@1/2")
-    delayed.run(0.5)
-    delayed.ok("undo")
-    delayed.run(0.5)
-    assert delayed.session.schedule.head.faders.muted == {"drum"}
-    check_render(delayed)
-
-
-def test_undo_acts_after_a_level_under_way(delayed: Delayed) -> None:
-    """It acted before the level that it took back, which then stayed."""
-    delayed.ok("play")
-    delayed.run(1.0)
-    delayed.ok("mute drum")
-    delayed.run(0.8)
-    assert delayed.session.schedule.changes.under_way
-    delayed.ok("undo now")
-    delayed.run(1.0)
-    assert not delayed.session.schedule.head.faders.muted
-    assert not delayed.session.schedule.running.version.faders.muted
-    check_render(delayed)
-
-
-def test_gain_now_before_a_waiting_play(delayed: Delayed) -> None:
-    """It waited for the beginning of the piece, though it acts with the next tick."""
-    delayed.delay = lambda: 0.1
-    delayed.ok("tempo 110")
-    delayed.ok("play")
-    frame = delayed.engine.frame
-    delayed.ok("gain bell -6dB now")
-    delayed.run(0.5)
-    (done,) = [event["frame"] for event in events(delayed, "commit") if event["number"] == 3]
-    assert done == frame + MARGIN
-    check_render(delayed)
-
-
-# --- 9: two lines that end what plays, on one frame -----------------------------------------------
-
-
-@pytest.mark.parametrize("lines", [("hush", "damp 1s"), ("damp 1s", "damp 2s", "hush")])
-def test_ends_of_one_frame_act_together(delayed: Delayed, lines: tuple[str, ...]) -> None:
-    """Each took the other back from the engine, without end."""
-    delayed.ok("play")
-    delayed.ok("leo plays knock every 1/4 now")
-    delayed.run(1.8)
-    for line in lines:
-        assert delayed.ok(line).text.startswith("ok 2|1")
-        assert delayed.session.schedule.changes.under_way
-    delayed.run(1.0)
-    done = [event["frame"] for event in events(delayed, "commit") if event["beat"] == 4.0]
-    assert len(done) == len(lines)
-    assert len(set(done)) == 1
-    check_render(delayed)
-
-
 # --- 10: lines that are typed just before their bar -----------------------------------------------
 
 
@@ -460,108 +298,6 @@ def test_join_without_enough_time(delayed: Delayed) -> None:
     delayed.ok("tempo 100")
     delayed.run(4.0)
     assert [event["beat"] for event in events(delayed, "commit")][2:] == [4.0, 8.0]
-    check_render(delayed)
-
-
-# --- 11: lines that restore a version, one while another waits ------------------------------------
-
-
-def check_beginning(delayed: Delayed) -> None:
-    """The beginning plays, and no line waits that would bring back anything else."""
-    delayed.run(6.0)
-    head = delayed.session.schedule.head
-    assert not delayed.session.schedule.waiting
-    assert head.texts.text == delayed.session.schedule.past_versions[0].texts.text
-    assert not head.faders.muted
-    assert not delayed.session.messages()
-    check_render(delayed)
-
-
-@pytest.mark.parametrize("first", ["undo", "undo at 4|1"])
-def test_undo_replaces_a_waiting_undo(delayed: Delayed, first: str) -> None:
-    """The first acted after the second, and brought back the level."""
-    delayed.ok("play")
-    delayed.ok("mute drum now")
-    delayed.run(0.4)
-    delayed.ok("ada plays knock every 1 now")
-    delayed.run(0.4)
-    delayed.ok(first)
-    delayed.ok("undo now")
-    assert [event["number"] for event in events(delayed, "dropped")] == [4]
-    check_beginning(delayed)
-
-
-@pytest.mark.parametrize("line", ["mute drum now", "ada plays knock every 1 now"])
-def test_undo_replaces_a_waiting_redo(delayed: Delayed, line: str) -> None:
-    """The redo acted after it."""
-    delayed.ok("play")
-    delayed.ok(line)
-    delayed.run(0.4)
-    delayed.ok("undo now")
-    delayed.run(0.4)
-    delayed.ok("redo")
-    delayed.ok("undo now")
-    check_beginning(delayed)
-
-
-@pytest.mark.parametrize("more", [(), ("gain drum -9dB\nset drum.m.t60 0.5s",)])
-def test_undo_of_lines_withdrawn_by_a_stop(delayed: Delayed, more: tuple[str]) -> None:
-    """A line and its undo waited again; a second undo cancelled the line before alone."""
-    delayed.ok("play from 2|1")
-    delayed.ok("tempo 100 -> 130 over 1bar")
-    delayed.ok("lfo bell.m.K 0.9..1.1 period 1bar in 1bar")
-    delayed.run(1.7)
-    delayed.ok("undo")
-    for line in (*more, "stop now"):
-        delayed.ok(line)
-    delayed.run(0.5)
-    for _ in (*more, "undo"):
-        delayed.ok("undo now")
-    check_beginning(delayed)
-
-
-def test_refused_undo_keeps_a_waiting_undo(delayed: Delayed) -> None:
-    delayed.ok("play")
-    delayed.ok("mute drum now")
-    delayed.run(0.4)
-    delayed.ok("ada plays knock every 1 now")
-    delayed.run(0.4)
-    delayed.ok("undo")
-    assert not delayed.type("undo at 1|1").taken
-    delayed.run(2.0)
-    (done,) = [event for event in events(delayed, "commit") if event["number"] == 4]
-    assert done["beat"] == 4.0
-    check_render(delayed)
-
-
-def test_render_of_an_undo_staged_with_its_line(delayed: Delayed) -> None:
-    """It knew the versions of earlier stages alone, so that `undo` did nothing there."""
-    delayed.ok("play")
-    delayed.run(1.8)
-    for line in ("mute bell", "tempo 110", "leo plays knock every 1/2", "undo"):
-        assert delayed.ok(line).text.startswith("ok 2|1")
-    delayed.run(3.0)
-    done = [event["frame"] for event in events(delayed, "commit") if event["number"] in (3, 4, 5)]
-    assert len(done) == 3
-    assert len(set(done)) == 1
-    check_render(delayed)
-
-
-def test_undo_of_line_overtaken_by_level(delayed: Delayed) -> None:
-    """The version of the level had the line that was typed before it and acted after it."""
-    delayed.delay = lambda: 0.02
-    delayed.ok("play")
-    delayed.run(7.0)
-    delayed.ok("rain strikes drum.m euclid 3 8 impulse 0.2mNs")
-    delayed.ok("gain bell -6dB")
-    delayed.ok("knock = 0@0 smooth 5@1/8 smooth 0@1/2 now")
-    delayed.run(1.0)
-    assert [event["number"] for event in events(delayed, "commit")] == [1, 4, 3, 2]
-    delayed.ok("undo now")
-    delayed.run(1.0)
-    head = delayed.session.schedule.head
-    assert "rain" not in head.texts.text
-    assert head.faders.gains == pytest.approx({"bell": 0.501}, abs=1e-3)
     check_render(delayed)
 
 

@@ -7,10 +7,12 @@ and that extend the timeline have their turns, as beside a real prompt.
 from __future__ import annotations
 
 import contextlib
+import json
 from collections.abc import Callable, Iterator
 from typing import Any
 from unittest import mock
 
+import numpy as np
 from sessions import EVERY, Stepped
 
 from ergon.repl.session import takeover
@@ -66,3 +68,23 @@ def delays(session: Callable[[], Delayed]) -> Iterator[None]:
 
     with mock.patch.object(takeover, "staged", slowly):
         yield
+
+
+def events(delayed: Stepped, name: str) -> list[dict[str, Any]]:
+    """The journal's events of a name."""
+    rows = (json.loads(row) for row in delayed.journal.read_text().splitlines())
+    return [row for row in rows if row["event"] == name]
+
+
+def check_render(delayed: Delayed) -> None:
+    """The journal renders what was heard."""
+    delayed.close()
+    delayed.delay = lambda: 0.0
+    assert np.array_equal(delayed.again(), delayed.sound)
+
+
+def peaks_of_seconds(delayed: Stepped, channel: int) -> np.ndarray:
+    """The peak of each second of a channel."""
+    n = int(delayed.rate)
+    sound = np.abs(delayed.sound[: len(delayed.sound) // n * n, channel])
+    return sound.reshape(-1, n).max(axis=1)

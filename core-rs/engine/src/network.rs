@@ -33,7 +33,7 @@ mod subset;
 pub use crate::dry::Dry;
 pub(crate) use anonymous::PartOrder;
 pub use bristle::Bristle;
-pub(crate) use contact_law::PowerLaw;
+pub(crate) use contact_law::{ContactLaw, PowerLaw};
 pub use elements::{Element, ElementKind, Elements};
 pub use error::Error;
 pub use following::{FOLLOWING_MAX, Followed, Following, FollowingMass};

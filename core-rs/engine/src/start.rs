@@ -3,7 +3,7 @@
 use crate::cell::Cell;
 use crate::interrupt;
 use crate::kernel::{self, Neighbours};
-use crate::network::{AXES_MAX, Contact, Dry, LinkKind, MatKind, Network, Run};
+use crate::network::{AXES_MAX, Contact, ContactLaw, Dry, LinkKind, MatKind, Network, Run};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 use crate::units::Rate;
@@ -202,12 +202,14 @@ fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], f
             let side_sign = but_link.sign();
             force[a] -= *push;
             force[b] += *push;
+            let law = but_link.law(run.k, run.z);
             let contact = kernel::Contact {
-                k: run.k,
-                z: 0.0,
-                exponent: but_link.exponent,
+                law: ContactLaw {
+                    z: 0.0,
+                    is_clamped: false,
+                    ..law
+                },
                 beta: compliance(a) + compliance(b),
-                is_clamped: false,
             };
             let contact_depth = side_sign * (x[b] - x[a] - run.rest);
             let depth_rate = side_sign * (network_mats.v0[b] - network_mats.v0[a]);
@@ -218,14 +220,8 @@ fn add_exact_contacts(network: &Network, rate: Rate, runs: &[&Run], x: &[f64], f
                 contact_depth,
                 contact_depth,
             );
-            let damping_force = if contact_depth > 0.0 { run.z * depth_rate } else { 0.0 };
-            let total_force = elastic + damping_force;
-            let contact_force = side_sign
-                * if but_link.is_clamped {
-                    total_force.max(0.0)
-                } else {
-                    total_force
-                };
+            let damping_force = if contact_depth > 0.0 { law.z * depth_rate } else { 0.0 };
+            let contact_force = side_sign * law.limited(elastic + damping_force);
             is_settled &= (contact_force - *push).abs() <= f64::EPSILON * contact_force.abs();
             *push = contact_force;
             force[a] += contact_force;

@@ -15,14 +15,8 @@ from dataclasses import replace
 from fractions import Fraction
 
 from ergon.notation.tables.conditions import is_true
-from ergon.notation.tables.expressions import (
-    UNITS,
-    Amount,
-    NamedAmounts,
-    add_named,
-    evaluate,
-    named_amounts,
-)
+from ergon.notation.tables.expressions import UNITS, Amount, evaluate
+from ergon.notation.tables.named_values import NamedAmounts, add_named, named_amounts
 from ergon.notation.text import document
 from ergon.notation.text.document import Document, Node, Scalar
 from ergon.notation.text.errors import Collector, TextError, quote

@@ -87,7 +87,7 @@ DISTANCE = _dimension("distance", _LENGTH, "2m", "positive", low=0.01, high=100.
 ROOM_SIZE = _dimension("size of a room", _LENGTH, "10m", "positive", low=0.5, high=100.0)
 AZIMUTH = _dimension("azimuth", "deg", "30deg", low=-360.0, high=360.0)
 ELEVATION = _dimension("elevation", "deg", "35deg", low=-90.0, high=90.0)
-PAN = _dimension("place from -1 (first channel) to 1 (second channel)", "", "-0.3", low=-1.0, high=1.0)
+PAN = _dimension("place from -1 (first channel) to 1 (second)", "", "-0.3", low=-1.0, high=1.0)
 DENSITY = _dimension("density", "kg/m3 g/cm3:3", "7850kg/m3", "positive", bare=False)
 SURFACE_TENSION = _dimension("tension of a membrane", "N/m kN/m:3", "3kN/m", "positive", bare=False)
 PRESSURE = _dimension("pressure", "Pa kPa:3 MPa:6 GPa:9", "200GPa", "positive", bare=False)

@@ -159,7 +159,7 @@ def touched(
     for owner, module in piece.modules():
         if owner != part_modes.part or module.kind not in _HITS:
             continue
-        for end in module.fields["between"]:
+        for end in module.ends:
             names = [name_of(mat) for mat in built.assembly.members(end)]
             mat_slots = [slots[name] for name in names if name in slots]
             if mat_slots:

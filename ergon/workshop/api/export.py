@@ -266,7 +266,7 @@ def _struck(piece: Piece, names: Sequence[str]) -> list[Target]:
     """Points of these parts that are struck, or that links with other parts end on."""
     targets = [target for strike in piece.strikes for target in strike.to]
     for owner, module in piece.modules():
-        end_targets = module.fields.get("between", ())
+        end_targets = module.ends
         if any(end.part not in names for end in end_targets) or owner not in names:
             targets += end_targets
     return [target for target in targets if target.part in names]

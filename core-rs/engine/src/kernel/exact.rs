@@ -8,7 +8,7 @@ pub(crate) use friction::{SLIDE_DISTANCE_MIN, rest};
 
 use super::predict;
 use super::runs::scatter;
-use crate::network::PowerLaw;
+use crate::network::ContactLaw;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
 
@@ -108,23 +108,18 @@ fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &Body, run: &
     let free_depth = contact_side * (xb - xa - run.rest);
     let gate_opening = run.gate.map_or(1.0, |gate| gates[gate]);
     let contact = Contact {
-        k: gate_opening * run.k,
-        z: gate_opening * run.z,
-        exponent: but.exponent,
+        law: but.law(gate_opening * run.k, gate_opening * run.z),
         beta: wa + wb,
-        is_clamped: but.is_clamped,
     };
     let (push_force, evaluations) = contact.counted_push(free_depth, depth_before, depth_now);
     (contact_side * push_force, evaluations)
 }
 
-/// A contact over one step, from n−1 to n+1: K and Z per step, and β, the change of its penetration per newton [m/N].
+/// A contact over one step, from n−1 to n+1: its law with Z per step, and β, the change of its penetration per newton
+/// [m/N].
 pub(crate) struct Contact {
-    pub(crate) k: f64,
-    pub(crate) z: f64,
-    pub(crate) exponent: f64,
+    pub(crate) law: ContactLaw,
     pub(crate) beta: f64,
-    pub(crate) is_clamped: bool,
 }
 
 impl Contact {
@@ -139,37 +134,26 @@ impl Contact {
         // Both ends are imposed (β = 0): the next penetration is known, and the gradient is explicit.
         if self.beta == 0.0 {
             let push_force = self.gradient(free, w) + self.drag(free, w, now);
-            return (self.limit(push_force), 1);
+            return (self.law.limited(push_force), 1);
         }
         // Damping acts while the contact is closed: p ← (p + γw)/(1 + γ), β ← β/(1 + γ).
-        let gamma = if now > 0.0 { self.beta * self.z / 2.0 } else { 0.0 };
+        let gamma = if now > 0.0 { self.beta * self.law.z / 2.0 } else { 0.0 };
         let p = (free + gamma * w) / (1.0 + gamma);
         let beta = self.beta / (1.0 + gamma);
-        let (u, evaluations) = if self.exponent == 1.0 {
-            (linear(p, w, beta * self.k / 2.0), 0)
+        let (u, evaluations) = if self.law.elastic.exponent == 1.0 {
+            (linear(p, w, beta * self.law.elastic.k / 2.0), 0)
         } else {
             self.solve(p, w, beta)
         };
-        (self.limit((free - u) / self.beta), evaluations)
-    }
-
-    fn elastic(&self) -> PowerLaw {
-        PowerLaw {
-            k: self.k,
-            exponent: self.exponent,
-        }
-    }
-
-    fn limit(&self, push: f64) -> f64 {
-        if self.is_clamped { push.max(0.0) } else { push }
+        (self.law.limited((free - u) / self.beta), evaluations)
     }
 
     fn drag(&self, u: f64, w: f64, now: f64) -> f64 {
-        if now > 0.0 { self.z * (u - w) / 2.0 } else { 0.0 }
+        if now > 0.0 { self.law.z * (u - w) / 2.0 } else { 0.0 }
     }
 
     fn potential(&self, p: f64) -> f64 {
-        if p > 0.0 { self.elastic().energy(p) } else { 0.0 }
+        if p > 0.0 { self.law.elastic.energy(p) } else { 0.0 }
     }
 
     /// (V(u) − V(w))/(u − w); the force V′ where u = w.
@@ -177,7 +161,7 @@ impl Contact {
         let difference = u - w;
         // For a smaller difference the quotient loses more digits than the error of Simpson's rule.
         if difference.abs() <= 1e-3 * (u.abs() + w.abs()) {
-            let force = |p: f64| self.elastic().force(p);
+            let force = |p: f64| self.law.elastic.force(p);
             return if u > 0.0 {
                 (force(u) + 4.0 * force(0.5 * (u + w)) + force(w)) / 6.0
             } else {

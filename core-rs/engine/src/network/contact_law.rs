@@ -1,7 +1,7 @@
 //! The law of a contact, K·p^α + Z·v at a penetration p > 0 that grows by v.
 
 use super::{But, Side};
-use crate::maths::{pow, power_law};
+use crate::maths::{pow, power_law, sqrt};
 
 /// The elastic part K·p^α of a contact.
 #[derive(Clone, Copy, Debug)]
@@ -35,6 +35,53 @@ impl PowerLaw {
         let energy_power = self.exponent + 1.0;
         pow(energy * energy_power / self.k, 1.0 / energy_power)
     }
+
+    /// The slope of ψ = √(2·energy) at a penetration p >= 0 [√J/m].
+    pub(crate) fn root_slope(self, p: f64) -> f64 {
+        sqrt(0.5 * self.k * (self.exponent + 1.0)) * power_law(p, 0.5 * (self.exponent - 1.0))
+    }
+}
+
+/// The law of a contact. Its rate v is that of the penetration, in the unit of time of `z`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ContactLaw {
+    pub(crate) elastic: PowerLaw,
+    /// Z.
+    pub(crate) z: f64,
+    /// Whether it never pulls.
+    pub(crate) is_clamped: bool,
+}
+
+impl ContactLaw {
+    /// The push at a penetration `p`, 0 while it is open [N].
+    #[inline(always)]
+    pub(crate) fn push(self, p: f64, v: f64) -> f64 {
+        if p > 0.0 {
+            self.limited(self.elastic.force(p) + self.z * v)
+        } else {
+            0.0
+        }
+    }
+
+    /// The elastic part, continued to p < 0 as an odd function [N].
+    pub(crate) fn odd_elastic(self, p: f64) -> f64 {
+        if p >= 0.0 {
+            self.elastic.force(p)
+        } else {
+            -self.elastic.force(-p)
+        }
+    }
+
+    /// K·p^α + Z·v without a clamp, continued to p < 0 [N].
+    pub(crate) fn unlimited(self, p: f64, v: f64) -> f64 {
+        self.odd_elastic(p) + self.z * v
+    }
+
+    /// A push, or 0 in place of a pull of a clamped contact [N].
+    #[inline(always)]
+    pub(crate) fn limited(self, push: f64) -> f64 {
+        if self.is_clamped { push.max(0.0) } else { push }
+    }
 }
 
 impl But {
@@ -47,6 +94,7 @@ impl But {
     }
 
     /// Its elastic part with a stiffness `k`.
+    #[inline(always)]
     pub(crate) fn elastic(&self, k: f64) -> PowerLaw {
         PowerLaw {
             k,
@@ -54,23 +102,19 @@ impl But {
         }
     }
 
-    /// Size of the push at a penetration p [m] with p − p⁻ = `step`: K·p^α + Z·step while p > 0.
-    pub(crate) fn push(&self, k: f64, z: f64, p: f64, step: f64) -> f64 {
-        if p > 0.0 {
-            let push_force = self.elastic(k).force(p) + z * step;
-            if self.is_clamped {
-                push_force.max(0.0)
-            } else {
-                push_force
-            }
-        } else {
-            0.0
+    /// Its law with a stiffness `k` and a damping `z`.
+    #[inline(always)]
+    pub(crate) fn law(&self, k: f64, z: f64) -> ContactLaw {
+        ContactLaw {
+            elastic: self.elastic(k),
+            z,
+            is_clamped: self.is_clamped,
         }
     }
 
     /// The force that pulls both ends together [N], at elongation `e` that grows by `step` [m].
     pub(crate) fn force(&self, k: f64, z: f64, e: f64, step: f64) -> f64 {
         let side_sign = self.sign();
-        side_sign * self.push(k, z, side_sign * e, side_sign * step)
+        side_sign * self.law(k, z).push(side_sign * e, side_sign * step)
     }
 }

@@ -6,8 +6,6 @@
 
 use crate::interrupt;
 
-const NONE: u32 = u32::MAX;
-
 /// The order of elimination (n,) of a matrix whose row i has entries off its diagonal in the columns
 /// `columns[first[i]..first[i + 1]]`.
 pub(super) fn order(first: &[usize], columns: &[u32]) -> Vec<u32> {
@@ -39,7 +37,7 @@ struct Graph {
     /// How many unknowns each node stands for: 0 once it is merged or eliminated   (n)
     weight: Vec<u32>,
     /// The node that each was merged into   (n)
-    merged: Vec<u32>,
+    merged: Vec<Option<u32>>,
     buckets: Buckets,
     /// Stamp of the last visit to each node   (n)
     seen: Vec<u32>,
@@ -65,7 +63,7 @@ impl Graph {
             size: vec![0; node_count],
             is_alive: vec![false; node_count],
             weight: vec![1; node_count],
-            merged: vec![NONE; node_count],
+            merged: vec![None; node_count],
             buckets,
             seen: vec![0; node_count],
             stamp: 0,
@@ -178,7 +176,7 @@ impl Graph {
                     self.buckets.degree[node_index] -= self.weight[other_index];
                     self.weight[node_index] += self.weight[other_index];
                     self.weight[other_index] = 0;
-                    self.merged[other_index] = node;
+                    self.merged[other_index] = Some(node);
                     self.nodes[other_index] = Vec::new();
                     self.elements[other_index] = Vec::new();
                 }
@@ -191,7 +189,7 @@ impl Graph {
         let node_count = self.merged.len();
         let mut merged_nodes: Vec<Vec<u32>> = vec![Vec::new(); node_count];
         for (i, &into) in self.merged.iter().enumerate() {
-            if into != NONE {
+            if let Some(into) = into {
                 merged_nodes[into as usize].push(i as u32);
             }
         }
@@ -220,9 +218,9 @@ fn same(lists: &mut [Vec<u32>], i: usize, j: usize) -> bool {
 
 /// Nodes in doubly linked lists, one list for each degree.
 struct Buckets {
-    head: Vec<u32>,
-    next: Vec<u32>,
-    before: Vec<u32>,
+    head: Vec<Option<u32>>,
+    next: Vec<Option<u32>>,
+    before: Vec<Option<u32>>,
     degree: Vec<u32>,
     least: usize,
 }
@@ -230,9 +228,9 @@ struct Buckets {
 impl Buckets {
     fn new(n: usize) -> Self {
         Self {
-            head: vec![NONE; n.max(1)],
-            next: vec![NONE; n],
-            before: vec![NONE; n],
+            head: vec![None; n.max(1)],
+            next: vec![None; n],
+            before: vec![None; n],
             degree: vec![0; n],
             least: 0,
         }
@@ -242,34 +240,34 @@ impl Buckets {
         let (node_index, bucket) = (node as usize, degree as usize);
         self.degree[node_index] = degree;
         let next_node = self.head[bucket];
-        (self.next[node_index], self.before[node_index]) = (next_node, NONE);
-        if next_node != NONE {
-            self.before[next_node as usize] = node;
+        (self.next[node_index], self.before[node_index]) = (next_node, None);
+        if let Some(next_node) = next_node {
+            self.before[next_node as usize] = Some(node);
         }
-        self.head[bucket] = node;
+        self.head[bucket] = Some(node);
         self.least = self.least.min(bucket);
     }
 
     fn remove(&mut self, node: u32) {
         let node_index = node as usize;
         let (previous_node, next_node) = (self.before[node_index], self.next[node_index]);
-        if previous_node == NONE {
-            self.head[self.degree[node_index] as usize] = next_node;
-        } else {
-            self.next[previous_node as usize] = next_node;
+        match previous_node {
+            None => self.head[self.degree[node_index] as usize] = next_node,
+            Some(previous_node) => self.next[previous_node as usize] = next_node,
         }
-        if next_node != NONE {
+        if let Some(next_node) = next_node {
             self.before[next_node as usize] = previous_node;
         }
     }
 
     /// Remove and return a node of the least degree; there must be one.
     fn take_least(&mut self) -> u32 {
-        while self.head[self.least] == NONE {
+        loop {
+            if let Some(least_node) = self.head[self.least] {
+                self.remove(least_node);
+                return least_node;
+            }
             self.least += 1;
         }
-        let least_node = self.head[self.least];
-        self.remove(least_node);
-        least_node
     }
 }

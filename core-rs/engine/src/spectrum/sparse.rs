@@ -8,8 +8,6 @@ use std::ops::{Add, Div, Mul, Sub};
 use super::ordering;
 use crate::interrupt;
 
-const NONE: u32 = u32::MAX;
-
 /// Type of the elements of a matrix: `f64`, or complex numbers where P(λ) = K + λZ + λ²M is solved.
 pub(crate) trait Scalar:
     Copy + PartialEq + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + From<f64>
@@ -32,7 +30,7 @@ pub(crate) struct Pattern {
     order: Vec<u32>,
     position: Vec<u32>,
     /// Parent of each column in the elimination tree   (n)
-    parent: Vec<u32>,
+    parent: Vec<Option<u32>>,
     /// Where each column of L begins   (n + 1)
     column_starts: Vec<usize>,
 }
@@ -64,7 +62,7 @@ impl Pattern {
             columns,
             order,
             position,
-            parent: vec![NONE; n],
+            parent: vec![None; n],
             column_starts: Vec::new(),
         };
         pattern.build_elimination_tree();
@@ -88,19 +86,16 @@ impl Pattern {
 
     fn build_elimination_tree(&mut self) {
         let dimension = self.n();
-        let (mut column_fill, mut last_visit) = (vec![0; dimension], vec![NONE; dimension]);
+        let (mut column_fill, mut last_visit) = (vec![0; dimension], vec![0; dimension]);
         for k in 0..dimension {
-            last_visit[k] = k as u32;
+            last_visit[k] = k as u32; // so that the entries of earlier columns are below k until visited
             let original_row = self.order[k] as usize;
             for &j in &self.columns[self.first[original_row]..self.first[original_row + 1]] {
                 let mut ancestor = self.position[j as usize] as usize;
                 while ancestor < k && last_visit[ancestor] != k as u32 {
                     last_visit[ancestor] = k as u32;
                     column_fill[ancestor] += 1;
-                    if self.parent[ancestor] == NONE {
-                        self.parent[ancestor] = k as u32;
-                    }
-                    ancestor = self.parent[ancestor] as usize;
+                    ancestor = *self.parent[ancestor].get_or_insert(k as u32) as usize;
                 }
             }
         }
@@ -176,7 +171,7 @@ impl<'a, T: Scalar> Factor<'a, T> {
         let (mut rows, mut values) = (vec![0; pattern.fill()], vec![zero; pattern.fill()]);
         let mut pivots = vec![zero; dimension];
         let mut column_ends = pattern.column_starts.clone();
-        let (mut dense_row, mut last_visit) = (vec![zero; dimension], vec![NONE; dimension]);
+        let (mut dense_row, mut last_visit) = (vec![zero; dimension], vec![0; dimension]);
         let (mut tree_path, mut row_reach) = (Vec::new(), Vec::new());
         let mut visited = 0;
         for k in 0..dimension {
@@ -196,7 +191,10 @@ impl<'a, T: Scalar> Factor<'a, T> {
                 while last_visit[column_index] != k as u32 {
                     last_visit[column_index] = k as u32;
                     tree_path.push(column_index as u32);
-                    column_index = pattern.parent[column_index] as usize;
+                    let Some(parent) = pattern.parent[column_index] else {
+                        break;
+                    };
+                    column_index = parent as usize;
                 }
                 // Nearest to the root first. Read from the end, each column comes before those that it changes.
                 row_reach.extend(tree_path.drain(..).rev());

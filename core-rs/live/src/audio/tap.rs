@@ -14,12 +14,12 @@ use super::file::Recording;
 /// Capacity of the ring [s]: if the disk stalls for longer, frames are lost.
 const ROOM: usize = 8;
 const POLL: Duration = Duration::from_millis(5);
-const NOT_BEGUN: u64 = u64::MAX;
 
 /// State shared by both ends of a tap.
 #[derive(Debug)]
 struct Shared {
-    /// The first frame of the file.
+    /// Whether `first`, the first frame of the file, is known.
+    has_begun: AtomicBool,
     first: AtomicU64,
     /// Frames that found no room; the file has silence in their place.
     missing: AtomicU64,
@@ -77,7 +77,8 @@ pub(crate) fn open(path: &Path, rate: u32, channels: usize) -> Result<(Tap, TapH
     let mut recording = Recording::create(path, rate, channels)?;
     let (to, mut consumer) = RingBuffer::new(ROOM * rate as usize * channels);
     let shared = Arc::new(Shared {
-        first: AtomicU64::new(NOT_BEGUN),
+        has_begun: AtomicBool::new(false),
+        first: AtomicU64::new(0),
         missing: AtomicU64::new(0),
         written: AtomicU64::new(0),
         ended: AtomicBool::new(false),
@@ -144,8 +145,9 @@ impl Tap {
         if samples.is_empty() {
             return;
         }
-        if self.shared.first.load(Ordering::Relaxed) == NOT_BEGUN {
-            self.shared.first.store(frame, Ordering::Release);
+        if !self.shared.has_begun.load(Ordering::Relaxed) {
+            self.shared.first.store(frame, Ordering::Relaxed);
+            self.shared.has_begun.store(true, Ordering::Release);
         }
         let sample_count = self.silence_samples + samples.len();
         let Ok(ring_chunk) = self.to.write_chunk_uninit(sample_count) else {
@@ -165,9 +167,9 @@ impl TapHandle {
     /// The state now.
     pub fn status(&self) -> TapStatus {
         let shared = &self.shared;
-        let first_frame = shared.first.load(Ordering::Acquire);
+        let has_begun = shared.has_begun.load(Ordering::Acquire);
         TapStatus {
-            first: (first_frame != NOT_BEGUN).then_some(first_frame),
+            first: has_begun.then(|| shared.first.load(Ordering::Relaxed)),
             ended: shared.ended.load(Ordering::Acquire),
             frames: shared.written.load(Ordering::Relaxed),
             missing: shared.missing.load(Ordering::Relaxed),

@@ -26,8 +26,6 @@ const STAMP_GAP_MIN: f64 = 1e-6;
 const FIRMNESS_RANGE: (f64, f64) = (0.1, FIRMEST);
 /// Gaps between positions that are longer are pauses of the player, not the rate of the pointer [s].
 const PAUSE_MIN: f64 = 0.1;
-/// The word for a lift in place of a firmness.
-const LIFTED: f64 = -1.0;
 
 /// How a key is led.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,7 +79,7 @@ pub struct Lead {
     epoch: Instant,
     feeder: Mutex<Feeder>,
     /// Slots for positions; each is time, position and firmness.
-    slots: Box<[[AtomicU64; 3]]>,
+    slots: Box<[Slot]>,
     /// Numbers of positions written and read so far.
     written: AtomicU64,
     read: AtomicU64,
@@ -90,6 +88,40 @@ pub struct Lead {
     /// Pointer, finger and key [m], and the force of the pointer on the finger [N]; not a number: no finger there.
     points: [AtomicU64; 4],
     trace: Trace,
+}
+
+/// A position between its writer and its reader, as bits of numbers.
+#[derive(Debug, Default)]
+struct Slot {
+    time: AtomicU64,
+    x: AtomicU64,
+    firmness: AtomicU64,
+    is_lifted: AtomicBool,
+}
+
+impl Slot {
+    fn store(&self, placed: Placed) {
+        let firmness = placed.firmness.unwrap_or_default();
+        for (cell, number) in [
+            (&self.time, placed.time),
+            (&self.x, placed.x),
+            (&self.firmness, firmness),
+        ] {
+            cell.store(number.to_bits(), Ordering::Relaxed);
+        }
+        self.is_lifted.store(placed.firmness.is_none(), Ordering::Relaxed);
+    }
+
+    fn load(&self) -> Placed {
+        let [time, x, firmness] =
+            [&self.time, &self.x, &self.firmness].map(|cell| f64::from_bits(cell.load(Ordering::Relaxed)));
+        let is_lifted = self.is_lifted.load(Ordering::Relaxed);
+        Placed {
+            time,
+            x,
+            firmness: (!is_lifted).then_some(firmness),
+        }
+    }
 }
 
 #[derive(Debug, Default)]
@@ -133,7 +165,7 @@ impl Lead {
                 tokens: BURST_MAX,
                 ..Feeder::default()
             }),
-            slots: (0..WAITING_MAX).map(|_| Default::default()).collect(),
+            slots: (0..WAITING_MAX).map(|_| Slot::default()).collect(),
             written: AtomicU64::new(0),
             read: AtomicU64::new(0),
             is_present: AtomicBool::new(is_present),
@@ -173,8 +205,7 @@ impl Lead {
     /// [`Refusal`] if it is not taken.
     pub fn feed(&self, placed: Placed) -> Result<(), Refusal> {
         let mut feeder = self.feeder();
-        let firmness = placed.firmness.unwrap_or(LIFTED);
-        if ![placed.time, placed.x, firmness].iter().all(|x| x.is_finite()) {
+        if !(placed.time.is_finite() && placed.x.is_finite() && placed.firmness.is_none_or(f64::is_finite)) {
             feeder.tally.refused += 1;
             return Err(Refusal::NotFinite);
         }
@@ -209,16 +240,13 @@ impl Lead {
         feeder.tally.taken += 1;
         let [lower_limit, upper_limit] = self.options.key.range;
         let slot = &self.slots[(written_count % WAITING_MAX as u64) as usize];
-        let firmness = match placed.firmness {
-            Some(firmness) => firmness.clamp(FIRMNESS_RANGE.0, FIRMNESS_RANGE.1),
-            None => LIFTED,
-        };
-        for (cell, number) in slot
-            .iter()
-            .zip([stamp_time, placed.x.clamp(lower_limit, upper_limit), firmness])
-        {
-            cell.store(number.to_bits(), Ordering::Relaxed);
-        }
+        slot.store(Placed {
+            time: stamp_time,
+            x: placed.x.clamp(lower_limit, upper_limit),
+            firmness: placed
+                .firmness
+                .map(|firmness| firmness.clamp(FIRMNESS_RANGE.0, FIRMNESS_RANGE.1)),
+        });
         self.written.store(written_count + 1, Ordering::Release);
         Ok(())
     }
@@ -230,11 +258,9 @@ impl Lead {
             return None;
         }
         let next_slot = &self.slots[(read_count % WAITING_MAX as u64) as usize];
-        let [time, x, firmness] =
-            [0, 1, 2].map(|field_index| f64::from_bits(next_slot[field_index].load(Ordering::Relaxed)));
+        let placed = next_slot.load();
         self.read.store(read_count + 1, Ordering::Release);
-        let firmness = (firmness != LIFTED).then_some(firmness);
-        Some(Placed { time, x, firmness })
+        Some(placed)
     }
 
     /// Forget the positions that wait; the key's driver is the one reader, so only where it does not run.

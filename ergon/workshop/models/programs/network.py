@@ -362,7 +362,7 @@ class _Builder:
                     module.place, f"{name}: a contact that is {how}; only plain is written"
                 )
                 return
-            end_targets = module.fields["between"]
+            end_targets = module.ends
             other_fields = [
                 end.text
                 for end in end_targets
@@ -375,7 +375,7 @@ class _Builder:
                 return
             first_link = len(self.to.links)
             for link in single_links(module):
-                a, b = (self._members(end)[:1] for end in link.fields["between"])
+                a, b = (self._members(end)[:1] for end in link.ends)
                 if a and b:
                     link_name = f"{part.name}.{link.name}"
                     self._join(part, link_name, [*a, *b], module.kind, link.fields, module.place)
@@ -431,7 +431,7 @@ class _Builder:
         return members[target.first : target.first + target.count]
 
     def _input(self, module: Module, name: str) -> None:
-        target = module.fields["to"]
+        target = module.driven
         if (target.part, target.module) not in self.points_by_module:
             self.to.left_out.append(f"{name}, which feeds {target.text}")
             return

@@ -3,7 +3,6 @@
 use super::super::mesh::Mesh;
 use super::super::passes;
 use super::loops::{add_at_ends, advance_psi_run, springs};
-use crate::maths::power_law;
 use crate::maths::{copysign, sqrt};
 use crate::network::{Error, Network};
 use crate::scheme::{Kind, Run, largest_eigenvalue};
@@ -298,11 +297,7 @@ fn slope_and_damping(run: &Run, e: f64, de: f64, psi_now: f64) -> (f64, f64, f64
             let contact_sign = but.sign();
             let penetration = contact_sign * e;
             let psi_slope = if penetration > 0.0 {
-                let stiffness_root = sqrt(0.5 * run.k * (but.exponent + 1.0));
-                copysign(
-                    stiffness_root * power_law(penetration, 0.5 * (but.exponent - 1.0)),
-                    psi_now,
-                )
+                copysign(but.elastic(run.k).root_slope(penetration), psi_now)
             } else if psi_now != 0.0 && contact_sign * de < 0.0 {
                 // Open contact: choose the slope that brings the remaining ψ to zero as the ends part, as if no other
                 // force acted.

@@ -39,8 +39,8 @@ pub(super) struct CrowdedMotion {
     groups: Vec<PushedGroup>,
     /// Amplitudes before a step that may be repeated   (n_groups)
     saved: Vec<[Group; 2]>,
-    /// The instant of the frame to which the groups are brought, 0 to 1; NaN if to none.
-    s: f64,
+    /// The instant of the frame to which the groups are brought, 0 to 1.
+    brought_to: Option<f64>,
 }
 
 /// All bodies of which the modes are to be pushed.
@@ -102,7 +102,7 @@ impl CrowdedBody {
         CrowdedMotion {
             groups: vec![PushedGroup::START; self.tables.rates.len()],
             saved: vec![[[0.0; SUMS]; 2]; self.tables.rates.len()],
-            s: 0.0,
+            brought_to: Some(0.0),
         }
     }
 
@@ -175,7 +175,7 @@ impl CrowdedMotion {
     /// Begin a frame.
     fn begin(&mut self) {
         self.groups.fill(PushedGroup::START);
-        self.s = 0.0;
+        self.brought_to = Some(0.0);
     }
 
     fn save(&mut self, body: &CrowdedBody) {
@@ -189,7 +189,7 @@ impl CrowdedMotion {
         for (saved, group) in self.saved.iter().zip(&mut self.groups) {
             group.restore(*saved);
         }
-        self.s = f64::NAN;
+        self.brought_to = None;
     }
 }
 
@@ -215,9 +215,9 @@ impl Fine {
     pub(super) fn instant(&mut self, script: &Script, s: f64) -> Instant {
         let instant = Instant::new(script.basis.n(), s);
         for (motion, body) in self.crowded.iter_mut().zip(&script.crowded) {
-            if motion.s.to_bits() != s.to_bits() {
+            if motion.brought_to != Some(s) {
                 bring(&body.tables, &instant.value, &mut motion.groups);
-                motion.s = s;
+                motion.brought_to = Some(s);
                 self.work.products += ((2 * body.tables.n + 8) * body.n_modes) as u64;
             }
         }

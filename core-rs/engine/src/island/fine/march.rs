@@ -12,7 +12,7 @@ use super::order::{Rates, Stages};
 use super::{Fine, Script};
 use crate::kernel::Contact;
 use crate::maths::{expm1, sqrt};
-use crate::network::But;
+use crate::network::ContactLaw;
 use crate::scheme::Kind;
 use crate::state::Body;
 
@@ -37,33 +37,22 @@ const PULL: f64 = 1e-9;
 
 /// A contact in this frame.
 #[derive(Clone, Copy)]
-struct LinkContact<'a> {
-    but: &'a But,
+struct LinkContact {
+    /// Z is in N·frame/m.
+    law: ContactLaw,
     ends: (usize, usize),
     side: f64,
-    /// [N/m^exponent], and [N·frame/m]
-    k: f64,
-    z: f64,
     rest: f64,
     /// Velocity by an impulse [m/frame per N·s].
     velocity_per_impulse: f64,
 }
 
-impl LinkContact<'_> {
-    fn elastic(&self, g: f64) -> f64 {
-        let elastic_law = self.but.elastic(self.k);
-        if g >= 0.0 {
-            elastic_law.force(g)
-        } else {
-            -elastic_law.force(-g)
-        }
-    }
-
+impl LinkContact {
     /// Criterion of a pushing contact at penetration `g` [m] that closes by `v` [m/frame]: it goes on pushing while
     /// this is positive.
     fn pushing_criterion(&self, [g, v]: [f64; 2]) -> f64 {
         if self.is_pulled_off() && g > 0.0 {
-            self.elastic(g) + self.z * v
+            self.law.unlimited(g, v)
         } else {
             g
         }
@@ -71,18 +60,18 @@ impl LinkContact<'_> {
 
     /// What changes its sign where the contact closes or opens: the penetration, or the force that is not clamped.
     fn closing_criterion(&self, [g, v]: [f64; 2], uses_gap: bool) -> f64 {
-        if uses_gap { g } else { self.elastic(g) + self.z * v }
+        if uses_gap { g } else { self.law.unlimited(g, v) }
     }
 
     /// Whether its force ends before it opens.
     fn is_pulled_off(&self) -> bool {
-        self.but.is_clamped && self.z > 0.0
+        self.law.is_clamped && self.law.z > 0.0
     }
 
     /// Whether an open contact begins to push.
     fn closes(&self, [g, v]: [f64; 2]) -> bool {
         if self.is_pulled_off() {
-            let (elastic, damping_force) = (self.elastic(g), self.z * v);
+            let (elastic, damping_force) = (self.law.odd_elastic(g), self.law.z * v);
             g > 0.0 && elastic + damping_force > PULL * (elastic + damping_force.abs())
         } else {
             g > 0.0 && v > 0.0
@@ -95,25 +84,25 @@ impl LinkContact<'_> {
         if inverse_mass == 0.0 {
             return 0.0;
         }
-        let tangent = if self.but.exponent == 1.0 || self.k == 0.0 {
-            self.k
+        let elastic_law = self.law.elastic;
+        let tangent = if elastic_law.exponent == 1.0 || elastic_law.k == 0.0 {
+            elastic_law.k
         } else {
             // At the greatest depth that its energy allows.
-            let elastic_law = self.but.elastic(self.k);
             elastic_law.slope(elastic_law.depth(elastic_law.energy(g.max(0.0)) + 0.5 * v * v / inverse_mass))
         };
-        sqrt(tangent * inverse_mass).max(self.z * inverse_mass)
+        sqrt(tangent * inverse_mass).max(self.law.z * inverse_mass)
     }
 
     /// The impulse of a kick that lasts `duration` frames at constant penetration `g`, while `v` changes by the kick
     /// itself [N·s].
     fn kick(&self, [g, v]: [f64; 2], duration: f64, step: f64) -> f64 {
-        let elastic = self.elastic(g);
-        let decay_rate = self.velocity_per_impulse * step * self.z;
+        let push_force = self.law.unlimited(g, v);
+        let decay_rate = self.velocity_per_impulse * step * self.law.z;
         if decay_rate == 0.0 {
-            return (elastic + self.z * v) * duration * step;
+            return push_force * duration * step;
         }
-        (elastic + self.z * v) * step * -expm1(-decay_rate * duration) / decay_rate
+        push_force * step * -expm1(-decay_rate * duration) / decay_rate
     }
 }
 
@@ -133,7 +122,7 @@ impl Fine {
             (self.pushes[index], self.rests[index]) = (is_pushing, is_pushing);
             if is_pushing {
                 body.link[script.links[index].first] =
-                    contact.side * (contact.elastic(contact_state[0]) + contact.z * contact_state[1]);
+                    contact.side * contact.law.unlimited(contact_state[0], contact_state[1]);
                 rests_fast |= has_rested && contact.rate_bound(contact_state, script.rate.step()) > STEP_PHASE_MAX;
             }
         }
@@ -163,7 +152,7 @@ impl Fine {
     }
 
     /// The contact `index` at the instant `s` of this frame; `None` if it cannot be closed in this frame.
-    fn contact_now<'a>(&self, script: &'a Script, gates: &[f64], (index, s): (usize, f64)) -> Option<LinkContact<'a>> {
+    fn contact_now(&self, script: &Script, gates: &[f64], (index, s): (usize, f64)) -> Option<LinkContact> {
         let link_run = &script.links[index];
         let Kind::But(but) = &link_run.kind else {
             return None;
@@ -175,25 +164,23 @@ impl Fine {
         let (first_joint, second_joint) = script.ends[index];
         let [k, z] = self.link_constants_at(index, s);
         Some(LinkContact {
-            but,
+            law: but.law(gate_opening * k, gate_opening * z),
             ends: (first_joint, second_joint),
             side: but.sign(),
-            k: gate_opening * k,
-            z: gate_opening * z,
             rest: link_run.rest,
             velocity_per_impulse: script.jump(first_joint, second_joint),
         })
     }
 
     /// Penetration [m] and how fast it grows [m/frame].
-    fn contact_state(&self, script: &Script, contact: &LinkContact<'_>, instant: &Instant) -> [f64; 2] {
+    fn contact_state(&self, script: &Script, contact: &LinkContact, instant: &Instant) -> [f64; 2] {
         let (first_joint, second_joint) = contact.ends;
         let [[x_a, v_a], [x_b, v_b]] = [first_joint, second_joint].map(|end| self.see(script, end, instant));
         [contact.side * (x_b - x_a - contact.rest), contact.side * (v_b - v_a)]
     }
 
     /// Push both ends of a contact [N·s].
-    fn push(&mut self, script: &Script, contact: &LinkContact<'_>, impulse: f64, instant: &Instant) {
+    fn push(&mut self, script: &Script, contact: &LinkContact, impulse: f64, instant: &Instant) {
         let (first_joint, second_joint) = contact.ends;
         self.push_joint(script, first_joint, contact.side * impulse, instant);
         self.push_joint(script, second_joint, -contact.side * impulse, instant);
@@ -272,7 +259,7 @@ impl Fine {
             return 0.0; // it had first_switched before `s`
         }
         let criterion =
-            |(contact, contact_state): (LinkContact<'_>, [f64; 2])| contact.closing_criterion(contact_state, uses_gap);
+            |(contact, contact_state): (LinkContact, [f64; 2])| contact.closing_criterion(contact_state, uses_gap);
         let (mut length_taken, mut contact_state) = (h, end_state.1);
         let (mut low_end, mut high_end) = ((0.0, criterion(start_state)), (h, criterion(end_state)));
         for _ in 0..LOCATE_ROUNDS_MAX {
@@ -514,11 +501,11 @@ impl Fine {
                     let end_instant = self.instant(script, instants[2]);
                     let [free_depth, _] = self.contact_state(script, &link_contact, &end_instant);
                     let contact = Contact {
-                        k: link_contact.k,
-                        z: 2.0 * link_contact.z / step_length,
-                        exponent: link_contact.but.exponent,
+                        law: ContactLaw {
+                            z: 2.0 * link_contact.law.z / step_length,
+                            ..link_contact.law
+                        },
                         beta: 0.5 * step_length * step_length * link_contact.velocity_per_impulse * time_step,
-                        is_clamped: link_contact.but.is_clamped,
                     };
                     let contact_force = contact.push(free_depth, depth_before, depth_before.max(free_depth));
                     let middle_instant = self.instant(script, instants[1]);

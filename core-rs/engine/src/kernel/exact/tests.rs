@@ -1,16 +1,18 @@
 use super::*;
 use crate::maths;
+use crate::network::PowerLaw;
 use proptest::prelude::*;
 
 const POWERS: [f64; 4] = [1.0, 1.5, 2.5, 8.0];
 
 fn spring(k: f64, exponent: f64, beta: f64) -> Contact {
     Contact {
-        k,
-        z: 0.0,
-        exponent,
+        law: ContactLaw {
+            elastic: PowerLaw { k, exponent },
+            z: 0.0,
+            is_clamped: false,
+        },
         beta,
-        is_clamped: false,
     }
 }
 
@@ -126,13 +128,13 @@ fn push_conserves_energy_over_bounces() {
 fn push_with_damping_and_clamp() {
     for alpha in POWERS {
         let mut contact = spring(1e5, alpha, 1e-8);
-        contact.z = 300.0;
+        contact.law.z = 300.0;
         let leaving = (-1e-3, 1e-6, 5e-7);
         assert!(
             contact.push(leaving.0, leaving.1, leaving.2) < 0.0,
             "Z pulls at the exit"
         );
-        contact.is_clamped = true;
+        contact.law.is_clamped = true;
         assert_eq!(contact.push(leaving.0, leaving.1, leaving.2), 0.0);
     }
 }

@@ -46,15 +46,17 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
         }
     }
     let (moved, listened) = (moved(network, timeline), Listened::new(network, timeline));
-    let mut island_index = vec![u32::MAX; mat_count];
+    let mut island_of_root = vec![None; mat_count];
+    let mut island_of = Vec::with_capacity(mat_count);
     let mut members: Vec<IslandMembers> = Vec::new();
     for mat in interrupt::steps(0..mat_count) {
         let forest_root = forest.root(mat);
-        if island_index[forest_root] == u32::MAX {
-            island_index[forest_root] = members.len() as u32;
+        let island_index = *island_of_root[forest_root].get_or_insert_with(|| {
             members.push(IslandMembers::default());
-        }
-        let island = &mut members[island_index[forest_root] as usize];
+            members.len() - 1
+        });
+        island_of.push(island_index);
+        let island = &mut members[island_index];
         island.mats.push(mat as u32);
         island.is_heard |= listened.hears_mat[mat];
         island.is_moved |= moved[mat];
@@ -63,7 +65,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
         let [.., last_mat] = mats.all() else { continue };
         let first_free = mats.all().iter().copied().find(|&mat| is_free[mat]);
         let first_free = first_free.unwrap_or(*last_mat);
-        let island = &mut members[island_index[forest.root(first_free)] as usize];
+        let island = &mut members[island_of[first_free]];
         island.links.push(link as u32);
         island.is_heard |= listened.hears_link[link];
         // A gated force changes even between two points that never move.
@@ -77,7 +79,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     }
     // Masses that a proxy follows, and fixed points that guide it.
     for proxy in network.proxies() {
-        let island = &mut members[island_index[forest.root(proxy.mat)] as usize];
+        let island = &mut members[island_of[proxy.mat]];
         let guest_mats = proxy.masses().chain(proxy.guides());
         for other in guest_mats.filter(|&mat| !is_free[mat]) {
             island.guests.push(other as u32);
@@ -87,7 +89,7 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     }
     // MATs that laws and masses follow.
     for (mat, guide) in network.followed() {
-        let island = &mut members[island_index[forest.root(mat)] as usize];
+        let island = &mut members[island_of[mat]];
         island.is_handled = true;
         if !is_free[guide] {
             island.guests.push(guide as u32);
@@ -97,12 +99,12 @@ pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<Is
     let struck_mats = timeline.keys.iter().map(|key| key.struck);
     let glided_mats = timeline.glides.iter().map(|glide| glide.mat);
     for mat in struck_mats.chain(timeline.driven()).chain(glided_mats) {
-        members[island_index[forest.root(mat)] as usize].is_handled = true;
+        members[island_of[mat]].is_handled = true;
     }
     for (link, a, b) in ends(network) {
         if timeline.leads.iter().any(|lead| lead.links().contains(&link)) {
             let first_free = if is_free[a] { a } else { b };
-            members[island_index[forest.root(first_free)] as usize].is_handled = true;
+            members[island_of[first_free]].is_handled = true;
         }
     }
     for island in &mut members {

@@ -1,0 +1,306 @@
+"""Shapes that are made of others: lists, pairs, alternatives, and names with values."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ergon.notation.tables import loops
+from ergon.notation.tables.shapes import (
+    MAX_NAME,
+    MISSING,
+    NAME,
+    NAME_PATTERN,
+    Context,
+    Shape,
+    lost_indentation,
+    name_help,
+    report_lost,
+    wrong_shape,
+)
+from ergon.notation.text import document
+from ergon.notation.text.document import Node, Scalar
+from ergon.notation.text.errors import quote
+from ergon.notation.text.memory import Memory
+from ergon.notation.text.window import is_plain
+
+
+@dataclass(frozen=True)
+class ListOf(Shape):
+    """Items of one shape; `single` lets a lone item stand without brackets."""
+
+    item: Shape
+    least: int = 0
+    count_max: int = 1_000_000
+    single: bool = False
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if isinstance(node, document.Sequence):
+            items = node.items
+        elif self.single:
+            items = [node]
+        elif isinstance(node, Scalar) and node.is_empty:
+            items = []
+        else:
+            words = node.text.split() if isinstance(node, Scalar) else []
+            listed = f"[{', '.join(words)}]" if self.least <= len(words) <= self.count_max else None
+            return wrong_shape(self, node, name, context, suggestion=listed)
+        if not self.least <= len(items) <= self.count_max:
+            count_text = (
+                f"{self.least}" if self.least == self.count_max else f"at least {self.least}"
+            )
+            if len(items) > self.count_max > self.least:
+                count_text = f"at most {self.count_max:,}"
+            message = (
+                f"{context.label(name)}: the number of items is {len(items)}, but must be "
+                f"{count_text}"
+            )
+            context.error("E106", message, node.place)
+            return MISSING
+        if isinstance(node, document.Sequence) and node.lines:
+            items_read = self._by_lines(node, name, context)
+        else:
+            items_read = [self.item.read(item, name, context) for item in items]
+        values = tuple([value for value in items_read if value is not MISSING])
+        return values if len(values) >= self.least else MISSING  # a broken pair is no pair
+
+    def _by_lines(self, node: document.Sequence, name: str, context: Context) -> list[Any]:
+        """The values of items in lines of their own. Each item is read once; it is read again only
+        if the reading made a report.
+        """
+        let = node.document.let
+        key = id(self.item), name, context.owner, let
+        values = [None if line is None else line.values.get(key) for line in node.lines]
+        for number in [number for number, value in enumerate(values) if value is None]:
+            n_reported, item, line = (
+                context.collector.n_reports,
+                node.items[number],
+                node.lines[number],
+            )
+            item.document.let, item.document.lets = let, node.document.lets
+            values[number] = self.item.read(item, name, context)
+            if line is not None and context.collector.n_reports == n_reported:
+                line.values[key] = values[number]
+        return values
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        array: dict[str, Any] = {"type": ["array"], "items": self.item.schema()}
+        if self.least:
+            array["minItems"] = self.least
+        return merged(array, self.item.schema()) if self.single else array
+
+    def words(self) -> str:
+        """In words."""
+        return f"a list, each {self.item.words()}"
+
+    def chosen(self, node: Node) -> Shape:
+        """A lone item is read by the item's shape."""
+        is_lone = self.single and not isinstance(node, document.Sequence)
+        return self.item.chosen(node) if is_lone else self
+
+    def inner(self, name: str | int) -> Shape | None:
+        """Items have one shape."""
+        return self.item
+
+    def field_names(self) -> Collection[str]:
+        """The names of fields of a lone item."""
+        return self.item.field_names() if self.single else ()
+
+
+@dataclass(frozen=True)
+class Pair(Shape):
+    """Two items, each of its own shape."""
+
+    first: Shape
+    second: Shape
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if not isinstance(node, document.Sequence) or len(node.items) != 2:
+            return wrong_shape(self, node, name, context)
+        shapes = zip((self.first, self.second), node.items, strict=True)
+        values = tuple(shape.read(item, name, context) for shape, item in shapes)
+        return MISSING if MISSING in values else values
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        items = [self.first.schema(), self.second.schema()]
+        return {"type": ["array"], "items": items, "minItems": 2, "maxItems": 2}
+
+    def words(self) -> str:
+        """In words."""
+        return f"[{self.first.words()}; {self.second.words()}]"
+
+    def inner(self, name: str | int) -> Shape | None:
+        """The shape of the first or of the second item."""
+        return self.second if name == 1 else self.first
+
+
+@dataclass(frozen=True)
+class Either(Shape):
+    """One shape for a text, one for a mapping, one for a list."""
+
+    scalar: Shape | None = None
+    mapping: Shape | None = None
+    sequence: Shape | None = None
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        shape = self._shape_for(node)
+        if shape is None:
+            return wrong_shape(self, node, name, context)
+        return shape.read(node, name, context)
+
+    def _shape_for(self, node: Node) -> Shape | None:
+        if isinstance(node, document.Mapping):
+            return self.mapping
+        return self.sequence if isinstance(node, document.Sequence) else self.scalar
+
+    def chosen(self, node: Node) -> Shape:
+        """The shape of texts, of mappings or of lists."""
+        shape = self._shape_for(node)
+        return self if shape is None else shape.chosen(node)
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        schemas = [s.schema() for s in (self.scalar, self.mapping, self.sequence) if s]
+        return merged(*schemas)
+
+    def words(self) -> str:
+        """In words."""
+        shapes = (self.scalar, self.mapping, self.sequence)
+        return ", or ".join(shape.words() for shape in shapes if shape)
+
+
+class _Entries:
+    """The values of a section's entries, kept while their texts stay the same; they keep the places
+    that they had then.
+    """
+
+    def __init__(self, node: document.Mapping, noun: str, memory: Memory | None) -> None:
+        """Take the section's node. Only a loose memory keeps entries."""
+        self._node, self._name = node, f"entries {noun} {node.document.file}"
+        is_kept = memory is not None and memory.is_loose and is_plain(node.document.text)
+        self._memory = memory if is_kept else None
+        self._before: Mapping[str, tuple[str, Any]] = {}
+        if self._memory is not None:
+            self._before = self._memory.held_for(self._name, node.document.let) or {}
+        self._now: dict[str, tuple[str, Any]] = {}
+
+    def _text(self, word: str) -> str:
+        key, child = self._node.entries[word]
+        return self._node.document.text[key.start : child.end]
+
+    def known(self, word: str) -> Any:
+        """The value of an entry; None if its text has changed."""
+        if (entry_before := self._before.get(word)) is None or entry_before[0] != self._text(word):
+            return None
+        self._now[word] = entry_before
+        return entry_before[1]
+
+    def keep(self, word: str, value: Any) -> None:
+        """Keep the value of an entry, whose reading made no report."""
+        if self._memory is not None:
+            self._now[word] = self._text(word), value
+
+    def hold(self) -> None:
+        """Hold what was kept for the next reading."""
+        if self._memory is not None:
+            self._memory.hold(self._name, (self._node.document.let,), self._now)
+
+
+@dataclass(frozen=True)
+class NamesOf(Shape):
+    """Free names, each with the same shape; a broken one stays in the result as MISSING.
+
+    If `has_loops`, loops and conditions may make them.
+    """
+
+    item: Shape
+    noun: str
+    doc: str = ""
+    has_loops: bool = False
+
+    def read(self, node: Node, name: str, context: Context) -> Any:
+        """Read a node."""
+        if isinstance(node, Scalar) and node.is_empty:
+            return {}
+        if not isinstance(node, document.Mapping):
+            return wrong_shape(self, node, name, context)
+        result: dict[str, Any] = {}
+        # The value of an entry in a line of its own is read once, unless the reading made a report.
+        let = node.document.let
+        condition = id(self.item), context.name, let
+        entries = _Entries(node, self.noun, context.memory)
+        fields = self.item.field_names()
+        lost = lost_indentation(node.entries, lambda _, word: word in fields)
+        all_names = loops.written_out(node, context.collector) if self.has_loops else node
+        for word, entry in all_names.entries.items():
+            key, child = entry
+            if lost is not None and word == lost[0]:
+                report_lost(context, *lost, node.entries[lost[1]][0])
+                result[word] = MISSING
+                break
+            is_written = node.entries.get(word) is entry  # no loop makes it
+            line = node.lines.get(word) if is_written else None
+            if line is not None and condition in line.values:
+                result[word] = line.values[condition]
+                continue
+            if is_written and line is None and (entry_before := entries.known(word)) is not None:
+                result[word] = entry_before
+                continue
+            if not NAME.fullmatch(word) or len(word) > MAX_NAME:
+                message = f"{quote(word)} is not a name for a {self.noun}: "
+                message += "a name has letters, digits, '-' and '_', and begins with a letter"
+                context.error("E110", message, key.place, help=name_help(word))
+                continue
+            inner_context = context.inside(self.noun, word, key.place)
+            if line is not None:
+                child.document.let, child.document.lets = let, node.document.lets
+            n_reported = context.collector.n_reports
+            value = result[word] = self.item.read(child, "", inner_context)
+            if context.collector.n_reports > n_reported:
+                continue
+            if line is not None:
+                line.values[condition] = value
+            elif is_written:
+                entries.keep(word, value)
+        entries.hold()
+        return result
+
+    def schema(self) -> dict[str, Any]:
+        """As JSON Schema."""
+        schema: dict[str, Any] = {
+            "type": ["object", "null"],
+            "propertyNames": {"pattern": NAME_PATTERN},
+            "additionalProperties": self.item.schema(),
+        }
+        if self.has_loops:
+            schema["propertyNames"] = {"pattern": f"{NAME_PATTERN}|{loops.PATTERN}"}
+            schema["patternProperties"] = {loops.PATTERN: {"type": "object"}}
+        return schema
+
+    def words(self) -> str:
+        """In words."""
+        return f"names, each {self.item.words()}"
+
+    def inner(self, name: str | int) -> Shape | None:
+        """Every name has the same shape; below a loop stand names as beside it."""
+        return self if self.has_loops and loops.is_loop(str(name)) else self.item
+
+
+def merged(*schemas: dict[str, Any]) -> dict[str, Any]:
+    """Merge schemas of different types: keywords of one type do not constrain another, so a union
+    needs no `anyOf`.
+    """
+    result: dict[str, Any] = {}
+    types: list[str] = []
+    for schema in schemas:
+        types += [t for t in schema.get("type", []) if t not in types]
+        result |= schema
+    if types:
+        result["type"] = types
+    return result

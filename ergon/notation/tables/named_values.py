@@ -1,0 +1,249 @@
+"""Values of `let:` by name, and texts in which names and arithmetic stand for values."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Container, Mapping, MutableMapping
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import TypeVar
+
+from ergon.notation.tables.expressions import UNITS, WORD, Amount, evaluate, looks_like
+from ergon.notation.text import document
+from ergon.notation.text.document import Document, Node, Scalar
+from ergon.notation.text.errors import TextError, quote
+from ergon.notation.text.spelling import nearest
+
+_T = TypeVar("_T")
+MAX_NAMES = 1_000
+_NAME = re.compile(r"[a-z_][A-Za-z0-9_]*")
+_OPERAND = re.compile(r"\.\.|(?:(?!\.\.)[^\s()@|,;#])+")  # a word of a notation
+_BEGUN = re.compile(r"\s*(\d+\|[\d./]+|[^\W\d]\w*(?:-[^\W\d]\w*)*)\s*([+-])(.+)")  # B+2, 3|1-gap
+_BAR_BEAT = re.compile(r"\s*\d+\|[\d./]+\s*")
+_MARKED = re.compile(r"\s*([^\W\d]\w*(?:-[^\W\d]\w*)*)")
+_PATH = re.compile(r"[A-Za-z_]\w*(\.[^\s.()*/]+)+")  # a member or a module, such as bell.m
+_SIGNS_OF_WORDS = re.compile(r"[*/(]|\w\+\d")  # no name has these
+
+
+@dataclass(slots=True)
+class NamedAmounts:
+    """The named values of a document, and what is wrong with them."""
+
+    names: MutableMapping[str, Amount]
+    wrong: list[tuple[Scalar, TextError]]
+
+
+def named_amounts(source: Document) -> NamedAmounts:
+    """The values that `let:` of a document names; read once."""
+    if source.lets is None:
+        root, node = source.root, source.let
+        if node is None and isinstance(root, document.Mapping) and "let" in root.entries:
+            node = root.entries["let"][1]
+        source.lets = _read(node) if isinstance(node, document.Mapping) else NamedAmounts({}, [])
+    amounts_by_name: NamedAmounts = source.lets
+    return amounts_by_name
+
+
+def _read(section: document.Mapping) -> NamedAmounts:
+    amounts_by_name = NamedAmounts({}, [])
+    for number, (word, (key, node)) in enumerate(section.entries.items()):
+        if not add_named(amounts_by_name, number, word, key, node, section.entries):
+            break
+    return amounts_by_name
+
+
+def add_named(
+    amounts_by_name: NamedAmounts,
+    number: int,
+    word: str,
+    key: Scalar,
+    node: Node,
+    later: Container[str],
+) -> bool:
+    """Add a name of `let:`, or what is wrong with it; False after the last one that is allowed.
+
+    `number` of them were before it, and `later` are all that stand with it.
+    """
+    error: TextError | None = None
+    if number >= MAX_NAMES:
+        message = f"`let:` has more than {MAX_NAMES:,} names"
+        error = TextError(message, length=len(word), code="E105")
+    elif not _NAME.fullmatch(word) or word in UNITS or len(word) > 64:
+        message = (
+            f"{quote(word)} cannot be the name of a value; write a small letter, then letters, "
+            "digits and _, and no unit"
+        )
+        error = TextError(message, length=len(word), code="E110")
+    elif not isinstance(node, Scalar):
+        message = f"{word}: one value or expression is expected, such as 400g or 2*heavy"
+        error = TextError(message, length=len(word), code="E104")
+    if error is not None or not isinstance(node, Scalar):
+        assert error is not None
+        amounts_by_name.wrong.append((key, error))
+        return number < MAX_NAMES
+    if _BAR_BEAT.fullmatch(node.text):
+        message = f"{quote(node.text.strip())} is a position; name it under `marks:`"
+        error = TextError(message, length=len(node.text), code="E201")
+        amounts_by_name.wrong.append((node, error))
+        return True
+    try:
+        amounts_by_name.names[word] = evaluate(node.text, amounts_by_name.names, later)
+    except TextError as problem:
+        amounts_by_name.wrong.append((node, problem))
+    return True
+
+
+def parse_with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:
+    """Read a text of several words, in which names of `let:` may stand for values.
+
+    The text is parsed as written; if that fails, words such as `low`, `low@2` or `2*low` are
+    replaced by their values and it is parsed again. Raises TextError with the characters at
+    fault, as written.
+    """
+    try:
+        return parse(node.text)
+    except TextError as plain:
+        pieces = _replaced(node.text, named_amounts(node.document).names)
+        if len(pieces) < 2:
+            raise
+        try:
+            return parse("".join(text for _, text in pieces))
+        except TextError as error:
+            written_pieces, offset = [], 0
+            for written, text in pieces:
+                written_pieces.append((offset, offset + len(text), written, text))
+                offset += len(text)
+            start = 0
+            for first, end, written, text in written_pieces:
+                if first <= error.offset < end or end == offset:
+                    inside = error.offset - first if written == text else 0
+                    plain_length = len(written) if written != text else error.length
+                    error.offset, error.length = start + inside, max(1, plain_length)
+                    raise error from plain
+                start += len(written)
+            raise
+
+
+def has_name(word: str, document: Document) -> bool:
+    """Whether a name of `let:` stands in a word."""
+    names = named_amounts(document).names
+    return any(part in names for part in WORD.findall(word))
+
+
+def is_computed(word: str, document: Document) -> bool:
+    """Whether a word of a table is an expression: it holds a name of `let:` or an operator."""
+    if _PATH.fullmatch(word):
+        return False
+    return has_name(word, document) or _SIGNS_OF_WORDS.search(word) is not None
+
+
+def word_value(word: str, document: Document, parse: Callable[[str], _T]) -> _T:
+    """Read one word of a table, for which an expression may stand. Raises TextError."""
+    try:
+        return parse(word)
+    except TextError as plain:
+        names = named_amounts(document).names
+        if not is_computed(word, document):
+            plain.suggestion = plain.suggestion or nearest(word, names)
+            raise
+        literal = evaluate(word, names).literal
+    try:
+        return parse(literal)
+    except TextError as error:
+        message = f"{quote(word)} is {literal}: {error.message}"
+        raise TextError(message, length=len(word), code=error.code) from None
+
+
+def position(text: str, document: Document, parse: Callable[[str], _T]) -> _T:
+    """Read a position. Names of `let:` may stand in it for beats and lengths, unless a mark has the
+    same name.
+
+    Raises TextError.
+    """
+    names = named_amounts(document).names
+    prefix_match = _BEGUN.fullmatch(text)
+    try:
+        parsed = parse(text)
+        if getattr(parsed, "mark", None) not in names or _is_mark(text, document):
+            return parsed
+    except TextError:
+        is_name_meant = (
+            names and prefix_match is not None and prefix_match[3].lstrip()[:1].isalpha()
+        )
+        if not (has_name(text, document) or is_name_meant or re.search(r"[*(]", text)):
+            raise
+    if prefix_match is None or (prefix_match[1] in names and not _is_mark(text, document)):
+        literal = evaluate(text, names).literal
+    else:
+        try:
+            length = evaluate(prefix_match[3], names)
+        except TextError as error:
+            error.offset += prefix_match.start(3)
+            raise
+        sign = "+" if (prefix_match[2] == "+") == (length.number >= 0) else "-"
+        literal = f"{prefix_match[1]}{sign}{Amount(abs(length.number), length.unit).literal}"
+    try:
+        return parse(literal)
+    except TextError as error:
+        message = f"{quote(text.strip())} is {literal}: {error.message}"
+        raise TextError(message, length=max(1, len(text)), code=error.code) from None
+
+
+def _is_mark(text: str, source: Document) -> bool:
+    """Whether a position begins with a mark of its own file."""
+    root, mark_match = source.root, _MARKED.match(text)
+    marks = root.entries.get("marks") if isinstance(root, document.Mapping) else None
+    known_marks = marks[1] if marks is not None else None
+    return (
+        mark_match is not None
+        and isinstance(known_marks, document.Mapping)
+        and mark_match[1] in known_marks.entries
+    )
+
+
+def note_of(word: str, document: Document) -> str | None:
+    """The note that a word of a table gives, if it is an expression. Raises TextError."""
+    if not is_computed(word, document):
+        return None
+    amount = evaluate(word, named_amounts(document).names)
+    return amount.literal if amount.unit == "note" else None
+
+
+def _replaced(text: str, names: Mapping[str, Amount]) -> list[tuple[str, str]]:
+    """Pieces of a text: as written, and with names of values replaced. Raises TextError."""
+    pieces, offset = [], 0
+    for match in _OPERAND.finditer(text):
+        if any(word in names for word in WORD.findall(match.group())):
+            try:
+                literal = evaluate(match.group(), names).literal
+            except TextError as error:
+                error.offset += match.start()
+                raise
+            pieces += [(text[offset : match.start()],) * 2, (match.group(), literal)]
+            offset = match.end()
+    return [*pieces, (text[offset:],) * 2]
+
+
+def percent(literal: str) -> str:
+    """A plain number as a percentage, for fields that take nothing else."""
+    number = Decimal(literal) if re.fullmatch(r"-?\d+(\.\d+)?", literal) else None
+    return literal if number is None else f"{(100 * number).normalize():f}%"
+
+
+def literal(node: Scalar) -> str | None:
+    """The literal that the expression in a node gives; None if the node is not an expression.
+    Raises TextError.
+    """
+    names = named_amounts(node.document).names
+    text = node.text
+    if not looks_like(text, names):
+        return None
+    low, dots, high = text.partition("..")
+    if not dots:
+        return evaluate(text, names).literal
+    first_literal = evaluate(low, names).literal
+    try:
+        return f"{first_literal}..{evaluate(high, names).literal}"
+    except TextError as error:
+        error.offset += len(low) + 2
+        raise

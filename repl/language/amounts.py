@@ -1,0 +1,253 @@
+"""Amounts in a line: quantities, times and levels, and the parameters that take them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+from ergon.instruments.transpose import TRANSPOSITION
+from ergon.notation.clock.positions import Length, Position, parse_length, parse_position
+from ergon.notation.tables import quantities as q
+from ergon.notation.tables import value_kinds as k
+from ergon.notation.tables.shapes import Text
+from ergon.notation.text.errors import TextError, quote
+from ergon.repl.language.commands import NOW, Now, Sync
+from ergon.repl.language.scope import Scope
+from ergon.repl.language.values import (
+    ANY_NAME,
+    NUMBER,
+    Completion,
+    CompletionContext,
+    Value,
+    check_new_name,
+    name_completions,
+    name_value,
+    unknown_name,
+)
+from ergon.scores.reading.automatable import amount_reader
+
+# --- quantities ----------------------------------------------------------------------------------
+
+
+def unit_completions(
+    example: str, units: Iterable[str], what: str
+) -> Callable[[CompletionContext], Iterator[Completion]]:
+    """Completions of a quantity: an example, or what is typed with each unit."""
+    words = [unit for unit in units if unit.isascii()]
+
+    def offers(context: CompletionContext) -> Iterator[Completion]:
+        match = NUMBER.match(context.typed)
+        if match is None:
+            yield Completion(example, what)
+        else:
+            yield from (Completion(match.group() + unit, what) for unit in words)
+
+    return offers
+
+
+def quantity_value(shape: Text, example: str, units: Iterable[str], what: str = "") -> Value:
+    """A value that is read as a score reads it."""
+    what = what or shape.what
+    return Value(what, lambda text, *_: shape.parse(text), unit_completions(example, units, what))
+
+
+DIMENSIONS = {
+    k.MASS: q.MASS,
+    k.MASS_OR_NUMBER: q.MASS_OR_NUMBER,
+    k.STIFFNESS: q.STIFFNESS,
+    k.DAMPING: q.DAMPING,
+    k.POSITION: q.POSITION,
+    k.HARDENING: q.HARDENING,
+    k.PITCH: q.FREQUENCY,
+    k.DURATION: q.DURATION,
+    k.FORCE: q.FORCE,
+    k.PAUSE: q.INSTANT,
+    k.CONSTANT: q.CONSTANT,
+    TRANSPOSITION: q.Dimension("interval", {"cents": 0, "st": 2}, "2st"),
+}
+
+
+def dimension_value(shape: Text) -> Value:
+    """A quantity with the units of its dimension."""
+    dimension = DIMENSIONS.get(shape, q.NUMBER)
+    return quantity_value(shape, dimension.example, dimension.units)
+
+
+def _read_level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
+    if text in scope.instruments or text in scope.players or text in scope.strikes:
+        message = f"a level is missing: gain {text} -6dB"
+        raise TextError(message, offset=len(text))
+    return k.GAIN.parse(text)
+
+
+def _read_gain(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> float:
+    ratio: float = _read_level(text, scope, slots_read)
+    if ratio > GAIN_MAX:
+        message = f"{text.strip()} is above the highest level, {q.LOUDEST_DB:g}dB"
+        raise TextError(message, length=len(text))
+    return ratio
+
+
+_LENGTH_UNITS = ("bar", "beats", "s", "ms")
+GAIN_MAX = 10.0 ** (q.LOUDEST_DB / 20.0) * (1.0 + 1e-9)  # 24dB itself is taken
+
+
+def _read_length(text: str, *_: Any) -> Length:
+    length = parse_length(text)
+    if not (length.bars or length.beats or length.seconds):
+        raise TextError(
+            f"the length {quote(text)} is zero: write one such as 1bar", length=len(text)
+        )
+    return length
+
+
+def _read_signed_length(text: str, *_: Any) -> Length:
+    sign = text[:1] if text[:1] in ("+", "-") else ""
+    try:
+        return parse_length(text[len(sign) :]).times(-1.0 if sign == "-" else 1.0)
+    except TextError as error:
+        error.offset += len(sign)
+        raise
+
+
+_GRIDS: dict[str, Now | Length] = {"now": NOW, "beat": Length(beats=1.0), "bar": Length(bars=1.0)}
+
+
+def _read_grid(text: str, *_: Any) -> Now | Length:
+    if text in _GRIDS:
+        return _GRIDS[text]
+    if text[:1].isalpha():
+        raise unknown_name(text, "a boundary", (*_GRIDS, "2bar"))
+    grid = _read_length(text)
+    if grid.seconds:
+        message = "a boundary lies on beats or bars, not on seconds: write one such as 2bar"
+        raise TextError(message, length=len(text), suggestion="bar")
+    return grid
+
+
+def read_position(text: str, scope: Scope, _: Mapping[str, Any] | None = None) -> Position:
+    """Read a position whose mark must exist. Raises TextError."""
+    position = parse_position(text)
+    if (
+        position.mark is not None
+        and position.text not in scope.marks
+        and position.mark not in scope.marks
+    ):
+        raise unknown_name(position.mark, "a mark", scope.marks)
+    return position
+
+
+def position_completions(context: CompletionContext) -> Iterator[Completion]:
+    """Marks, and an example of a bar."""
+    yield from name_completions(context.scope.marks)
+    yield Completion("9|1", "bar 9, beat 1")
+
+
+LENGTH = Value(
+    "a length, such as 2bar, 1/2 (beats) or 250ms",
+    _read_length,
+    unit_completions("2bar", _LENGTH_UNITS, "a length"),
+)
+SHIFT = Value(
+    "a time, such as 10ms or -10ms",
+    _read_signed_length,
+    unit_completions("10ms", _LENGTH_UNITS, "time"),
+)
+POSITION = Value("a position, such as 9|1, a mark or 12.5s", read_position, position_completions)
+_VOICE = name_value("the name of strikes, or a player", "strikes", "players")
+# Whether there is such a voice is asked where the line is typed: when it is replayed, its beat is
+# known, and the voice may be gone.
+SYNC = Value(_VOICE.what, lambda text, *_: Sync(check_new_name(text)), _VOICE.completions)
+GRID = Value(
+    "a boundary: now, beat, bar or a length such as 2bar",
+    _read_grid,
+    lambda context: name_completions(dict.fromkeys((*_GRIDS, "2bar"), "a boundary")),
+)
+_BPM_OFFERS = {0: (Completion("72", "bpm"),), 1: (Completion("->", "to another tempo"),)}
+BPM = Value(
+    "a tempo, such as 72 or 60 -> 84",
+    lambda text, *_: k.BPM.parse(text),
+    lambda context: _BPM_OFFERS.get(len(context.before), ()),
+)
+STIFFNESS = dimension_value(k.STIFFNESS)
+DAMPING = dimension_value(k.DAMPING)
+DURATION = quantity_value(k.DURATION, "3s", q.DURATION.units)
+_LEVEL_OFFERS = unit_completions("-6dB", ("dB",), "a level")
+LEVEL = Value("a level, such as -6dB or x0.5", _read_level, _LEVEL_OFFERS)
+GAIN = Value("a level, such as -6dB or x0.5", _read_gain, _LEVEL_OFFERS)
+METER = quantity_value(k.METER, "3/4", ())
+TIMES = quantity_value(k.TIMES, "8", ())
+COUNT = quantity_value(k.integer(1, 10_000, "3"), "3", (), "how many, such as 3")
+SEED = quantity_value(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
+
+
+# --- parameters --------------------------------------------------------------------------------
+
+
+def _near_targets(text: str, scope: Scope) -> list[str]:
+    """The parameters of the module, or else the part, that a wrong path names; or all."""
+    head = text.rpartition(".")[0]
+    while head:
+        some = [target for target in scope.targets if target.startswith(f"{head}.")]
+        if some:
+            return some
+        head = head.rpartition(".")[0]
+    return list(scope.targets)
+
+
+def _read_target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if text not in scope.targets:
+        raise unknown_name(text, "a parameter", _near_targets(text, scope))
+    return text
+
+
+def _read_change(
+    text: str, scope: Scope, slots_read: Mapping[str, Any]
+) -> tuple[float | None, float | None]:
+    target = slots_read["target"]
+    shape = scope.targets[target]
+    if shape is TRANSPOSITION:
+        return shape.parse(text), None
+    amount = amount_reader(shape.parse, target.rpartition(".")[2])(text)
+    return (None, amount.value) if amount.is_factor else (amount.value, None)
+
+
+def _change_completions(context: CompletionContext) -> Iterator[Completion]:
+    if not context.typed.startswith("x"):
+        yield from dimension_value(context.scope.targets[context.fields["target"]]).completions(
+            context
+        )
+    yield Completion("x1.5", "so many times what it is")
+
+
+def _target_completions(context: CompletionContext) -> Iterator[Completion]:
+    """The completions up to the next dot: a part, then its modules, then their parameters."""
+    typed = context.typed
+    for target, shape in context.scope.targets.items():
+        if target.startswith(typed):
+            dot = target.find(".", len(typed))
+            if dot < 0:
+                yield Completion(target, shape.what)
+            else:
+                yield Completion(target[: dot + 1], "its parameters")
+
+
+TARGET = Value("a parameter, such as bell.m.K", _read_target, _target_completions)
+TUNING = "tuning"  # what `show` may be followed by, as by a name of the score
+
+
+def _read_shown(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
+    name: str = (
+        text if text == TUNING or text in scope.targets else ANY_NAME.read(text, scope, slots_read)
+    )
+    return name
+
+
+def _shown_completions(context: CompletionContext) -> Iterator[Completion]:
+    yield from ANY_NAME.completions(context)
+    yield Completion(TUNING, "which frequencies notes have")
+    yield from _target_completions(context)
+
+
+NAME_OR_PARAMETER = Value("a name of this score", _read_shown, _shown_completions)
+CHANGE = Value("a value with its unit, or a factor such as x1.5", _read_change, _change_completions)

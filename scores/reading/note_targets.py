@@ -1,0 +1,153 @@
+"""What the words of a melody strike: notes of instruments, or modules by full names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ergon.instruments.model import Target
+from ergon.instruments.names import PartNames
+from ergon.notation.tables import notes, tuning
+from ergon.notation.tables.quantities import note_slip
+from ergon.notation.tables.shapes import Name
+from ergon.notation.tables.tuning import Tuning
+from ergon.notation.text.errors import TextError, quote
+from ergon.scores.reading.melody import Row
+
+
+@dataclass(frozen=True, slots=True)
+class NoteTargets:
+    """The targets of the words of a melody: notes of the instruments `to`, or modules by full
+    names.
+    """
+
+    part_names: PartNames
+    to: tuple[Name, ...]
+    _known: dict[str, list[Target]] = field(default_factory=dict, init=False, compare=False)
+
+    def mirrored(self, row: Row, first_row: Row) -> Row:
+        """A row mirrored in pitch about the first note of a phrase. Raises TextError."""
+        heights = (self._note(word) for word in first_row.what)
+        about = next((height for height in heights if height is not None), None)
+        if about is None:
+            raise TextError(f"{quote(' '.join(first_row.what))} has no note to mirror about")
+        mirrored_names = [
+            self.moved(word, 2 * (about - (self._note(word) or 0))) for word in row.what
+        ]
+        return self.renamed(row, mirrored_names)
+
+    def renamed(self, row: Row, new_names: Sequence[Name]) -> Row:
+        """A row with other notes; `before` keeps those that were written."""
+        return replace(row, what=tuple(new_names), before=row.before or row.what)
+
+    def moved(self, word: Name, semitones: float) -> Name:
+        """A note, or a module of one, moved by so many semitones, of which an integer is keys of a
+        scale. Raises TextError.
+        """
+        note = self._note(word)
+        if note is None:
+            raise TextError(f"{quote(word)} has no note that could be transposed")
+        if not notes.LOWEST <= note + semitones <= notes.HIGHEST:
+            raise TextError(f"{quote(word)} lies outside the notes from C-1 to B9")
+        words = tuning.spelled(word).split(".")
+        place = self._place(words)
+        with tuning.used(self._tuning(words)):
+            words[place] = notes.moved(words[place], semitones)
+        return Name(".".join(words), word.place)
+
+    def has_act(self, act: str) -> bool:
+        """Whether a note of the instruments has an act that lasts as long as a note."""
+        members = (member for name in self.to for member in self.part_names.members(name))
+        return any(True for member in members for _ in self.part_names.drawn_act(member, act))
+
+    def targets(self, row: Row, label: str) -> tuple[Target, ...]:
+        """The MATs that a row strikes; reports what cannot be reached."""
+        pairs = zip(row.what, row.before or row.what, strict=True)
+        names = [
+            name for word, name_before in pairs for name in self._names(word, name_before, label)
+        ]
+        if row.act:
+            names = [
+                name
+                for struck_name in names
+                for name in self.part_names.drawn_act(struck_name, row.act)
+            ]
+        return tuple(target for name in names for target in self._reached(name, label))
+
+    def _reached(self, name: Name, label: str) -> list[Target]:
+        """The targets of a name, kept for further rows, which differ only in their place."""
+        known_targets = self._known.get(name)
+        if known_targets is not None:
+            return [
+                Target(t.part, t.module, t.first, t.count, t.text, name.place)
+                for t in known_targets
+            ]
+        targets_struck = self.part_names.struck(name, label)
+        if targets_struck:  # else each row reports what is missing
+            self._known[name] = targets_struck
+        return targets_struck
+
+    def _names(self, word: Name, word_before: Name, label: str) -> list[Name]:
+        if notes.word_of(word) is None:
+            slip = note_slip(word) if self.to else None
+            if slip is None or word.partition(".")[0] in self.part_names.parts:
+                return [word]
+            message = f"{label}: {slip.message}"
+            self.part_names.collector.error("E201", message, word.place, suggestion=slip.suggestion)
+            return []
+        if not self.to:
+            message = f"{label}: {quote(word)} is a note; write `to`, whose notes are struck"
+            self.part_names.collector.error("E103", message, word.place)
+            return []
+        names_read = []
+        for to in self.to:
+            family = self.part_names.family(to)
+            if family is None:
+                message = f"{label}: {quote(to)} has no notes; write `notes` in the instrument"
+                if self.part_names.is_known(to):
+                    self.part_names.collector.error("E304", message, to.place)
+                else:
+                    self.part_names.target(to, "mats", label)
+                continue
+            instrument, name_rest = family
+            note = instrument.note(word)
+            if note is None:
+                known_notes = [part.rpartition(".")[2] for part in instrument.parts.values()]
+                message = f"{label}: {quote(to)} has no note {quote(word)}"
+                note_range = (
+                    f"; its notes are {known_notes[0]} to {known_notes[-1]}" if known_notes else ""
+                )
+                if word == word_before:
+                    self.part_names.collector.error(
+                        "E301", message + note_range, word.place, word=word, names=known_notes
+                    )
+                else:
+                    message += f", to which {quote(word_before)} is moved{note_range}"
+                    self.part_names.collector.error("E301", message, word.place)
+                continue
+            names_read.append(Name(".".join(filter(None, (note, name_rest))), word.place))
+        return names_read
+
+    def _note(self, word: str) -> float | None:
+        """The note of a name in semitones or keys; None if it has none. Raises TextError."""
+        words = tuning.spelled(word).split(".")
+        place = self._place(words)
+        if place is None:
+            return None
+        with tuning.used(self._tuning(words)):
+            return notes.step(words[place])
+
+    def _tuning(self, words: Sequence[str]) -> Tuning | None:
+        """The tuning of the note of a name: of its instrument, or of those that a note is for."""
+        return self.part_names.tuning_of(".".join(words)) if words[1:] else tuning.written()
+
+    def _place(self, words: list[str]) -> Any:
+        """The index of the word in a name that is its note; None if there is none."""
+        if len(words) == 1:
+            return 0 if tuning.is_pitch(words[0]) else None
+        for count in range(1, len(words)):
+            is_family = ".".join(words[:count]) in self.part_names.families
+            if is_family and tuning.is_pitch(words[count]):
+                return count
+        return None

@@ -1,0 +1,140 @@
+"""Transformations of a phrase: its rows and its length after `do`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from math import floor
+
+from ergon.notation.clock.positions import Length
+from ergon.notation.text.errors import TextError
+from ergon.scores.gesture.transforms import Transform
+from ergon.scores.reading.melody import Row
+
+
+def length_of(rows: Sequence[Row], written_length: Length | None) -> Length | None:
+    """The length of a phrase; if none is written, up to the next whole beat; None if entries are
+    not all in beats.
+    """
+    if written_length is not None:
+        return written_length
+    last_beat = 0.0
+    for row in rows:
+        assert isinstance(row.at, Length)
+        if row.at.bars or row.at.seconds:
+            return None
+        last_beat = max(last_beat, row.at.beats)
+    return Length(beats=floor(last_beat) + 1.0)
+
+
+def transformed(
+    rows: Sequence[Row],
+    length: Length,
+    chain: Iterable[Transform],
+    mirrored: Callable[[Row, Row], Row],
+) -> tuple[tuple[Row, ...], Length]:
+    """Rows of a phrase after transformations, left to right, and its length. Raises TextError."""
+    rows_out = tuple(rows)
+    for transform in chain:
+        if transform.word == "mirror":
+            rows_out = tuple(mirrored(row, rows_out[0]) for row in rows_out)
+            continue
+        act = _ACTS.get(transform.word)
+        if act is None:
+            transform_names = ", ".join([*_ACTS, "mirror"])
+            message = (
+                f"'{transform.word}' moves the points of a gesture; a phrase has {transform_names}"
+            )
+            raise TextError(message, offset=transform.offset, length=transform.length)
+        rows_out = tuple(act(rows_out, transform))
+        if transform.word == "stretch":
+            length = length.times(transform.amount)
+        if transform.word == "from":
+            length = _length_after(length, transform)
+            if not rows_out or not length.is_some:
+                message = "'from' begins after the last entry of this phrase"
+                raise TextError(message, offset=transform.offset, length=transform.length)
+    return rows_out, length
+
+
+def _scale(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    for row in rows:
+        yield replace(row, level=row.level and row.level.scaled(t.amount))
+
+
+def _stretch(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    for row in rows:
+        lasting = row.lasting and row.lasting.times(t.amount)
+        yield replace(row, at=_length(row).times(t.amount), lasting=lasting)
+
+
+def _shift(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    for row in rows:
+        length = _length(row)
+        beats, seconds = length.beats + t.time.beats, length.seconds + t.time.seconds
+        yield replace(row, at=Length(length.bars, beats, seconds))
+
+
+def _reverse(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    """The rows in reverse order, within the same time span."""
+    lengths = [(a.bars, a.beats, a.seconds) for a in map(_length, rows)]
+    if sum(any(unit) for unit in zip(*lengths, strict=True)) > 1:
+        message = "'reverse' needs entries in one unit: all in beats, in bars or in seconds"
+        raise TextError(message, offset=t.offset, length=t.length)
+    start_and_end = [low + high for low, high in zip(min(lengths), max(lengths), strict=True)]
+    for row, length in sorted(
+        zip(rows, lengths, strict=True), key=lambda pair: pair[1], reverse=True
+    ):
+        yield replace(row, at=Length(*(a - b for a, b in zip(start_and_end, length, strict=True))))
+
+
+def _quantise(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    for row in rows:
+        length = _length(row)
+        if length.bars or length.seconds:
+            message = "'quantise' moves beats; the entries of this phrase are in bars or seconds"
+            raise TextError(message, offset=t.offset, length=t.length)
+        yield replace(row, at=Length(beats=floor(length.beats / t.amount + 0.5) * t.amount))
+
+
+def _from(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    """Rows from an instant on, which becomes the beginning; every row has its own impulse
+    already.
+    """
+    for row in rows:
+        later_length = _length_after(_length(row), t)
+        if min(later_length.beats, later_length.seconds) >= 0.0:
+            yield replace(row, at=later_length)
+
+
+def _length_after(length: Length, t: Transform) -> Length:
+    """A length minus the time of `from`, in the same unit."""
+    other_unit = length.seconds if t.time.beats else length.beats
+    if length.bars or other_unit:
+        message = "'from' needs entries and a length in its own unit: all in beats or in seconds"
+        raise TextError(message, offset=t.offset, length=t.length)
+    return Length(0.0, length.beats - t.time.beats, length.seconds - t.time.seconds)
+
+
+def _jitter(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+    if t.x:
+        message = "a phrase has instants and no positions to move; write jitter 4ms 0mm"
+        raise TextError(message, offset=t.offset, length=t.length)
+    for row in rows:
+        yield replace(row, jitter=Length(0.0, t.time.beats, t.time.seconds))
+
+
+def _length(row: Row) -> Length:
+    assert isinstance(row.at, Length)
+    return row.at
+
+
+_ACTS: Mapping[str, Callable[[Sequence[Row], Transform], Iterator[Row]]] = {
+    "scale": _scale,
+    "stretch": _stretch,
+    "reverse": _reverse,
+    "shift": _shift,
+    "quantise": _quantise,
+    "from": _from,
+    "jitter": _jitter,
+}
