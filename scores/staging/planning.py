@@ -276,7 +276,7 @@ def plan_again(
 
 def needs_trial(row: _core.PlanRow) -> bool:
     """Whether the error of a row is known only from a trial."""
-    return row.what not in _EXACT
+    return row.what not in _EXACT and not row.reference
 
 
 def draft_error(plan: _core.Plan) -> str:

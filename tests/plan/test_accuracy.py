@@ -281,6 +281,18 @@ def test_plan_of_random_scene_states_its_error(family: str):
     honest(audit.look(family, random_scenes.text(family, 1), (-60.0,), plain=False))
 
 
+@pytest.mark.parametrize("seed", [2, 4])
+def test_plan_under_units_ca_states_what_it_leaves_out(seed: int):
+    """A slow row that feeds a string longer than a pilot lasts, and a key on a string: -48 dB were
+    stated where -44 was true, and "not measured" of the key.
+    """
+    result = audit.look("units-ca", random_scenes.text("units-ca", seed), (-40.0,), plain=False)
+    honest(result)
+    (plan,) = result.plans
+    assert plan.real > -80.0  # modes are left out
+    assert plan.stated < np.inf
+
+
 @pytest.mark.parametrize("scene", few(["dry-76", "dry-84", "bristle-130"], ["dry-84"]))
 def test_plan_distrusts_agreement_of_rough_friction_runs(scene: str):
     """In each, one step a frame and two agree far better than either is right."""

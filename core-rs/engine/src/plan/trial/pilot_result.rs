@@ -86,7 +86,8 @@ pub(in crate::plan) struct PilotResult {
     pub(in crate::plan) long_run: Option<LongRun>,
 }
 
-/// The island at half its step and with all its modes, with which the chosen one is compared.
+/// The island at half its step, unless its own is the reference, and with all its modes: with it the chosen one is
+/// compared.
 pub(in crate::plan) struct LongRun {
     pub(in crate::plan) finer: Assembled,
     /// Contact substeps a step of the chosen island and of this one.
@@ -211,7 +212,7 @@ impl PilotResult {
         let long_run = if coarse_substeps > 0 {
             let methods = island.mesh_methods();
             Some(LongRun {
-                finer: assemble(island.again(2 * oversampling, &methods), None).ok()?,
+                finer: assemble(island.more_exact(&methods), None).ok()?,
                 contact_substeps: [coarse_substeps, finer_substeps].map(|substeps| substeps as usize),
             })
         } else {
