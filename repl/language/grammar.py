@@ -166,8 +166,8 @@ def _unknown_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> Tex
         raise TextError(f"{message}: {voice} do {what}", offset=place, length=len(first))
     for i, word in enumerate(words):
         if word.text in ("at", "in") and _is_stroke(words[:i], scope):
-            message = f"one stroke acts at once: leave out '{word.text}', or write a rhythm, such as "
-            message += f'{first} = "{first}*4"'
+            message = f"one stroke acts at once: leave out '{word.text}', or write a rhythm, such "
+            message += f'as {first} = "{first}*4"'
             return TextError(message, offset=word.start, length=len(word.text))
     if first in scope.acts or first in scope.instruments:
         return TextError(_instrument_lines(first, scope), offset=place, length=len(first))
