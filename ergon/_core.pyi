@@ -1306,6 +1306,7 @@ class PlanRow:
     cut_short: bool  # the allowance of work for trials was spent before all were played
     diverges: bool  # its motion diverged in its trial
     harder_at: float | None  # from here on it is played harder than in the pilot [s]
+    unchecked_from: float | None  # from here on its error may grow, and was not checked [s]
 
 @final
 class Plan:

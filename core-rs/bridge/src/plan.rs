@@ -217,6 +217,7 @@ pub(crate) struct PlanRow {
     cut_short: bool,
     diverges: bool,
     harder_at: Option<f64>,
+    unchecked_from: Option<f64>,
 }
 
 /// Parts that a row names; the others are counted.
@@ -310,6 +311,7 @@ impl PlanRow {
             cut_short: row.is_cut_short,
             diverges: row.diverges,
             harder_at: row.harder_at,
+            unchecked_from: row.unchecked_from,
         }
     }
 }

@@ -125,6 +125,8 @@ pub struct Row {
     pub diverges: bool,
     /// When it is played harder than while `error` was measured [s].
     pub harder_at: Option<f64>,
+    /// From when on its error was not checked, though it may grow [s].
+    pub unchecked_from: Option<f64>,
 }
 
 impl Row {
@@ -161,6 +163,7 @@ impl Row {
             is_cut_short: false,
             diverges: false,
             harder_at: None,
+            unchecked_from: None,
         }
     }
 
