@@ -384,8 +384,8 @@ def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) 
         worst = max(db for db, *_ in unchecked)
         shortest = min(seconds for _, seconds, _ in unchecked)
         sentences.append(
-            f"{names}: the error is at most {worst:.0f} dB over the first {shortest:.2g} s; what is "
-            "played after that was not compared, and the error may grow"
+            f"{names}: the error is at most {worst:.0f} dB over the first {shortest:.2g} s; what "
+            "is played after that was not compared, and the error may grow"
         )
     if unknown:
         names = " + ".join(dict.fromkeys(unknown))
