@@ -117,7 +117,8 @@ def _directions(places: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
     x, y, z = places.T
     if not places.any(axis=1).all():
         raise SofaError(f"{path}: a direction is the place of the head itself")
-    return np.degrees(np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1))
+    angles = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1)
+    return angles * (180.0 / np.pi)
 
 
 def _check(header: dict[str, Any], path: Path) -> None:

@@ -87,7 +87,7 @@ def _encoding(file: BufferedReader) -> str | None:
     block = file.read(_BLOCK)
     if block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
-    decoder = codecs.getincrementaldecoder("utf-8")()
+    decoder: codecs.IncrementalDecoder = codecs.getincrementaldecoder("utf-8")()
     is_utf8 = True
     while block:
         if b"\0" in block:
