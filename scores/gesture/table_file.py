@@ -19,7 +19,7 @@ from ergon.scores.gesture.take_file import TakeError, lines
 
 _SEPARATORS = ";,\t"
 _QUOTED = re.compile(r'"[^"]*"')
-_SAID = re.compile(r'"?sep=(.)"?[,;\t]*', re.IGNORECASE)
+_STATED = re.compile(r'"?sep=(.)"?[,;\t]*', re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?[0-9]*[.,]?[0-9]+([eE][+-]?[0-9]+)?|[+-]?(nan|inf)", re.IGNORECASE)
 _WITH_UNIT = re.compile(r"(.*\S)\s*(?:\((.*)\)|\[(.*)\])")
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
@@ -41,8 +41,8 @@ def sheet(file: IO[str], path: Path) -> Sheet:
     numbered = lines(file, path)
     line, header = next(numbered, (1, ""))
     separator = None
-    if said := _SAID.fullmatch(header):
-        separator = said[1]
+    if stated := _STATED.fullmatch(header):
+        separator = stated[1]
         line, header = next(numbered, (line, ""))
     separator = separator or _separator(header)
     names = [name.strip() for name in _cells(header, separator, path, line)]

@@ -172,9 +172,7 @@ def test_table_of_other_names_in_latin_1(tmp_path: Path) -> None:
         (b"t [s],x [mm]\n0,\0\n", "this is not text"),
     ],
 )
-def test_tables_that_may_mean_two_things_are_refused(
-    data: bytes, words: str, tmp_path: Path
-) -> None:
+def test_tables_of_two_meanings_are_refused(data: bytes, words: str, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(data)
     with pytest.raises(TakeError, match=words):

@@ -157,7 +157,7 @@ def _obj(text: bytes) -> Mesh:
     return mesh
 
 
-def test_obj_faces_with_vertices_of_their_own_are_one_body() -> None:
+def test_obj_faces_with_separate_vertices_are_one_body() -> None:
     """As programs write it that keep a vertex for each corner: a seam would leave two bodies."""
     corners = [(0, 0), (1, 0), (0, 1), (1, 0), (1, 1 + 1e-7), (0, 1)]
     vertices = "".join(f"v {x} {y} 0\n" for x, y in corners)

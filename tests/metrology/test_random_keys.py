@@ -29,7 +29,7 @@ BOTH_HIDDEN = Key(
 
 
 @pytest.mark.slow  # a search with thirteen parameters
-def test_metrology_goes_on_after_unsure_part():
+def test_metrology_continues_after_unsure_part():
     """The search ended at five times the noise: neither part was known without the other."""
     measured_key = outcome(BOTH_HIDDEN, 29)
     assert measured_key.replay < WITHIN

@@ -281,7 +281,7 @@ def test_plan_of_random_scene_states_its_error(family: str):
     honest(audit.look(family, random_scenes.text(family, 1), (-60.0,), plain=False))
 
 
-def test_plan_under_units_ca_states_what_it_leaves_out():
+def test_plan_under_units_ca_states_left_out_level():
     """A key on a string, of which "not measured" was said."""
     result = audit.look("units-ca", random_scenes.text("units-ca", 4), (-40.0,), plain=False)
     honest(result)

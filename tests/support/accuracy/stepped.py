@@ -49,7 +49,7 @@ def _scene(text: str, size: float) -> Scene:
             ((kind, fields),) = module.items()
             _module(scene, names, part, name, kind, fields or {}, size)
         for name, output in instrument.get("out", {}).items():
-            scene.listen(name, positions=[(_found(names, part, output["SOX"]), 1.0)])
+            scene.listen(name, positions=[(_mat(names, part, output["SOX"]), 1.0)])
     for strike in score.get("strikes", {}).values():
         scene.strike(
             names[strike["to"]], number(strike["at"]), impulse=size * number(strike["impulse"])
@@ -57,7 +57,7 @@ def _scene(text: str, size: float) -> Scene:
     return scene
 
 
-def _found(names: dict[str, Mat], part: str, name: str) -> Mat:
+def _mat(names: dict[str, Mat], part: str, name: str) -> Mat:
     inside = f"{part}.{name}"
     return names[inside if inside in names else name]
 
@@ -83,7 +83,7 @@ def _module(
     elif kind == "STRING":
         _string(scene, names, label, fields)
     else:
-        a, b = (_found(names, part, end) for end in fields["between"])
+        a, b = (_mat(names, part, end) for end in fields["between"])
         _link(scene, label, kind, a, b, fields, value, size)
 
 
