@@ -126,7 +126,7 @@ def test_midi_file_within_riff() -> None:
     assert _notes(data) == _notes(inner) == [(0, 60), (96, 60)]
 
 
-def test_tracks_that_midi_head_states_are_counted() -> None:
+def test_midi_tracks_missing_from_file_are_counted() -> None:
     header = MidiBytes(Path("x.mid"), _file(NOTE, n_tracks=3)).header()
     assert (len(header.tracks), header.n_missing) == (1, 2)
     assert MidiBytes(Path("x.mid"), _file(NOTE)).header().n_missing == 0
