@@ -235,7 +235,7 @@ def _layout(path: Path) -> Content | None:
         if path.suffix.lower() == ".xml":
             return _model(path)
         raise Refused(f"{path}: {error}") from None
-    passed_over = [*layout.left_out, "gains, filters, names and imaginary loudspeakers"]
+    passed_over = [*layout.left_out, "names"]
     read = {"loudspeakers": len(layout.speakers), "outputs": _numbers(layout.outputs)}
     return Content(f"loudspeakers ({form.name})", read, passed_over)
 

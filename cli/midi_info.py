@@ -37,6 +37,8 @@ def midi(console: Console, path: Path) -> None:
     left_out = [*passed_over(file, **everything, follows=lambda move: move.kind in FOLLOWED)]
     if n_unread_bytes := file.n_bytes_after + file.n_bytes_unread:
         left_out.append(plural(n_unread_bytes, "byte") + " after the end of tracks")
+    if file.n_missing:
+        left_out.append(plural(file.n_missing, "track") + " that the head states, and that lack")
     played = [*_understood(file)]
     if console.json:
         console.record(

@@ -186,6 +186,7 @@ def _fields(row: PlanRow) -> dict[str, object]:
         "cut_short": row.cut_short,
         "diverges": row.diverges,
         "harder_at_s": row.harder_at,
+        "unchecked_from_s": row.unchecked_from,
     }
 
 
@@ -224,6 +225,8 @@ def _line(row: PlanRow) -> tuple[str, ...]:
         error += f" over {row.error_s:.2g} s, then {row.spectral_db:.1f} dB by spectrum"
     elif row.harder_at is not None:
         error += f" over {row.error_s:.2g} s, then played harder"
+    elif row.unchecked_from is not None and not row.preserved:
+        error += f" over {row.unchecked_from:.2g} s"
     by_ear = row.audible
     audible = (
         ""

@@ -1302,9 +1302,11 @@ class PlanRow:
     preserved: bool  # slow, error at most -75 dB up to 10 frames, -70 dB up to 20
     offered: bool  # slow by the plan's choice, not by a rate of its own: it costs less
     stays: str | None  # parts with their own rate that are computed at every frame, and why
+    reference: bool  # its discrete network is the truth: nothing but what is left out is an error
     cut_short: bool  # the allowance of work for trials was spent before all were played
     diverges: bool  # its motion diverged in its trial
     harder_at: float | None  # from here on it is played harder than in the pilot [s]
+    unchecked_from: float | None  # from here on its error may grow, and was not checked [s]
 
 @final
 class Plan:

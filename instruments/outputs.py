@@ -14,6 +14,7 @@ from ergon.notation.tables.shapes import MISSING, NAME, Context, Name, Reference
 from ergon.notation.text import document
 from ergon.notation.text.document import Node
 from ergon.notation.text.errors import quote
+from ergon.notation.text.spelling import nearest as near_word
 from ergon.notation.text.values import Place
 
 
@@ -94,7 +95,8 @@ class Outputs(Shape):
             value = _LISTENER.read(node, name, bare)
             return MISSING if value is MISSING else (value,)
         for word, (key, child) in node.entries.items():
-            if not isinstance(child, document.Mapping) and word.upper() in {word, *_LISTENERS}:
+            is_close = word.isupper() or near_word(word.upper(), _LISTENERS) is not None
+            if not isinstance(child, document.Mapping) and is_close:
                 message = f"unknown output {quote(word)} of {context.owner}"
                 context.error("E101", message, key.place, word=word, names=tuple(_LISTENERS))
                 return MISSING

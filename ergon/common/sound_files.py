@@ -11,7 +11,6 @@ from ergon.common.regular import open_regular
 # How files of sound begin that are not read here.
 _FOREIGN = (
     (re.compile(rb"riff\x2e\x91\xcf\x11"), "Wave64"),
-    (re.compile(rb"RIFX"), "WAVE with big-endian numbers (RIFX)"),
     (re.compile(rb"OggS"), "Ogg"),
     (re.compile(rb"ID3|\xff[\xf2\xf3\xfa\xfb]"), "MP3"),
     (re.compile(rb"caff"), "Core Audio (CAF)"),
@@ -25,7 +24,7 @@ SUFFIXES = (WAVE, FLAC)  # of files that are written
 _READ = (*SUFFIXES, ".wave", ".rf64", ".bwf", ".aif", ".aiff", ".aifc")
 # How files of sound begin that are read.
 _KINDS = (
-    (re.compile(rb"(?:RIFF|RF64|BW64).{4}WAVE", re.DOTALL), "wave"),
+    (re.compile(rb"(?:RIFF|RIFX|RF64|BW64).{4}WAVE", re.DOTALL), "wave"),
     (re.compile(rb"fLaC"), "flac"),
     (re.compile(rb"FORM.{4}AIF[FC]", re.DOTALL), "aiff"),
 )

@@ -110,14 +110,15 @@ def _read_iem(data: bytes) -> ReadLayout:
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise LayoutFileError("it has no list `LoudspeakerLayout: Loudspeakers`")
     real_rows = [row for row in rows if not row.get("IsImaginary")]
-    numbered = [
-        (
-            _number(row.get("Channel", i), "Channel"),
-            _angles(row.get("Azimuth"), row.get("Elevation"), row.get("Radius", 1.0)),
-        )
-        for i, row in enumerate(real_rows, 1)
-    ]
-    return _in_order(numbered)
+    numbered: list[tuple[float, Angles]] = []
+    left_out: list[str] = []
+    for i, row in enumerate(real_rows, 1):
+        channel = _number(row.get("Channel", i), "Channel")
+        speaker_angles = _angles(row.get("Azimuth"), row.get("Elevation"), row.get("Radius", 1.0))
+        numbered.append((channel, speaker_angles))
+        if _number(row.get("Gain", 1.0), "Gain") != 1.0:
+            left_out.append(_dropped("gain", channel))
+    return _in_order(numbered, left_out)
 
 
 # --- EBU ADM renderer ---------------------------------------------------------------------------
@@ -167,6 +168,8 @@ def _read_ear(data: bytes) -> ReadLayout:
             raise LayoutFileError(f"loudspeaker {i + 1} has no position")
         speaker_angles = _angles(place.get("az"), place.get("el", 0.0), place.get("r", 1.0))
         numbered.append((channel, speaker_angles))
+        if _number(row.get("gain_linear", 1.0), "gain") != 1.0:
+            left_out.append(_dropped("gain", channel + 1))
     return _in_order(numbered, left_out, 0)
 
 
@@ -232,7 +235,15 @@ def _read_spatgris(data: bytes) -> ReadLayout:
         if len(axes) != 3:
             raise LayoutFileError(f"loudspeaker {printable(number[:20])} has no position")
         x, y, z = (_number(axis, "position") for axis in axes)
-        numbered.append((_number(number, "number of an output"), angles((x, y, z))))
+        output = _number(number, "number of an output")
+        numbered.append((output, angles((x, y, z))))
+        if _number(element.get("GAIN", 0.0), "gain"):
+            left_out.append(_dropped("gain", output))
+        if element.find("HIGHPASS") is not None:
+            left_out.append(_dropped("high-pass filter", output))
+        state = element.get("IO_STATE", element.get("STATE", "normal"))
+        if state != "normal":
+            left_out.append(f"output {output:g} is {printable(state[:20])} there; it sounds here")
     return _in_order(numbered, left_out)
 
 
@@ -260,6 +271,10 @@ def _in_order(
     in_order = sorted(numbered, key=lambda pair: pair[0])
     outputs = [int(number) + 1 - first_channel for number, _ in in_order]
     return ReadLayout([speaker_angles for _, speaker_angles in in_order], outputs, list(left_out))
+
+
+def _dropped(what: str, output: float) -> str:
+    return f"the {what} of output {output:g} is not kept"
 
 
 def _angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:

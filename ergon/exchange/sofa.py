@@ -104,7 +104,21 @@ def responses_of(answer: IO[bytes], path: Path) -> HeadResponses:
         reason = f"its delays (Data.Delay, in samples) differ by more than {_DELAY_MAX:g} s"
         raise SofaError(f"{path}: {reason}; the ears of a head are nearer")
     late = np.broadcast_to(delays, (len(responses), 2)) / rate
-    return HeadResponses(places[:, :2], responses, rate, late)
+    directions = places[:, :2]
+    if header["type"] == "cartesian":
+        directions = _directions(places, path)
+    return HeadResponses(directions, responses, rate, late)
+
+
+def _directions(places: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
+    """Azimuth and elevation [degrees] of places: x to the front, y to the left (AES69)."""
+    import numpy as np
+
+    x, y, z = places.T
+    if not places.any(axis=1).all():
+        raise SofaError(f"{path}: a direction is the place of the head itself")
+    angles = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1)
+    return angles * (180.0 / np.pi)
 
 
 def _check(header: dict[str, Any], path: Path) -> None:
@@ -113,9 +127,11 @@ def _check(header: dict[str, Any], path: Path) -> None:
     if convention != _CONVENTION:
         convention_text = printable(convention) or "no"
         raise SofaError(f"{path} is of {convention_text} convention; a head is {_CONVENTION}")
-    if header["type"] != "spherical":
-        raise SofaError(f"{path}: directions are read as angles, here they are cartesian")
-    if "rad" in header.get("units", "").lower():
+    if header["type"] not in ("spherical", "cartesian"):
+        raise SofaError(
+            f"{path}: directions are {printable(header['type'])}, not spherical or cartesian"
+        )
+    if header["type"] == "spherical" and "rad" in header.get("units", "").lower():
         raise SofaError(f"{path}: directions are read in degrees, here they are in radians")
     if len(shape) != 3 or shape[1] != 2 or shape[0] < 4 or shape[2] < 8:
         sizes = " by ".join(map(str, shape))

@@ -29,8 +29,15 @@ CHANNELS_MAX = 64
 # A RIFF size field has 32 bits; above this the file says its sizes in ds64 (EBU Tech 3306, 3).
 RIFF_LIMIT = 2**32 - 1
 BYTES: dict[Bits, int] = {8: 1, 16: 2, 24: 3, 32: 4, "float": 4, "double": 8}
-_Container = Literal["RIFF", "RF64", "BW64", "FLAC", "AIFF", "AIFC"]
-_CONTAINERS: dict[bytes, _Container] = {b"RIFF": "RIFF", b"RF64": "RF64", b"BW64": "BW64"}
+_Container = Literal["RIFF", "RIFX", "RF64", "BW64", "FLAC", "AIFF", "AIFC"]
+_CONTAINERS: dict[bytes, _Container] = {
+    b"RIFF": "RIFF",
+    b"RIFX": "RIFX",  # big-endian numbers
+    b"RF64": "RF64",
+    b"BW64": "BW64",
+}
+_Order = Literal["little", "big"]
+_ORDER_SIGNS: dict[_Order, str] = {"little": "<", "big": ">"}
 _UNKNOWN = (0, 0xFFFFFFFF)  # sizes left by programs that cannot seek back to write them
 _SOX_UNKNOWN = 0x7FFFF000  # what SoX writes then, rounded down to whole frames (its wav.c)
 
@@ -47,6 +54,10 @@ _DATE, _TIME = b"1970-01-01", b"00:00:00"  # never the clock: same score, same b
 _DESCRIPTION_MAX = 4 << 20  # bytes of a description of channels; longer ones are ignored
 _CUES_MAX = 1 << 20  # bytes of cue points, and of their names; more are ignored
 _OTHERS_MAX = 100  # most chunks that are listed as not read
+# Chunks that may follow one of odd size whose filling byte is missing.
+_COMMON_CHUNKS = (b"fmt ", b"data", b"LIST", b"fact", b"bext", b"iXML", b"axml", b"chna", b"cue ")
+# Codings of samples, by their tags (RFC 2361).
+_CODINGS = {2: "ADPCM", 6: "A-law", 7: "µ-law", 17: "IMA ADPCM", 49: "GSM", 85: "MP3"}
 _IGNORED_CHUNKS = (b"JUNK", b"junk", b"PAD ", b"FLLR", b"fact")  # chunks without information
 _CUT_HEADER = "this WAVE file ends within its header"
 _SCORE = re.compile(r"\bscore ([0-9a-f]{64})\b")
@@ -218,7 +229,8 @@ def parse(file: BinaryIO) -> WaveInfo:
     container = _CONTAINERS[head[:4]]
     format: WaveFormat | None = None
     long_size, long_riff_size, mask = 0, 0, 0
-    riff_size = int.from_bytes(head[4:8], "little")
+    order: _Order = "big" if container == "RIFX" else "little"
+    riff_size = int.from_bytes(head[4:8], order)
     originator: str | None = None
     description = ""
     descriptions = {b"axml": b"", b"chna": b"", b"iXML": b""}
@@ -229,14 +241,14 @@ def parse(file: BinaryIO) -> WaveInfo:
     end = file.seek(0, 2)
     file.seek(12)
     while len(chunk := file.read(8)) == 8:
-        name, size = chunk[:4], int.from_bytes(chunk[4:], "little")
+        name, size = chunk[:4], int.from_bytes(chunk[4:], order)
         start = file.tell()
         if samples is not None and (size > end - start or not name.isascii()):
             break  # what follows the samples is no chunk
         if name == b"data" and samples is None:
             if format is None:
                 raise NotWaveError("the samples come before their format")
-            if size == 0xFFFFFFFF and container != "RIFF":
+            if size == 0xFFFFFFFF and container in ("RF64", "BW64"):
                 size, riff_size = long_size, long_riff_size
             bytes_present, missing = _sizes(
                 size, end - start, format, is_whole=riff_size + 8 == end
@@ -246,21 +258,21 @@ def parse(file: BinaryIO) -> WaveInfo:
             long_riff_size, long_size, *_ = _DS64.unpack(read_exactly(file, _DS64.size))
         elif name == b"fmt ":
             content = read_exactly(file, min(size, 40))
-            format = _parse_format(content)
-            if content[:2] == b"\xfe\xff":
-                mask = int.from_bytes(content[20:24], "little")
+            format = _parse_format(content, order)
+            if int.from_bytes(content[:2], order) == _TAG_EXTENSIBLE:
+                mask = int.from_bytes(content[20:24], order)
         elif name == b"bext" and size >= _BEXT.size:
             text, origin, *_ = _BEXT.unpack(read_exactly(file, _BEXT.size))
             description, originator = _text(text), _text(origin)
         elif name in descriptions and size <= _DESCRIPTION_MAX:
             descriptions[name] = read_exactly(file, size)
         elif name == b"cue " and size <= _CUES_MAX:
-            cues = _cues(read_exactly(file, size))
+            cues = _cues(read_exactly(file, size), order)
         elif name == b"LIST" and 4 <= size <= _CUES_MAX and file.read(4) == b"adtl":
-            labels = _labels(read_exactly(file, size - 4))
+            labels = _labels(read_exactly(file, size - 4), order)
         elif name not in _IGNORED_CHUNKS and len(other_chunks) < _OTHERS_MAX:
             other_chunks.append((name.decode("latin-1"), size))
-        file.seek(start + size + (size & 1))
+        file.seek(_next_chunk(file, start + size))
     if samples is None or format is None:
         raise NotWaveError("this WAVE file holds no samples")
     offset, size, missing = samples
@@ -285,19 +297,32 @@ def parse(file: BinaryIO) -> WaveInfo:
     )
 
 
-def _cues(content: bytes) -> dict[int, int]:
+def _next_chunk(file: BinaryIO, end: int) -> int:
+    """Where the chunk after one that ends at an offset begins: some programs leave out the byte
+    that fills a chunk of odd size.
+    """
+    if not end & 1:
+        return end
+    file.seek(end)
+    following = file.read(5)
+    is_bare = following[:4] in _COMMON_CHUNKS and following[1:] not in _COMMON_CHUNKS
+    return end if is_bare else end + 1
+
+
+def _cues(content: bytes, order: _Order) -> dict[int, int]:
     """The frames of cue points, by their numbers."""
-    starts = range(4, len(content) - _CUE.size + 1, _CUE.size)
-    points = (_CUE.unpack_from(content, start) for start in starts)
+    cue = struct.Struct(_CUE.format.replace("<", _ORDER_SIGNS[order]))
+    starts = range(4, len(content) - cue.size + 1, cue.size)
+    points = (cue.unpack_from(content, start) for start in starts)
     return {number: frame for number, *_, frame in points}
 
 
-def _labels(content: bytes) -> dict[int, str]:
+def _labels(content: bytes, order: _Order) -> dict[int, str]:
     """The names of cue points, by their numbers."""
     names: dict[int, str] = {}
-    start = 0
+    start, form = 0, f"{_ORDER_SIGNS[order]}4sII"
     while start + 12 <= len(content):
-        kind, size, number = struct.unpack_from("<4sII", content, start)
+        kind, size, number = struct.unpack_from(form, content, start)
         if kind == b"labl" and size >= 4:
             names[number] = _text(content[start + 12 : start + 8 + size])
         start += 8 + size + (size & 1)
@@ -333,12 +358,15 @@ def _text(field: bytes) -> str:
     return field.split(b"\0", 1)[0].decode("utf-8", "replace").strip()
 
 
-def _parse_format(content: bytes) -> WaveFormat:
+def _parse_format(content: bytes, order: _Order) -> WaveFormat:
     if len(content) < 16:
         raise NotWaveError("this WAVE file ends within its header")
-    tag, n_channels, rate, _, frame, n_bits = struct.unpack("<HHIIHH", content[:16])
+    form = f"{_ORDER_SIGNS[order]}HHIIHH"
+    tag, n_channels, rate, _, frame, n_bits = struct.unpack(form, content[:16])
     if tag == _TAG_EXTENSIBLE and len(content) >= 40:
-        tag = int.from_bytes(content[24:26], "little")
+        tag = int.from_bytes(content[24:26], order)
+    if tag in _CODINGS:
+        raise NotWaveError(f"samples coded as {_CODINGS[tag]} are not supported; save it as PCM")
     forms: dict[tuple[int, int], Bits] = {
         (_TAG_PCM, 8): 8,
         (_TAG_PCM, 16): 16,

@@ -12,7 +12,7 @@ import binascii
 import math
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise, product
+from itertools import pairwise
 from typing import Any
 
 from ergon.common.structured import MalformedTextError, parse_json
@@ -23,6 +23,7 @@ from ergon.instruments.space.mesh import (
     MAX_POINTS,
     Mesh,
     MeshFileError,
+    merged,
 )
 
 _Point = tuple[float, float, float]
@@ -82,9 +83,6 @@ def read_binary(data: bytes) -> Mesh:
     return read(chunks[0][1], binary)
 
 
-_NEAR = 1e-6  # of the size of a mesh: the places of single precision, moved by their nodes
-
-
 class _Reader:
     def __init__(self, root: Any, binary: bytes | None) -> None:
         self._root = root
@@ -125,7 +123,7 @@ class _Reader:
                 waiting += [(_index(child), matrix) for child in node.get("children", ())]
         if not self._edges:
             raise MeshFileError("the scene has no edges; a mesh has triangles or lines")
-        return _merged(Mesh(tuple(self._numbers), tuple(self._edges), tuple(self._faces)))
+        return merged(Mesh(tuple(self._numbers), tuple(self._edges), tuple(self._faces)))
 
     def _part(self, part: Mapping[str, Any], matrix: _Matrix) -> None:
         points = [_moved(matrix, point) for point in self._positions(part)]
@@ -280,35 +278,3 @@ def _product(a: _Matrix, b: _Matrix) -> _Matrix:
 def _moved(matrix: _Matrix, point: Sequence[float]) -> _Point:
     x, y, z = (row[0] * point[0] + row[1] * point[1] + row[2] * point[2] + row[3] for row in matrix)
     return x, 0.0 - z, y
-
-
-def _merged(mesh: Mesh) -> Mesh:
-    """The mesh with points that are nearer than _NEAR of its size made one: writers round the
-    places of nodes, and a seam would leave two bodies.
-    """
-    size = max(max(axis) - min(axis) for axis in zip(*mesh.points, strict=True))
-    near = _NEAR * size
-    if not near:
-        return mesh
-    cells: dict[tuple[int, ...], list[int]] = {}
-    points: list[_Point] = []
-    numbers: list[int] = []
-    for point in mesh.points:
-        cell = tuple(math.floor(x / near) for x in point)
-        around = (
-            number
-            for step in product((-1, 0, 1), repeat=3)
-            for number in cells.get(tuple(map(sum, zip(cell, step, strict=True))), ())
-        )
-        number = next((n for n in around if math.dist(points[n], point) <= near), len(points))
-        if number == len(points):
-            points.append(point)
-            cells.setdefault(cell, []).append(number)
-        numbers.append(number)
-    if len(points) == len(mesh.points):
-        return mesh
-    ends = ((numbers[a], numbers[b]) for a, b in mesh.edges)
-    edges = dict.fromkeys((min(pair), max(pair)) for pair in ends if pair[0] != pair[1])
-    corners = (tuple(numbers[i] for i in face) for face in mesh.faces)
-    faces = tuple((a, b, c) for a, b, c in corners if len({a, b, c}) == 3)
-    return Mesh(tuple(points), tuple(edges), faces)

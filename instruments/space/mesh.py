@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 from ergon.common.errors import ErgonError
 
@@ -13,6 +15,7 @@ MAX_FACES = 200_000  # triangles
 # The source axes in new order, by the axis that points up: cyclic, so that orientation is kept.
 TURNS = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
 COORDINATE_MAX = 1e6  # of a coordinate, in units of the file
+_NEAR = 1e-6  # of the size of a mesh: the places of single precision, moved by their nodes
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +45,46 @@ def placed(
     turn = TURNS[up]
     for point in mesh.points:
         yield tuple(a + scale * point[axis] for a, axis in zip(position, turn, strict=True))
+
+
+def merged(mesh: Mesh) -> Mesh:
+    """The mesh with corners of faces that are nearer than _NEAR of its size made one: writers round
+    the places of nodes, and a seam would leave two bodies. Points of lines alone stay: who joins
+    points by lines means each of them.
+    """
+    corners_of_faces = {number for face in mesh.faces for number in face}
+    if not corners_of_faces:
+        return mesh
+    size = max(max(axis) - min(axis) for axis in zip(*mesh.points, strict=True))
+    near = _NEAR * size
+    if not near:
+        return mesh
+    cells: dict[tuple[int, ...], list[int]] = {}
+    points: list[tuple[float, float, float]] = []
+    numbers: list[int] = []
+    for index, point in enumerate(mesh.points):
+        if index not in corners_of_faces:
+            numbers.append(len(points))
+            points.append(point)
+            continue
+        cell = tuple(math.floor(x / near) for x in point)
+        around = (
+            number
+            for step in product((-1, 0, 1), repeat=3)
+            for number in cells.get(tuple(map(sum, zip(cell, step, strict=True))), ())
+        )
+        number = next((n for n in around if math.dist(points[n], point) <= near), len(points))
+        if number == len(points):
+            points.append(point)
+            cells.setdefault(cell, []).append(number)
+        numbers.append(number)
+    if len(points) == len(mesh.points):
+        return mesh
+    ends = ((numbers[a], numbers[b]) for a, b in mesh.edges)
+    edges = dict.fromkeys((min(pair), max(pair)) for pair in ends if pair[0] != pair[1])
+    corners = (tuple(numbers[i] for i in face) for face in mesh.faces)
+    faces = tuple((a, b, c) for a, b, c in corners if len({a, b, c}) == 3)
+    return Mesh(tuple(points), tuple(edges), faces)
 
 
 class MeshFileError(ErgonError):

@@ -16,6 +16,7 @@ from ergon.instruments.space.mesh import (
     MAX_POINTS,
     Mesh,
     MeshFileError,
+    merged,
 )
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector, quote
@@ -70,7 +71,7 @@ class Reader:
                 self._collector.error(error.code, f"{self._who}: {error}", place)
                 return None
         if self._edges:
-            return Mesh(tuple(self._points), tuple(self._edges), tuple(self._faces))
+            return merged(Mesh(tuple(self._points), tuple(self._edges), tuple(self._faces)))
         message = (
             f"{self._who}: the file has no edges; a mesh has lines such as v 0 0 1 and f 1 2 3"
         )

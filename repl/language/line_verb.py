@@ -91,6 +91,11 @@ def _unknown_verb(words: list[Word], some: tuple[str, ...], scope: Scope) -> Tex
         voice = next(iter(scope.strikes), "d1")
         what = " ".join(word.text for word in words)
         raise TextError(f"{message}: {voice} do {what}", offset=place, length=len(first))
+    for i, word in enumerate(words[1:], 1):
+        if word.text in ("at", "in") and _is_stroke(words[:i], scope):
+            message = f"one stroke acts at once: leave out '{word.text}', or write a rhythm, such "
+            message += f'as {first} = "{first}*4"'
+            return TextError(message, offset=word.start, length=len(word.text))
     if first in scope.acts or first in scope.instruments:
         return TextError(_instrument_lines(words, scope), offset=place, length=len(first))
     known = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])

@@ -8,11 +8,11 @@ in other lines, and write them in other cases; both are read.
 
 from __future__ import annotations
 
-import io
 import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from io import TextIOWrapper
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ from ergon.scores.gesture.take_file import (
     Floats,
     TakeError,
     lines,
-    opened,
+    opened_text,
 )
 
 _CHANNELS = tuple(f"{axis}{what}" for what in ("position", "rotation") for axis in "xyz")
@@ -48,7 +48,7 @@ class _Joint:
 class _Words:
     """The words of a BVH file, however they are laid out in lines, with the line of the last."""
 
-    def __init__(self, file: io.TextIOWrapper, path: Path) -> None:
+    def __init__(self, file: TextIOWrapper, path: Path) -> None:
         self._lines = lines(file, path)
         self._path = path
         self._ahead: list[str] = []  # of the line, last word first
@@ -127,8 +127,8 @@ def read(path: Path) -> Motion:
     return judged(Motion(names, n, rate, None, blocks, note, passed_over), path)
 
 
-def _open(path: Path) -> io.TextIOWrapper:
-    return io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace")
+def _open(path: Path) -> TextIOWrapper:
+    return opened_text(path)
 
 
 def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:

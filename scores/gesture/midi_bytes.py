@@ -32,7 +32,8 @@ class MidiEvent(NamedTuple):
 
 class MidiHeader(NamedTuple):
     """What the chunks of a file say: its format, ticks in a quarter note, the first and last offset
-    of each track, how many chunks are of other kinds, and the bytes after the last track.
+    of each track, how many chunks are of other kinds, the bytes after the last track, and how many
+    tracks are counted that are not there.
     """
 
     format: int
@@ -40,6 +41,7 @@ class MidiHeader(NamedTuple):
     tracks: tuple[tuple[int, int], ...]
     n_other_chunks: int
     n_bytes_after: int
+    n_missing: int = 0
 
 
 class MidiBytes:
@@ -48,7 +50,7 @@ class MidiBytes:
     def __init__(self, path: Path, data: bytes) -> None:
         """Take the content of a file; the path is for messages."""
         self.path = path
-        self.data = data
+        self.data = _within_riff(data)
         self.n_unread = 0  # bytes of tracks that follow the events that end them
 
     def damaged(self, offset: int, what: str) -> TakeError:
@@ -93,7 +95,8 @@ class MidiBytes:
             else:
                 n_others += 1
             start = stop
-        return MidiHeader(kind, division, tuple(tracks), n_others, max(0, len(data) - start))
+        n_after, n_missing = max(0, len(data) - start), max(0, n_tracks - len(tracks))
+        return MidiHeader(kind, division, tuple(tracks), n_others, n_after, n_missing)
 
     def track(self, span: tuple[int, int]) -> Iterator[MidiEvent]:
         """The events of a track in order, up to the event that ends it. Raises TakeError."""
@@ -116,9 +119,7 @@ class MidiBytes:
                 if event.kind == META and event.number == END_OF_TRACK:
                     self.n_unread += stop - offset
                     return
-                if byte != META:  # a running status goes on over meta events alone
-                    status = 0
-                continue
+                continue  # a running status goes on, though RP-001 ends it: writers count on that
             if byte & 0x80:
                 status, offset = byte, offset + 1
             elif not status:
@@ -154,3 +155,17 @@ class MidiBytes:
             if not self.data[place] & 0x80:
                 return value, place + 1
         raise self.damaged(offset, "a number has no end")
+
+
+def _within_riff(data: bytes) -> bytes:
+    """The file that a RIFF of kind RMID holds (RP-029); other bytes as they are."""
+    if data[:4] != b"RIFF" or data[8:12] != b"RMID":
+        return data
+    start = 12
+    while start + _NAME_SIZE <= len(data):
+        size = int.from_bytes(data[start + 4 : start + _NAME_SIZE], "little")
+        content = data[start + _NAME_SIZE :][:size]
+        if data[start : start + 4] == b"data":
+            return content
+        start += _NAME_SIZE + size + size % 2
+    return data

@@ -11,7 +11,7 @@ from ergon.common.regular import read_bounded
 from ergon.scores.gesture.midi_bytes import CONTROLLER, NOTE_OFF, NOTE_ON, MidiBytes, MidiEvent
 from ergon.scores.gesture.take_file import TakeError
 
-SUFFIXES = (".mid", ".midi")
+SUFFIXES = (".mid", ".midi", ".rmi")
 SUSTAIN = 64  # the controller of the pedal
 MAX_BYTES = 4_000_000  # a million notes: two seconds to read
 MAX_NOTES = 100_000  # of those that are played

@@ -79,7 +79,7 @@ class MidiSurvey:
     power of two of their note), in the order of time and only the last of those at one instant;
     `n_tempos` and `n_meters` count all. `moves` counts all other events but notes.
     `n_bytes_after` counts bytes after the last track, `n_bytes_unread` those in tracks that follow
-    the event that ends a track.
+    the event that ends a track; `n_missing` counts tracks that the head states and the file lacks.
     """
 
     format: int
@@ -88,6 +88,7 @@ class MidiSurvey:
     n_bytes_after: int
     length: float = 0.0
     n_bytes_unread: int = 0
+    n_missing: int = 0
     tracks: list[MidiTrack] = field(default_factory=list)
     tempos: list[tuple[float, int]] = field(default_factory=list)
     meters: list[tuple[float, int, int]] = field(default_factory=list)
@@ -143,6 +144,7 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
                 meters.append((event.tick, (event.content[0], event.content[1])))
     ticks = result.ticks
     result.length, result.n_bytes_unread = last_tick / ticks, file.n_unread
+    result.n_missing = header.n_missing
     result.n_tempos, result.n_meters = len(tempos), len(meters)
     result.tempos = [(tick / ticks, micros) for tick, micros in _latest(tempos)]
     result.meters = [(tick / ticks, *meter) for tick, meter in _latest(meters)]

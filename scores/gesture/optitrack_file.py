@@ -6,13 +6,13 @@ Every column group with a Position of X, Y and Z is a point: markers, rigid bodi
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from io import TextIOWrapper
 from pathlib import Path
 
 from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unique_names
-from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened
+from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened, opened_text
 
 _FIRST = b"Format Version,"
 _METRES = {"meters": 1.0, "centimeters": 0.01, "millimeters": 1e-3}
@@ -131,8 +131,8 @@ def _cells(line: str, path: Path, number: int) -> list[str]:
         raise TakeError("a quotation in this line is not closed", path, number) from None
 
 
-def _text(path: Path) -> io.TextIOWrapper:
-    return io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace")
+def _text(path: Path) -> TextIOWrapper:
+    return opened_text(path)
 
 
 def _count(count_text: str, path: Path) -> int:

@@ -6,15 +6,15 @@ of which are its position.
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import TextIOWrapper
 from pathlib import Path
 
 import numpy as np
 
 from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unique_names
-from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened
+from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened, opened_text
 
 _FIRST = (b"FILE_VERSION", b"NO_OF_FRAMES")
 _AFTER_NAMES = ("TRAJECTORY_TYPES", "EVENT")
@@ -118,8 +118,8 @@ def _header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
     return header, _RowLayout(path, names, number + has_titles, leading, columns)
 
 
-def _text(path: Path) -> io.TextIOWrapper:
-    return io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace")
+def _text(path: Path) -> TextIOWrapper:
+    return opened_text(path)
 
 
 def _count(values: list[str], path: Path) -> int:

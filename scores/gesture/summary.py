@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -21,7 +20,7 @@ from ergon.scores.gesture.take_file import (
     TakeError,
     falling_time,
     number_in,
-    opened,
+    opened_text,
 )
 
 
@@ -81,7 +80,7 @@ def summary(path: Path) -> Table:
 
 
 def _table(path: Path) -> Table:
-    with io.TextIOWrapper(opened(path), encoding="utf-8-sig") as file:
+    with opened_text(path) as file:
         try:
             table = sheet(file, path)
             columns = tuple(Column(name) for name in table.names)

@@ -1,26 +1,35 @@
 """Tables as text: a header, then rows of numbers, as programs and spreadsheets write them.
 
-Between columns stand `,`, `;` or tabs. Cells may be quoted, and where the separator is no comma a
-number may have a decimal comma.
+Between columns stand `,`, `;` or tabs; a line `sep=;` before the header says which. Cells may be
+quoted, and a number may have a decimal comma where that divides no columns. Units stand behind the
+names, `x [mm]` or `x (mm)`, or in a row of their own below the names.
 """
 
 from __future__ import annotations
 
 import csv
+import itertools
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, NamedTuple
 
+from ergon.scores.gesture.points import UNITS_PER_METRE, UNITS_PER_SECOND
 from ergon.scores.gesture.take_file import TakeError, lines
 
-_SEPARATORS = ",;\t"
+_SEPARATORS = ";,\t"
 _QUOTED = re.compile(r'"[^"]*"')
+_STATED = re.compile(r'"?sep=(.)"?[,;\t]*', re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?[0-9]*[.,]?[0-9]+([eE][+-]?[0-9]+)?|[+-]?(nan|inf)", re.IGNORECASE)
+_WITH_UNIT = re.compile(r"(.*\S)\s*(?:\((.*)\)|\[(.*)\])")
+_THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
+_UNITS = {unit for unit in (*UNITS_PER_METRE, *UNITS_PER_SECOND) if unit}
 
 
 class Sheet(NamedTuple):
-    """The names of the columns with the line they stand in, and the rows with theirs."""
+    """The names of the columns, as `t [s]` and `x [mm]`, with the line they stand in, and the rows
+    with theirs.
+    """
 
     names: list[str]
     line: int
@@ -31,9 +40,14 @@ def sheet(file: IO[str], path: Path) -> Sheet:
     """The table in a text, row by row. Raises TakeError, here and in the rows."""
     numbered = lines(file, path)
     line, header = next(numbered, (1, ""))
-    bare = _QUOTED.sub("", header)
-    separator = next((candidate for candidate in _SEPARATORS if candidate in bare), ",")
+    separator = None
+    if stated := _STATED.fullmatch(header):
+        separator = stated[1]
+        line, header = next(numbered, (line, ""))
+    separator = separator or _separator(header)
     names = [name.strip() for name in _cells(header, separator, path, line)]
+    while len(names) > 1 and not names[-1]:
+        names.pop()  # each line ends with a separator
     if all(map(_NUMBER.fullmatch, names)):
         raise TakeError(
             "this line is numbers, but the first line of a table names its columns; write such a "
@@ -41,7 +55,43 @@ def sheet(file: IO[str], path: Path) -> Sheet:
             path,
             line,
         )
-    return Sheet(names, line, _rows(numbered, len(names), separator, path))
+    rows = _rows(numbered, len(names), separator, path)
+    first = next(rows, None)
+    if first is not None and (units := _units(names, first[1])) is not None:
+        pairs = zip(names, units, strict=True)
+        names = [f"{name} [{unit}]" if unit else name for name, unit in pairs]
+        first = None
+    return Sheet(_named(names), line, rows if first is None else itertools.chain([first], rows))
+
+
+def _separator(header: str) -> str:
+    """What stands between the columns of a header."""
+    bare = _QUOTED.sub("", header)
+    return next((candidate for candidate in _SEPARATORS if candidate in bare), ",")
+
+
+def _units(names: list[str], cells: list[str]) -> list[str] | None:
+    """The units of a row that has nothing else, below names without units."""
+    units = [cell.strip().strip("[]()") for cell in cells]
+    is_row = any(units) and all(unit in _UNITS for unit in units if unit)
+    return units if is_row and not any(map(_WITH_UNIT.fullmatch, names)) else None
+
+
+def _named(names: list[str]) -> list[str]:
+    """The names with their units in brackets, and `t` for a column that is called time."""
+    result = []
+    for name in names:
+        match = _WITH_UNIT.fullmatch(name)
+        word, unit = name, None
+        if match and (match[2] is None or match[2].strip() in _UNITS):
+            word, unit = match[1], (match[2] or match[3] or "").strip()
+        result.append((word, unit))
+    words = [word.casefold() for word, _ in result]
+    if "t" not in [word for word, _ in result]:
+        times = [i for i, word in enumerate(words) if word in ("t", "time")]
+        if len(times) == 1:
+            result[times[0]] = ("t", result[times[0]][1])
+    return [word if unit is None else f"{word} [{unit}]" for word, unit in result]
 
 
 def _rows(
@@ -49,6 +99,10 @@ def _rows(
 ) -> Iterator[tuple[int, list[str]]]:
     for line, text in numbered:
         cells = _cells(text, separator, path, line)
+        if len(cells) > width and not any(cell.strip() for cell in cells[width:]):
+            del cells[width:]
+        if not any(cell.strip() for cell in cells):
+            continue  # a row that is empty but for its separators
         if len(cells) != width:
             raise TakeError(
                 f"the number of values in this line is {len(cells)}, but "
@@ -56,8 +110,8 @@ def _rows(
                 path,
                 line,
             )
-        if separator != "," and "," in text:
-            cells = [_with_point(cell) for cell in cells]
+        if "," in text and (separator != "," or '"' in text):
+            cells = [_with_point(cell, separator, path, line) for cell in cells]
         yield line, cells
 
 
@@ -70,6 +124,14 @@ def _cells(text: str, separator: str, path: Path, line: int) -> list[str]:
         raise TakeError("a quotation in this line is not closed", path, line) from None
 
 
-def _with_point(cell: str) -> str:
+def _with_point(cell: str, separator: str, path: Path, line: int) -> str:
     """A number with a decimal comma as one with a point; other cells as they are."""
-    return cell.replace(",", ".") if cell.count(",") == 1 and "." not in cell else cell
+    if cell.count(",") != 1 or "." in cell:
+        return cell
+    if separator == "," and _THOUSANDS.fullmatch(cell.strip()):
+        message = (
+            f"the comma in '{cell.strip()}' may divide thousands or be a decimal comma; write a "
+            "point, or no comma"
+        )
+        raise TakeError(message, path, line)
+    return cell.replace(",", ".")

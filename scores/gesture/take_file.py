@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import codecs
 import math
 import os
 from collections.abc import Iterator
-from io import BufferedReader
+from io import BufferedReader, TextIOWrapper
 from pathlib import Path
 from typing import IO
 
@@ -22,6 +23,7 @@ MAX_SAMPLES = 20_000_000  # two hours at 2.8 kHz; what `ergon._core.Take` accept
 MAX_BYTES = 1 << 30  # of a CSV or npz file, and of what an npz file holds when it is unpacked
 MAX_LINE = 65_536  # characters; a thousand channels fit
 MAX_CHANNELS = 1024
+_BLOCK = 1 << 20  # bytes of a text that are looked at together
 
 
 class TakeError(TextError):
@@ -61,6 +63,46 @@ def opened(path: Path) -> BufferedReader:
         file.close()
         raise TakeError("the file has more than 1 GB", path)
     return file
+
+
+def opened_text(path: Path) -> TextIOWrapper:
+    """Open a text of a stranger: in UTF-8, in UTF-16 with its mark, else in Latin-1. Raises
+    TakeError, OSError.
+    """
+    file = opened(path)
+    try:
+        encoding = _encoding(file)
+        file.seek(0)
+    except BaseException:
+        file.close()
+        raise
+    if encoding is None:
+        file.close()
+        raise TakeError("this is not text", path)
+    return TextIOWrapper(file, encoding=encoding, errors="replace")
+
+
+def _encoding(file: BufferedReader) -> str | None:
+    """How a text is coded; None for bytes that no text has."""
+    block = file.read(_BLOCK)
+    if block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    decoder: codecs.IncrementalDecoder = codecs.getincrementaldecoder("utf-8")()
+    is_utf8 = True
+    while block:
+        if b"\0" in block:
+            return None
+        try:
+            decoder.decode(block)
+        except UnicodeDecodeError:
+            is_utf8 = False
+            decoder = codecs.getincrementaldecoder("latin-1")()
+        block = file.read(_BLOCK)
+    try:
+        decoder.decode(b"", final=True)
+    except UnicodeDecodeError:
+        is_utf8 = False
+    return "utf-8-sig" if is_utf8 else "latin-1"
 
 
 def lines(file: IO[str], path: Path) -> Iterator[tuple[int, str]]:

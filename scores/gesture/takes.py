@@ -14,7 +14,6 @@ CSV and npz files without `t` need a `rate`; BVH and SDIF files and columns with
 (Luciani and others, 2006), and no table of their bytes was at hand.
 """
 
-import io
 import os
 from array import array
 from collections.abc import Callable, Mapping
@@ -46,7 +45,7 @@ from ergon.scores.gesture.take_file import (
     TakeError,
     falling_time,
     number_in,
-    opened,
+    opened_text,
 )
 
 MAX_POSITION = 1e3  # m
@@ -104,7 +103,7 @@ def read(
 
 
 def _read_table(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
-    with io.TextIOWrapper(opened(path), encoding="utf-8-sig") as file:
+    with opened_text(path) as file:
         try:
             table = sheet(file, path)
             columns = _columns(table.names, path, table.line)

@@ -7,9 +7,9 @@ axes, then a frame a row: its number, its instant and three numbers for each mar
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import TextIOWrapper
 from itertools import islice
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from ergon.scores.gesture.motion import (
     positions,
     unique_names,
 )
-from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, lines, opened
+from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, lines, opened_text
 
 _FIRST = "PathFileType"
 _LEADING = 2  # columns before the positions: the number of the frame, its instant
@@ -101,8 +101,8 @@ def _values(cells: list[str], path: Path, line: int) -> list[float]:
     return positions(cells, range(_LEADING, len(cells), 3), path, line)
 
 
-def _text(path: Path) -> io.TextIOWrapper:
-    return io.TextIOWrapper(opened(path), encoding="utf-8-sig", errors="replace")
+def _text(path: Path) -> TextIOWrapper:
+    return opened_text(path)
 
 
 def _count(header: _Head, name: str, path: Path) -> int:

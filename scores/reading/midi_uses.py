@@ -142,6 +142,11 @@ class MidiUses:
                 )
                 message += f"{'is' if n_unread_bytes == 1 else 'are'} not read"
                 collector.error("W335", message, use.place)
+            if file.n_missing:
+                n_tracks = plural(file.n_missing, ("track", "tracks"))
+                verb = "is" if file.n_missing == 1 else "are"
+                message = f"{use.name}: {n_tracks} that its head states {verb} missing"
+                collector.error("W335", message, use.place)
 
 
 def _report(words: Sequence[str], use: _Use, collector: Collector) -> None:

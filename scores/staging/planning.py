@@ -276,7 +276,7 @@ def plan_again(
 
 def needs_trial(row: _core.PlanRow) -> bool:
     """Whether the error of a row is known only from a trial."""
-    return row.what not in _EXACT
+    return row.what not in _EXACT and not row.reference
 
 
 def draft_error(plan: _core.Plan) -> str:
@@ -354,6 +354,7 @@ def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) 
     if error is None:
         return []
     islands: dict[tuple[float, float, float | None], list[str]] = {}
+    unchecked: list[tuple[float, float, Sequence[str]]] = []
     unknown: list[str] = []
     for row in plan.rows():
         db, seconds = row.error_db, row.error_s
@@ -365,6 +366,8 @@ def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) 
             continue
         if db > error or row.spectral_db is not None:
             islands.setdefault((db, seconds, row.spectral_db), []).extend(row.parts)
+        elif row.unchecked_from is not None and not row.preserved:
+            unchecked.append((db, row.unchecked_from, row.parts))
     sentences = [
         f"{' + '.join(dict.fromkeys(parts))}: the error is {db:.0f} dB over the first "
         f"{seconds:.2g} s"
@@ -376,6 +379,14 @@ def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) 
         )
         for (db, seconds, spectral), parts in islands.items()
     ]
+    if unchecked:
+        names = " + ".join(dict.fromkeys(name for *_, parts in unchecked for name in parts))
+        worst = max(db for db, *_ in unchecked)
+        shortest = min(seconds for _, seconds, _ in unchecked)
+        sentences.append(
+            f"{names}: the error is at most {worst:.0f} dB over the first {shortest:.2g} s; what "
+            "is played after that was not compared, and the error may grow"
+        )
     if unknown:
         names = " + ".join(dict.fromkeys(unknown))
         sentences.append(

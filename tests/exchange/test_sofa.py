@@ -58,8 +58,8 @@ def renamed(file: h5py.File) -> None:
     file.attrs["SOFAConventions"] = np.bytes_("GeneralTF")
 
 
-def cartesian(file: h5py.File) -> None:
-    file["SourcePosition"].attrs["Type"] = np.bytes_("cartesian")
+def with_unknown_places(file: h5py.File) -> None:
+    file["SourcePosition"].attrs["Type"] = np.bytes_("cylindrical")
 
 
 def in_radians(file: h5py.File) -> None:
@@ -117,7 +117,7 @@ def huge(file: h5py.File) -> None:
     [
         (in_radians, "here they are in radians"),
         (renamed, "GeneralTF convention"),
-        (cartesian, "cartesian"),
+        (with_unknown_places, "cylindrical, not spherical or cartesian"),
         (huge, "values"),
         (virtual("b.sofa"), "is virtual"),
         (virtual("."), "is virtual"),  # of itself: libhdf5 ran out of its stack, and crashed

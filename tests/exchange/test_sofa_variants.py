@@ -21,6 +21,12 @@ def _text(chance: random.Random, text: str) -> object:
     return np.bytes_(text) if kind == "fixed" else np.array(text.encode(), f"S{len(text) + 3}")
 
 
+def _places(angles: np.ndarray) -> np.ndarray:
+    """Azimuths, elevations [degrees] and distances as places: x to the front, y to the left."""
+    az, el, r = np.radians(angles[:, 0]), np.radians(angles[:, 1]), angles[:, 2]
+    return np.stack([r * np.cos(el) * np.cos(az), r * np.cos(el) * np.sin(az), r * np.sin(el)], 1)
+
+
 @pytest.mark.parametrize("seed", few(range(40), range(16)))
 def test_heads_of_other_programs(seed: int, tmp_path: Path) -> None:
     chance, numbers = random.Random(seed), np.random.default_rng(seed)
@@ -47,9 +53,12 @@ def test_heads_of_other_programs(seed: int, tmp_path: Path) -> None:
         file["Data.SamplingRate"].attrs["Units"] = _text(chance, "hertz")
         if delays is not None:
             file.create_dataset("Data.Delay", data=delays)
-        file.create_dataset("SourcePosition", data=angles.astype(form))
-        file["SourcePosition"].attrs["Type"] = _text(chance, "spherical")
-        file["SourcePosition"].attrs["Units"] = _text(chance, "degree, degree, metre")
+        kind = chance.choice(["spherical", "spherical", "cartesian"])
+        places = angles if kind == "spherical" else _places(angles)
+        file.create_dataset("SourcePosition", data=places.astype(form))
+        file["SourcePosition"].attrs["Type"] = _text(chance, kind)
+        units = {"spherical": "degree, degree, metre", "cartesian": "metre"}
+        file["SourcePosition"].attrs["Units"] = _text(chance, units[kind])
         for name in chance.sample(["ListenerView", "ReceiverPosition", "EmitterUp"], 2):
             file.create_dataset(name, data=numbers.normal(size=(2, 3, 1)))
         if chance.random() < 0.5:  # dimensions as netCDF has them
@@ -57,7 +66,12 @@ def test_heads_of_other_programs(seed: int, tmp_path: Path) -> None:
             file["Data.IR"].dims[0].attach_scale(file["M"])
     head = sofa.read(path)
     assert head.rate == rate
-    np.testing.assert_array_equal(head.angles, angles.astype(form)[:, :2])
+    if kind == "spherical":
+        np.testing.assert_array_equal(head.angles, angles.astype(form)[:, :2])
+    else:
+        distances = np.full((n, 1), 1.4)
+        seen = _places(np.concatenate([head.angles, distances], axis=1))
+        np.testing.assert_allclose(seen, _places(angles), atol=1e-6)
     np.testing.assert_array_equal(head.responses, responses.astype(form))
     expected = np.zeros((n, 2)) if delays is None else np.broadcast_to(delays, (n, 2)) / rate
     np.testing.assert_allclose(head.delays, expected, rtol=1e-6)

@@ -15,6 +15,8 @@ import yaml
 
 from ergon.exchange.layout_files import FORMS
 from ergon.scores.gesture.summary import summary
+from ergon.scores.gesture.take_file import TakeError
+from ergon.scores.gesture.takes import read
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -128,3 +130,79 @@ def test_spatgris_layouts_of_other_programs(seed: int, version: str) -> None:
             expected[output] = (az, el, r)
     if expected:
         _check("spatgris", ElementTree.tostring(root), expected)
+
+
+NUMBERS = "t [s];x [mm]\n0,0;1,0\n0,1;2,5\n0,2;4,0\n"
+TABLES = {
+    "Excel says the separator": b"sep=;\r\n" + NUMBERS.replace("\n", "\r\n").encode(),
+    "UTF-16 of Excel": NUMBERS.replace(";", "\t").encode("utf-16"),
+    "decimal commas in quotes": b'"t [s]","x [mm]"\n"0,0","1,0"\n"0,1","2,5"\n"0,2","4,0"\n',
+    "units in parentheses": b"t (s),x (mm)\n0,1\n0.1,2.5\n0.2,4\n",
+    "units in a row": b"t,x\ns,mm\n0,1\n0.1,2.5\n0.2,4\n",
+    "units in a row, in brackets": b"t,x\n[s],[mm]\n0,1\n0.1,2.5\n0.2,4\n",
+    "time by its name": b"Time (s),x [mm]\n0,1\n0.1,2.5\n0.2,4\n",
+    "separators at the ends of lines": b"t [s],x [mm],\n0,1,\n0.1,2.5,\n0.2,4,\n",
+    "empty rows of a spreadsheet": b"t [s],x [mm]\n,\n0,1\n0.1,2.5\n0.2,4\n,\n,,,\n",
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_tables_of_spreadsheets_hold_one_curve(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(TABLES[name])
+    assert [column.name for column in summary(path).columns] == ["t [s]", "x [mm]"]
+    samples = read(path)
+    np.testing.assert_allclose(samples.t, [0.0, 0.1, 0.2])
+    np.testing.assert_allclose(samples.x, [1e-3, 2.5e-3, 4e-3])
+
+
+def test_table_of_other_names_in_latin_1(tmp_path: Path) -> None:
+    """Parentheses that hold no unit are part of a name."""
+    path = tmp_path / "a.csv"
+    path.write_bytes("t [s];Größe (links);x_mm\n0;1;2\n1;2;3\n".encode("latin-1"))
+    names = [column.name for column in summary(path).columns]
+    assert names == ["t [s]", "Größe (links)", "x_mm"]
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"0;1,5\n0,1;2,5\n", ":1: this line is numbers"),
+        (b't [s],x [mm]\n0,"1,250"\n', "may divide thousands or be a decimal comma"),
+        (b"t [s],x [mm]\n0,\0\n", "this is not text"),
+    ],
+)
+def test_tables_of_two_meanings_are_refused(data: bytes, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_bytes(data)
+    with pytest.raises(TakeError, match=words):
+        summary(path)
+
+
+def test_joint_of_bvh_named_in_latin_1(tmp_path: Path) -> None:
+    path = tmp_path / "a.bvh"
+    text = "HIERARCHY ROOT Füße { OFFSET 0 0 0 CHANNELS 3 Xposition Yposition Zposition "
+    text += "End Site { OFFSET 0 1 0 } } MOTION Frames: 2 Frame Time: 0.01\n0 0 0\n1 1 1\n"
+    path.write_bytes(text.encode("latin-1"))
+    assert summary(path).columns[1].name == "Füße.x"
+
+
+def test_layout_gains_filters_and_states_are_named() -> None:
+    place = {"az": 30, "el": 0, "r": 1}
+    ear = [{"channel": 0, "names": "M+030", "position": place, "gain_linear": 0.5}]
+    iem = {"LoudspeakerLayout": {"Loudspeakers": [{"Azimuth": 3, "Elevation": 0, "Gain": 2.0}]}}
+    spatgris = (
+        '<SPEAKER_SETUP><SPEAKER_3 STATE="silenced" GAIN="-3.0"><POSITION X="0" Y="1" Z="0"/>'
+        '<HIGHPASS FREQ="80.0"/></SPEAKER_3></SPEAKER_SETUP>'
+    )
+    assert FORMS["ear"].read(yaml.safe_dump(ear).encode()).left_out == [
+        "the gain of output 1 is not kept"
+    ]
+    assert FORMS["iem"].read(json.dumps(iem).encode()).left_out == [
+        "the gain of output 1 is not kept"
+    ]
+    assert FORMS["spatgris"].read(spatgris.encode()).left_out == [
+        "the gain of output 3 is not kept",
+        "the high-pass filter of output 3 is not kept",
+        "output 3 is silenced there; it sounds here",
+    ]

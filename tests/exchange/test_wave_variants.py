@@ -145,3 +145,41 @@ def test_adm_chunks_behind_samples(tmp_path: Path) -> None:
     layout = adm.read(info)
     assert layout is not None
     assert [place[0] for place in layout.speakers] == pytest.approx([30.0, -30.0])
+
+
+@pytest.mark.parametrize(("tag", "bits"), [(1, 8), (1, 16), (1, 24), (1, 32), (3, 32), (3, 64)])
+def test_wave_file_of_big_endian_numbers(tag: int, bits: int, tmp_path: Path) -> None:
+    """RIFX, of programs on big-endian machines."""
+    samples = np.random.default_rng(bits).uniform(-0.9, 0.9, (50, 2))
+    if tag == 3:
+        data = samples.astype(f">f{bits // 8}").tobytes()
+    else:
+        complete = (samples * 2.0 ** (bits - 1)).astype(">i8") + (128 if bits == 8 else 0)
+        data = complete.reshape(-1, 1).view("u1")[:, 8 - bits // 8 :].tobytes()
+    fmt = struct.pack(">HHIIHH", tag, 2, 44100, 44100 * bits // 4, bits // 4, bits)
+    body = b"WAVEfmt " + struct.pack(">I", 16) + fmt + b"data" + struct.pack(">I", len(data)) + data
+    path = tmp_path / "x.wav"
+    path.write_bytes(b"RIFX" + struct.pack(">I", len(body)) + body)
+    theirs, rate = soundfile.read(path, always_2d=True)
+    info = sound.read_info(path)
+    assert (info.container, info.format.rate, info.n_frames) == ("RIFX", rate, 50)
+    assert np.array_equal(np.concatenate([*sound.read_blocks(path)]), theirs)
+
+
+def test_wave_chunk_of_odd_size_without_filling_byte(tmp_path: Path) -> None:
+    """Some programs leave it out; others write it, whatever stands in it."""
+    fmt = _chunk(b"fmt ", struct.pack("<HHIIHH", 1, 1, 8000, 16000, 2, 16))
+    for filling in (b"", b"\0", b"f"):
+        note = b"note" + struct.pack("<I", 3) + b"abc" + filling
+        body = b"WAVE" + note + fmt + _chunk(b"data", bytes(40))
+        path = tmp_path / "x.wav"
+        path.write_bytes(b"RIFF" + struct.pack("<I", len(body)) + body)
+        info = sound.read_info(path)
+        assert (info.n_frames, info.others) == (20, (("note", 3),)), filling
+
+
+def test_wave_coding_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "x.wav"
+    soundfile.write(path, np.zeros(10), 8000, subtype="ALAW")
+    with pytest.raises(NotWaveError, match="coded as A-law are not supported; save it as PCM"):
+        sound.read_info(path)

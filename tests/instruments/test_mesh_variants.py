@@ -14,6 +14,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from ergon.instruments.space import gltf_file
+from ergon.instruments.space.mesh import Mesh
 from ergon.instruments.space.obj_file import Reader, decoded
 from ergon.notation.text.document import Document
 from ergon.notation.text.errors import Collector
@@ -146,3 +147,24 @@ def test_gltf_files_of_other_programs(seed: int) -> None:
     }
     assert {tuple(sorted(edge)) for edge in mesh.edges} == edges
     assert len(mesh.faces) == len(corners)
+
+
+def _obj(text: bytes) -> Mesh:
+    collector = Collector()
+    document = Document("x.obj", str(decoded(text, "x.obj", collector)))
+    mesh = Reader(document, "m", collector).mesh(Place("x.obj", 1, 1))
+    assert mesh is not None
+    return mesh
+
+
+def test_obj_faces_with_separate_vertices_are_one_body() -> None:
+    """As programs write it that keep a vertex for each corner: a seam would leave two bodies."""
+    corners = [(0, 0), (1, 0), (0, 1), (1, 0), (1, 1 + 1e-7), (0, 1)]
+    vertices = "".join(f"v {x} {y} 0\n" for x, y in corners)
+    mesh = _obj(f"{vertices}f 1 2 3\nf 4 5 6\n".encode())
+    assert (len(mesh.points), len(mesh.edges), len(mesh.faces)) == (4, 5, 2)
+
+
+def test_obj_lines_with_points_at_one_place_stay_apart() -> None:
+    mesh = _obj(b"v 0 0 0\nv 1 0 0\nv 1 0 0\nv 2 0 0\nl 1 2\nl 3 4\n")
+    assert (len(mesh.points), len(mesh.edges)) == (4, 2)

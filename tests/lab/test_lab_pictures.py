@@ -65,6 +65,26 @@ def test_map_picture_marks_score_as_written(tmp_path: Path):
     assert "the score as it is written" in svg.read_text(encoding="utf-8")
 
 
+def test_long_titles_stay_within_pictures():
+    """The title of a map of one panel was cut at both sides."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    title = "a piece with a title that says what it is about, and then some words more, at length"
+    first = replace(built_in("ca")["cell"], title=title)
+    spots = [maps.Spot(x, y, None, True, True) for y in first.ys for x in first.xs]
+    map_figure = draw_maps.draw({"cell": (first, spots)}, f"{title}: where ca is stable")
+    for figure in (map_figure, draw_chart.draw(example("waveform"), title, "a machine")):
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        for text in (
+            figure._suptitle,
+            *(side for ax in figure.axes for side in (ax.title, ax._left_title)),
+        ):
+            if text is not None and text.get_text():
+                box = text.get_window_extent(canvas.get_renderer())
+                assert 0.0 <= box.x0 <= box.x1 <= figure.bbox.x1, text.get_text()
+
+
 def test_chart_picture_of_failures_only(tmp_path: Path):
     chart = Chart(POINTS[:1], None, None, "waveform", 2.0, 44100.0)
     svg, _ = save(lambda: draw_chart.draw(chart, "Bell", "a machine"), tmp_path / "one")

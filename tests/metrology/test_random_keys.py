@@ -17,6 +17,25 @@ HIDDEN = Key(
 )
 
 
+# Two modes and Stribeck's friction: while one is missing, the values of the others are unsure.
+BOTH_HIDDEN = Key(
+    frozenset({"dry", "Stribeck", "weight", "delay", "noise", "coarse force"}),
+    np.array(
+        [0.412, 71.0, 1.3, 0.35, 0.022, -0.35 / 71, 1.1e-3, 0, 0.041, 4.2e-3,
+         0.024, 118, 0.02, 0.015, 261, 0.01]
+    ),
+    force_max=25.0,
+)  # fmt: skip
+
+
+@pytest.mark.slow  # a search with thirteen parameters
+def test_metrology_continues_after_unsure_part():
+    """The search ended at five times the noise: neither part was known without the other."""
+    measured_key = outcome(BOTH_HIDDEN, 29)
+    assert measured_key.replay < WITHIN
+    assert max(map(abs, measured_key.errors.values())) < 4, measured_key.errors
+
+
 @pytest.mark.slow  # a search with ten parameters
 def test_metrology_retries_refused_terms():
     measured_key = outcome(HIDDEN, 11)

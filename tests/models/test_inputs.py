@@ -206,3 +206,14 @@ def test_import_refuses_setting_signal_parameter(tmp_path):
         import_model(path, ModelOptions(dialect="v2", values={"p": "3"}))
     assert "feed it by --feed in3=FILE.wav" in str(caught.value)
     assert caught.value.line == 1
+
+
+@pytest.mark.parametrize(("name", "words"), [("p", "follows the signal"), ("q", "'q' is not a")])
+def test_import_names_refused_value_without_dialect(tmp_path, name: str, words: str):
+    """The other dialect reads no line of the model, which says nothing of the value."""
+    path = tmp_path / "a.mdl"
+    path.write_text(
+        "@p audioParam @in3\n@m mass [sqrt(4) + 1] 0.5 0\n@g ground 0\n@s spring @m @g p\n"
+    )
+    with pytest.raises(ModelError, match=words):
+        import_model(path, ModelOptions(values={name: "3"}))

@@ -281,6 +281,24 @@ def test_plan_of_random_scene_states_its_error(family: str):
     honest(audit.look(family, random_scenes.text(family, 1), (-60.0,), plain=False))
 
 
+def test_plan_under_units_ca_states_left_out_level():
+    """A key on a string, of which "not measured" was said."""
+    result = audit.look("units-ca", random_scenes.text("units-ca", 4), (-40.0,), plain=False)
+    honest(result)
+    (plan,) = result.plans
+    assert -80.0 < plan.real <= plan.stated <= -40.0
+
+
+def test_plan_under_units_ca_exact_where_loss_would_grow():
+    """A slow row feeds a string longer than a pilot lasts: -48 dB were stated where -44 was true,
+    and the loss grows to -66 dB over 8 s where -80 are asked for.
+    """
+    result = audit.look("units-ca", random_scenes.text("units-ca", 2), (-80.0,), plain=False)
+    honest(result)
+    (plan,) = result.plans
+    assert (plan.warned, plan.is_met) == (False, True)
+
+
 @pytest.mark.parametrize("scene", few(["dry-76", "dry-84", "bristle-130"], ["dry-84"]))
 def test_plan_distrusts_agreement_of_rough_friction_runs(scene: str):
     """In each, one step a frame and two agree far better than either is right."""

@@ -317,5 +317,7 @@ def test_instrument_name_without_verb_suggests_lines(session: Stepped):
     session.ok("use skins")
     answer = session.type("kick").text
     assert """write kick = "kick*4", or kick f""" in answer
+    answer = session.type("kick f at 3|1").text
+    assert "one stroke acts at once: leave out 'at'" in answer
     session.ok('kick = "kick*4"')
     session.ok("hear kick f")

@@ -330,6 +330,7 @@ render: {file: out.wav}
         ("t60: 2s}},", "t60: long}},", 9, "E201", "'long' is not a number", None),
         ("hall: -6dB", "hal: -6dB", 9, "E301", "no room is called 'hal'", "hall"),
         ("SOX", "SOXX", 7, "E101", "unknown output 'SOXX' of instrument 'vib'", "SOX"),
+        ("SOX", "Soxx", 7, "E101", "unknown output 'Soxx' of instrument 'vib'", "SOX"),
     ],
 )
 def test_common_score_mistakes_have_one_message(old, new, line, code, words, suggestion):

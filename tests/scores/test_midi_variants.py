@@ -97,3 +97,36 @@ def test_midi_files_of_other_programs(seed: int) -> None:
                 kind = NOTE_ON if message.type == "note_on" else NOTE_OFF
                 expected.append((tick, kind, message.channel, message.note, message.velocity))
         assert ours == expected
+
+
+NOTE = b"\0\x90\x3c\x64\x60\x3c\0\0\xff\x2f\0"
+
+
+def _file(track: bytes, n_tracks: int = 1) -> bytes:
+    head = b"MThd\0\0\0\6\0\1" + n_tracks.to_bytes(2, "big") + b"\0\x60"
+    return head + b"MTrk" + len(track).to_bytes(4, "big") + track
+
+
+def _notes(data: bytes) -> list[tuple[int, int]]:
+    file = MidiBytes(Path("x.mid"), data)
+    (span,) = file.header().tracks
+    return [(e.tick, e.content[0]) for e in file.track(span) if e.kind == NOTE_ON]
+
+
+def test_running_status_over_system_exclusive_message() -> None:
+    track = b"\0\x90\x3c\x64\x60\xf0\x03\x7e\x7f\xf7\0\x3e\x5a\0\xff\x2f\0"
+    assert _notes(_file(track)) == [(0, 60), (96, 62)]
+
+
+def test_midi_file_within_riff() -> None:
+    """RMID, with a chunk of odd size before."""
+    inner = _file(NOTE)
+    chunks = b"DISP\3\0\0\0abc\0data" + len(inner).to_bytes(4, "little") + inner
+    data = b"RIFF" + (4 + len(chunks)).to_bytes(4, "little") + b"RMID" + chunks
+    assert _notes(data) == _notes(inner) == [(0, 60), (96, 60)]
+
+
+def test_midi_tracks_missing_from_file_are_counted() -> None:
+    header = MidiBytes(Path("x.mid"), _file(NOTE, n_tracks=3)).header()
+    assert (len(header.tracks), header.n_missing) == (1, 2)
+    assert MidiBytes(Path("x.mid"), _file(NOTE)).header().n_missing == 0

@@ -213,9 +213,11 @@ pub(crate) struct PlanRow {
     preserved: bool,
     stays: Option<String>,
     offered: bool,
+    reference: bool,
     cut_short: bool,
     diverges: bool,
     harder_at: Option<f64>,
+    unchecked_from: Option<f64>,
 }
 
 /// Parts that a row names; the others are counted.
@@ -305,9 +307,11 @@ impl PlanRow {
             preserved: row.is_preserved(),
             stays: row.stays.clone(),
             offered: row.is_offered,
+            reference: row.is_reference,
             cut_short: row.is_cut_short,
             diverges: row.diverges,
             harder_at: row.harder_at,
+            unchecked_from: row.unchecked_from,
         }
     }
 }

@@ -200,6 +200,9 @@ def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
             read[dialect] = _sense(model, options.laws)
         except ModelError as error:
             refused[dialect] = error
+    if not read and options.values:  # a value that is refused says nothing of the dialect
+        legible = [dialect for dialect in FORMS if _is_legible(text, dialect, path)]
+        refused = {dialect: refused[dialect] for dialect in legible or refused}
     if not read:
         farthest = max(refused, key=lambda dialect: (refused[dialect].line, dialect == "v2"))
         raise refused[farthest]
@@ -209,6 +212,15 @@ def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
         dialect_error.file = str(path)
         raise dialect_error
     return "v2" if "v2" in read else "v1"
+
+
+def _is_legible(text: str, dialect: Dialect, path: Path) -> bool:
+    """Whether a dialect reads a model with the values that it has."""
+    try:
+        parse(text, dialect, str(path), {})
+    except ModelError:
+        return False
+    return True
 
 
 def _sense(model: Model, laws: Laws) -> str:

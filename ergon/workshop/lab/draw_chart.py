@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 from ergon.workshop.lab.chart import Chart, Point, likely_cost
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 _IN_DB = ("waveform", "energy")
 _LEAST = 1e-6  # cents, or dB of spectra: smaller is nothing, and a logarithm needs an end
 _LEAST_DB = -320.0
+_TITLE = 60  # letters of a title that fit beside one another
 _ROW = 0.045  # of the height of the axes: a row of failures
 
 
@@ -26,7 +28,8 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
 
     figure = Figure(figsize=(7.5, 6.0), layout="constrained")
     ax = figure.subplots()
-    ax.set_title(f"{title}: the first {chart.seconds:g} s", loc="left", fontweight="bold", pad=14)
+    heading = fill(f"{title}: the first {chart.seconds:g} s", _TITLE)
+    ax.set_title(heading, loc="left", fontweight="bold", pad=14)
     ax.set_xscale("log")
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter("{x:g}")

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,7 @@ _HAPPENED = {True: _STAYS, False: _RUNS_AWAY, None: _NOT_RUN}
 _FINE = 160  # points a side on which a formula's border is drawn
 _COLUMNS = 2
 _PANEL = 4.6  # width of a panel [in]
+_TITLE, _PANEL_TITLE = 9, 12  # letters of titles that an inch takes, at least
 _WIDE = 1.5 * _PANEL  # from this width on four keys of the legend stand side by side
 _AS_WRITTEN: dict[str, Any] = {
     "marker": "D", "linestyle": "", "markersize": 9, "markerfacecolor": "none",
@@ -39,7 +41,7 @@ def draw(surveyed: Surveyed, title: str) -> Figure:
     # The keys of the legend take more rows below a single panel.
     legend = 1.0 if columns > 1 else 1.5
     figure = Figure(figsize=(_PANEL * columns, 3.4 * rows + legend), layout="constrained")
-    figure.suptitle(title, fontweight="bold")
+    figure.suptitle(fill(title, int(_TITLE * _PANEL * columns)), fontweight="bold")
     grid = figure.subplots(rows, columns, squeeze=False).ravel()
     for ax, (surveyed_map, spots) in zip(grid, surveyed.values(), strict=False):
         _panel(ax, surveyed_map, spots)
@@ -51,7 +53,7 @@ def draw(surveyed: Surveyed, title: str) -> Figure:
 
 
 def _panel(ax: Axes, surveyed_map: Map, spots: Sequence[Spot]) -> None:
-    ax.set_title(surveyed_map.title, fontsize=9)
+    ax.set_title(fill(surveyed_map.title, int(_PANEL_TITLE * (_PANEL - 1.0))), fontsize=9)
     ax.set_xlabel(surveyed_map.x_label)
     ax.set_ylabel(surveyed_map.y_label)
     ax.set_xscale("log" if surveyed_map.log_x else "linear")

@@ -11,6 +11,8 @@ from . import output_error
 from .parameters import INDEX, is_plain, is_stiffest
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from .gesture import Floats, Gesture
     from .output_error import Fit
 
@@ -38,6 +40,10 @@ class Stage:
     score: float | None = None
     is_removal: bool = False
     is_worth: bool = False
+
+    def explains_more(self, other: Stage) -> bool:
+        """Whether it explains the takes better than another stage, by very strong evidence."""
+        return self.fit.bic < other.fit.bic - _WORTH
 
 
 class Judge:
@@ -80,7 +86,7 @@ class Judge:
         replay = self._replay(fit)
         is_worth = stage_before is None or (
             fit.bic < stage_before.fit.bic - _WORTH
-            and all(_is_known(fit, index) for index in set(columns) - set(stage_before.fit.columns))
+            and knows(fit, set(columns) - set(stage_before.fit.columns))
         )
         is_accepted = is_worth and (stage_before is None or replay < stage_before.replay)
         return Stage(name, fit, replay, is_accepted, score, is_worth=is_worth)
@@ -137,6 +143,11 @@ def with_values(row: Floats, values: dict[str, float]) -> Floats:
     for name, value in values.items():
         row[INDEX[name]] = value
     return row
+
+
+def knows(fit: Fit, columns: Iterable[int]) -> bool:
+    """Whether a fit knows these parameters that it has, where they cannot be zero."""
+    return all(_is_known(fit, index) for index in columns if index in fit.columns)
 
 
 def _is_known(fit: Fit, index: int) -> bool:

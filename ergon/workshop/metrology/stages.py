@@ -3,9 +3,10 @@
 A part is kept only if the information criterion falls (Schwarz 1978), the held-out gesture is
 followed better, and its parameters are known to within a half of their values. A part that was
 refused is tried again after each part that was kept, until no part is kept any more: one part may
-hide another. A delay or a mode that is not identified yet looks like a compliant contact. So each
-kept kind of friction is removed again on trial in the end, and stays removed if the criterion
-falls.
+hide another. In the end the search goes on after a refused part that explains the takes, and what
+it finds stays if the gesture is followed better. A delay or a mode that is not identified yet looks
+like a compliant contact. So each kept kind of friction is removed again on trial in the end, and
+stays removed if the criterion falls.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 
 from .first_guess import first_guess
 from .gesture import sensor_noise
-from .judging import Judge, Stage, with_values
+from .judging import Judge, Stage, knows, with_values
 from .mode_search import SCORE_MIN, highest_peak
 from .parameters import INDEX, mode_indices, n_modes
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from .output_error import Fit
 
 MODES_MAX = 3
+_DETOURS = 2  # refused parts after each of which the search is tried again
 _LINEAR = tuple(INDEX[name] for name in ("mass", "stiffness", "damping", "weight"))
 _DELAYS = (0.0, 1.0)  # ticks: of devices in lockstep and by their own clock; tried beside the guess
 
@@ -179,21 +181,23 @@ class _Search:
         return self._decide(self.judge.best_of(name, rows, tuple(columns), best_before, peak.score))
 
     def add_against_held_out(self) -> bool:
-        """Whether parts were kept after one that the held-out gesture alone refused.
+        """Whether parts were kept after one that was refused, though it explains the takes.
 
         Where sticking and sliding alternate, a part that is right may follow a gesture worse
-        until the next one is known.
+        until the next one is known; and two parts that are both missing may hide each other: what
+        one leaves makes the other's values unsure.
         """
         best_before = self.best
-        worth = [stage for stage in self.refused if stage.is_worth]
-        if not worth:
-            return False
-        best = min(worth, key=lambda stage: stage.fit.bic)
-        self._decide(replace(best, is_accepted=True))
-        self.add_parts()
-        if self.best.replay < best_before.replay:
-            return True
-        self._decide(replace(best_before, name=best.name, is_accepted=True, is_removal=True))
+        for stage in sorted(
+            [stage for stage in self.refused if stage.explains_more(best_before)],
+            key=lambda stage: (not stage.is_worth, stage.fit.bic),
+        )[:_DETOURS]:
+            self._decide(replace(stage, is_accepted=True))
+            self.add_parts()
+            added = set(stage.fit.columns) - set(best_before.fit.columns)
+            if self.best.replay < best_before.replay and knows(self.best.fit, added):
+                return True
+            self._decide(replace(best_before, name=stage.name, is_accepted=True, is_removal=True))
         return False
 
     def remove_doubtful(self) -> bool:

@@ -35,6 +35,13 @@ The exact motion is computed from the differential equations of the score alone
 exponential. Else it is Runge-Kutta of order 8 (DOP853: Hairer, Nørsett and Wanner, 1993) at a
 relative tolerance of 10⁻¹², with no step across a frame or an event.
 
+Under `units: ca` (the family `units-ca`) the numbers of a score are those of the discrete network:
+they are what was chosen, and no differential equation stands behind them. The reference is this
+network, stepped by its numbers at its own rate in plain loops (`tests/support/oracle`), again
+without any code of the engine; a key in SI units that touches it is stepped with it, with exactly
+its pitch and decay. How sure it is follows from a second run, in which all that sets the network
+going is larger by 10⁻¹³.
+
 ## How errors are measured
 
 The error is that of the plan's own metric, ‖y − x‖/‖x − mean‖, of the worst output. It is taken

@@ -8,7 +8,7 @@ from math import inf, log10
 
 import numpy as np
 
-from accuracy import hearing, reference
+from accuracy import hearing, reference, stepped
 from accuracy.equations import read
 from accuracy.random_scenes import text as random_text
 from ergon import _core
@@ -184,7 +184,8 @@ def look(
     limit = n_frames + round(3.0 * THIRD * piece.rate)
     pilots = [min(_pilot(own) * piece.rate, limit) for own in built if _pilot(own) < inf]
     n_frames = max([n_frames, *map(round, pilots)])
-    exact = reference.solve(read(text), n_frames)
+    is_stepped = stepped.is_stepped(text)
+    exact = stepped.solve(text, n_frames) if is_stepped else reference.solve(read(text), n_frames)
     plans = tuple(
         _plan(piece, budget, own, exact) for budget, own in zip(budgets, built, strict=True)
     )

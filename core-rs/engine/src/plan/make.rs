@@ -339,9 +339,11 @@ impl<'a> Maker<'a> {
             ..
         } = solved;
         check_method(self.budget, subset, &island)?;
+        let is_discrete = island.is_discrete();
         let first_row = self.plan.rows.len();
         let harder_at =
             error.and_then(|error| horizon::harder_event(&island.island_plan, &island_timeline.timeline, error.over));
+        let unchecked_from = error.and_then(|error| horizon::unchecked_from(&island.island_plan, error));
         let Assembled {
             island_plan,
             bodies,
@@ -388,9 +390,11 @@ impl<'a> Maker<'a> {
         }
         let is_cut_short = self.allowance.n_refused() > n_refused;
         for report_row in &mut self.plan.rows[first_row..] {
+            report_row.is_reference = is_discrete;
             report_row.is_cut_short = is_cut_short;
             report_row.diverges = diverges;
             report_row.harder_at = harder_at;
+            report_row.unchecked_from = unchecked_from;
             report_row.stays = stay_reasons(&refused_slow, report_row);
         }
         self.plan.stay.extend(refused_slow);

@@ -34,7 +34,8 @@ impl Maker<'_> {
             Budget::Cents { .. } => error.excess(self.budget) <= 1.0,
             Budget::Error(_) | Budget::Method(_) => error.spectral.is_none() && error.db <= self.budget.asked(),
         };
-        Ok(match stricter_island.error.is_some_and(is_within) {
+        let is_exact = stricter_island.island.is_discrete() && stricter_island.error.is_none();
+        Ok(match is_exact || stricter_island.error.is_some_and(is_within) {
             true => stricter_island,
             false => chosen,
         })

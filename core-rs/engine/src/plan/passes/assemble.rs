@@ -175,6 +175,19 @@ impl Assembled {
         })
     }
 
+    /// Whether a discrete network is the reference, so that every step of it is exact.
+    pub(in crate::plan) fn is_discrete(&self) -> bool {
+        let network = &self.island_plan.network;
+        let mut mat_parts = network.mats().part.iter().map(|&part| part as usize);
+        mat_parts.any(|part| network.parts()[part].ca_rate.is_some())
+    }
+
+    /// How the same island is assembled with all its modes, and at half its step where that is more exact.
+    pub(in crate::plan) fn more_exact<'a>(&self, methods: &'a [Option<(MeshMethod, u32)>]) -> AssemblyOptions<'a> {
+        let factor = if self.is_discrete() { 1 } else { 2 };
+        self.again(factor * self.island_plan.oversampling, methods)
+    }
+
     /// How the same island is assembled at another rate; `methods`: those of its meshes.
     pub(in crate::plan) fn again<'a>(
         &self,

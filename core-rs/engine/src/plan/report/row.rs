@@ -117,12 +117,16 @@ pub struct Row {
     pub stays: Option<String>,
     /// It is slow by the choice of the plan, because its island then costs less.
     pub is_offered: bool,
+    /// Its discrete network is the reference: nothing but what is left out is an error.
+    pub is_reference: bool,
     /// The allowance of trials was spent before all of them were played.
     pub is_cut_short: bool,
     /// Its motion diverged in its trial.
     pub diverges: bool,
     /// When it is played harder than while `error` was measured [s].
     pub harder_at: Option<f64>,
+    /// From when on its error was not checked, though it may grow [s].
+    pub unchecked_from: Option<f64>,
 }
 
 impl Row {
@@ -155,9 +159,11 @@ impl Row {
             radius: None,
             stays: None,
             is_offered: false,
+            is_reference: false,
             is_cut_short: false,
             diverges: false,
             harder_at: None,
+            unchecked_from: None,
         }
     }
 

@@ -250,6 +250,14 @@ fn changes(a: &[f64], b: &[f64], n_outputs: usize, look_interval: usize) -> Vec<
     changes
 }
 
+/// From when on the error of an island may be larger than a pilot measured [s]: it may grow, and events follow the time
+/// over which it was checked. `None` if it holds for all that is played.
+pub(in crate::plan) fn unchecked_from(island_plan: &IslandPlan, error: Measured) -> Option<f64> {
+    let last_event = end(island_plan) - RING_SECONDS;
+    let is_unchecked = error.spectral.is_none() && error_may_grow(island_plan) && error.over < last_event;
+    is_unchecked.then_some(error.over)
+}
+
 /// When the last event has been played and heard [s].
 pub(in crate::plan) fn end(island_plan: &IslandPlan) -> f64 {
     let timeline = &island_plan.timeline;

@@ -205,8 +205,8 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         let full_island = tried.candidate.island;
         let is_open_ended = measured_error.spectral.is_none() && horizon::error_may_grow(&full_island.island_plan);
         let methods = full_island.mesh_methods();
-        let twice_as_fine = full_island.again(2 * full_island.island_plan.oversampling, &methods);
-        let finer = is_open_ended.then(|| (self.assemble)(twice_as_fine).ok()).flatten();
+        let more_exact = full_island.more_exact(&methods);
+        let finer = is_open_ended.then(|| (self.assemble)(more_exact).ok()).flatten();
         let pilot_result = PilotResult {
             chosen: ChosenIsland {
                 island,
@@ -264,12 +264,28 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
                 (candidate, run) = (safe_candidate, safe_run);
             }
         }
-        let chosen_island = ChosenIsland {
-            island: self.pruned((&candidate, &run), self.budget.left_out())?,
-            error: None,
-            diverges: run.has_diverged,
+        let island = self.pruned((&candidate, &run), self.budget.left_out())?;
+        let left_out = island.bodies.iter().filter_map(|body| body.left_out).reduce(power_sum);
+        // The network is the reference, so what is left out is the whole error. It may grow.
+        let error = left_out.filter(|_| island.is_discrete()).map(|db| Measured {
+            db,
+            over: self.seconds(self.runs.excerpt().n_frames),
+            spectral: None,
+            audible: None,
+        });
+        let complete_island = error.is_some().then_some(candidate.island);
+        let pilot_result = PilotResult {
+            chosen: ChosenIsland {
+                island,
+                error,
+                diverges: run.has_diverged,
+            },
+            long_run: complete_island.map(|finer| LongRun {
+                finer,
+                contact_substeps: [candidate.substeps; 2],
+            }),
         };
-        Ok((chosen_island.into(), run))
+        Ok((pilot_result, run))
     }
 }
 

@@ -18,6 +18,9 @@ use crate::plan::trial::record::{TrialRecord, TrialStore};
 /// Most contact substeps a step that a record may hold.
 const RECORDED_SUBSTEPS_MAX: usize = 2 * OVERSAMPLING_MAX as usize * SUBSTEPS_MAX;
 
+/// An error that only a plan without any loss has [dB]: less is rounding.
+const NOTHING_LEFT_OUT_DB: f64 = -300.0;
+
 /// An island that meets its budget as far as possible, and its remaining error.
 pub(in crate::plan) struct ChosenIsland {
     pub(in crate::plan) island: Assembled,
@@ -37,10 +40,15 @@ impl ChosenIsland {
     }
 
     /// A stricter budget, within which the error may stay within `budget` to its end: the error that the pilot measured
-    /// `first_error` was within it, and has grown beyond it.
+    /// `first_error` was within it, and has grown beyond it. A discrete network that is the reference is exact with all
+    /// its modes.
     pub(in crate::plan) fn stricter(&self, first_error: Option<Measured>, budget: &Budget) -> Option<Budget> {
         let (error_now, first_error) = self.error.zip(first_error)?;
         match *budget {
+            Budget::Error(error_asked) if self.island.is_discrete() => {
+                let has_left_budget = error_now.spectral.is_some() || error_now.db > error_asked;
+                has_left_budget.then_some(Budget::Error(NOTHING_LEFT_OUT_DB))
+            }
             Budget::Error(error_asked) => {
                 let error_growth = error_now.db - first_error.db;
                 let has_left_budget =
@@ -86,7 +94,8 @@ pub(in crate::plan) struct PilotResult {
     pub(in crate::plan) long_run: Option<LongRun>,
 }
 
-/// The island at half its step and with all its modes, with which the chosen one is compared.
+/// The island at half its step, unless its own is the reference, and with all its modes: with it the chosen one is
+/// compared.
 pub(in crate::plan) struct LongRun {
     pub(in crate::plan) finer: Assembled,
     /// Contact substeps a step, of both islands.
@@ -206,7 +215,7 @@ impl PilotResult {
         let long_run = if long_run_substeps > 0 {
             let methods = island.mesh_methods();
             Some(LongRun {
-                finer: assemble(island.again(2 * oversampling, &methods), None).ok()?,
+                finer: assemble(island.more_exact(&methods), None).ok()?,
                 contact_substeps: long_run_substeps,
             })
         } else {
