@@ -282,7 +282,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             },
             long_run: complete_island.map(|finer| LongRun {
                 finer,
-                contact_substeps: [candidate.substeps; 2],
+                contact_substeps: candidate.substeps,
             }),
         };
         Ok((pilot_result, run))
