@@ -1302,6 +1302,7 @@ class PlanRow:
     preserved: bool  # slow, error at most -75 dB up to 10 frames, -70 dB up to 20
     offered: bool  # slow by the plan's choice, not by a rate of its own: it costs less
     stays: str | None  # parts with their own rate that are computed at every frame, and why
+    drafted: bool  # planned for a low cost, since no earlier plan has run its trials
     cut_short: bool  # the allowance of work for trials was spent before all were played
     diverges: bool  # its motion diverged in its trial
     harder_at: float | None  # from here on it is played harder than in the pilot [s]
@@ -1328,6 +1329,7 @@ class Plan:
         store: TrialStore | None = None,
         like: Plan | None = None,
         share: float = 1.0,
+        draft: tuple[float, float] | None = None,
         seen: Sequence[str] = ...,
         seen_every: int = 1,
     ) -> Self:

@@ -8,6 +8,8 @@ use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};
 use crate::network::Network;
 use crate::plan::constants::SOLVE_SECONDS;
+use crate::plan::passes::stored_modes;
+use crate::plan::trial::record::TrialStore;
 use crate::units::Rate;
 
 /// The modes of one body, with the rows that have been asked for.
@@ -28,11 +30,12 @@ struct SolvedComplex {
 }
 
 /// Bodies known from an earlier plan, and those that the present plan has solved.
-#[derive(Default)]
 pub(in crate::plan) struct Memo<'a> {
     known: &'a [Arc<SolvedBody>],
     solved: RefCell<Vec<Arc<SolvedBody>>>,
     complex: RefCell<Vec<SolvedComplex>>,
+    /// Where complex modes are kept from one plan to the next.
+    store: Option<&'a dyn TrialStore>,
     /// Bodies whose solution has been counted for this island. A solution known from elsewhere counts too, so that the
     /// work of an island does not depend on others.
     counted: RefCell<Vec<Network>>,
@@ -46,9 +49,15 @@ impl<'a> Memo<'a> {
             known,
             solved: RefCell::default(),
             complex: RefCell::default(),
+            store: None,
             counted: RefCell::default(),
             work: Cell::default(),
         }
+    }
+
+    /// The same, with complex modes from a store.
+    pub(in crate::plan) fn with_store(self, store: Option<&'a dyn TrialStore>) -> Self {
+        Self { store, ..self }
     }
 
     /// The solved bodies, for the next plan.
@@ -132,7 +141,12 @@ impl<'a> Memo<'a> {
         let complex_modes = match solved_cache.iter().find(is_same_problem) {
             Some(solved) => solved.modes.clone()?,
             None => {
-                let complex_modes = ComplexModes::new(network, outputs, struck, rate).map(Arc::new);
+                let solve = || ComplexModes::new(network, outputs, struck, rate);
+                let complex_modes = match self.store {
+                    Some(store) => stored_modes::complex(store, (network, outputs, struck), solve),
+                    None => solve(),
+                };
+                let complex_modes = complex_modes.map(Arc::new);
                 solved_cache.push(SolvedComplex {
                     network: network.clone(),
                     outputs: outputs.to_vec(),

@@ -23,6 +23,9 @@ pub struct TrialRecord {
     pub reason: Option<String>,
 }
 
+/// The reason of a record that holds no result of a trial.
+const NO_TRIAL: &str = "no trial";
+
 /// Where records are kept. A record may be damaged or belong to something else: the caller has to check it.
 pub trait TrialStore {
     /// The record that was kept under a key (64 hex digits).
@@ -33,6 +36,20 @@ pub trait TrialStore {
 }
 
 impl TrialRecord {
+    /// A record of what a plan computed without a trial.
+    pub(in crate::plan) fn without_trial(numbers: Vec<Option<f64>>, counts: Vec<Vec<u32>>) -> Self {
+        Self {
+            numbers,
+            counts,
+            reason: Some(NO_TRIAL.to_owned()),
+        }
+    }
+
+    /// Whether it holds what a plan computed without a trial.
+    pub(in crate::plan) fn is_without_trial(&self) -> bool {
+        self.reason.as_deref() == Some(NO_TRIAL)
+    }
+
     /// The record with `taken` at its head.
     fn with_header(mut self, taken: &Taken) -> Self {
         let header_numbers = [
@@ -149,6 +166,9 @@ impl<'a> Series<'a> {
 
     /// Keeps the record of the current series, which began with `left` of the allowance.
     pub(in crate::plan) fn keep(&self, allowance: &Allowance, left: WorkLeft, record: TrialRecord) {
+        if allowance.is_missed() {
+            return; // its trials were not run
+        }
         let series_frames = allowance.taken(left).frames;
         keep(self.store, &self.key(series_frames), (allowance, left), record);
         let mut lengths = self.lengths();
@@ -177,7 +197,7 @@ pub(in crate::plan) fn measured(
         allowance.replay(&taken);
         return Ok(recorded_error);
     }
-    let work_left = allowance.begin();
+    let work_left = allowance.begin_unknown();
     let measurement = measure()?;
     if let Some(series) = &series {
         series.keep(allowance, work_left, TrialRecord::from_error(measurement));
@@ -203,6 +223,9 @@ pub(in crate::plan) fn keep(
     (allowance, left): (&Allowance, WorkLeft),
     record: TrialRecord,
 ) {
+    if allowance.is_missed() {
+        return; // its trials were not run
+    }
     let work_taken = allowance.taken(left);
     let bound_key = work_taken.left.map(|left| key_with_left(key, left));
     store.put(bound_key.as_deref().unwrap_or(key), record.with_header(&work_taken));
