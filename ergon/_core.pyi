@@ -1341,6 +1341,8 @@ class Plan:
         store. Exceptions of `store` are raised.
         `like`: a plan of another version, whose modes of unchanged bodies are used again.
         `share` (0 to 1): the part of the allowance of work that the trials may take.
+        `draft` (error [dB], share): islands are planned as an earlier plan within the accuracy, as
+        `store` says; those that it does not know, for that error, by that share of work.
         `seen`: parts that somebody looks at. They are computed even if nobody hears them; the
         samples that are heard do not change.
         `seen_every`: parts that nobody hears may be computed once in this many frames.

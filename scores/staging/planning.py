@@ -129,7 +129,7 @@ class _Planner:
         self, wished: Accuracy, share: float = 1.0, draft: tuple[float, float] | None = None
     ) -> _core.Plan:
         """A plan whose trials take a share of the work. With a `draft`, an error [dB] and a share,
-        islands that no earlier plan has tried are planned by these, and no other trials are run.
+        islands that no earlier plan has planned are planned by these, the others as they were then.
         """
         budget = _budget(wished)
         store, earlier_plan, watched = self._store, self._like, self._watched
@@ -142,11 +142,6 @@ class _Planner:
             share=share,
             draft=draft,
         )
-
-    @property
-    def n_found(self) -> int:
-        """How many results of earlier trials were used."""
-        return 0 if self._store is None else self._store.n_found
 
     def finish(self) -> bool:
         """Let the store remove old records; returns whether no trial had to be run."""
@@ -173,8 +168,8 @@ def make(
     """The cheapest plan that is exact enough. Raises EngineError if there is none.
 
     A draft is the cheapest stable plan, whatever the accuracy; it is made with few trials. If it
-    `recalls_sound`, islands whose trials for the accuracy are in `store` go by these, because sound
-    that was computed so is recalled.
+    `recalls_sound`, islands that an earlier plan of the accuracy has planned, as `store` says, go
+    by that, because sound that was computed so is recalled.
 
     With `cpu` alone, the plan is the most exact that fits. Parts that are the same in the plan
     `like` are computed as there. `is_foreseen` is False if hands or a session play too. Real
@@ -223,15 +218,14 @@ def make(
 def _drafted(planner: _Planner, accuracy: Accuracy, *, may_recall: bool) -> Planned:
     """A draft: each island as an earlier plan of the accuracy, if it `may_recall`, or cheap."""
     draft = Accuracy(error=_DRAFT)
-    if not may_recall or accuracy.method is not None:
-        return Planned(
-            planner.plan(draft, _DRAFT_SHARE), draft, is_kept=planner.finish(), is_draft=True
-        )
-    share = 1.0 if accuracy.cpu is None else _SHARE
-    plan = planner.plan(accuracy, share, (_DRAFT, _DRAFT_SHARE))
-    if planner.n_found == 0 or any(row.drafted for row in plan.rows()):
-        return Planned(plan, draft, is_kept=planner.finish(), is_draft=True)
-    return Planned(plan, accuracy, _notes(plan, accuracy, is_foreseen=True), planner.finish())
+    if may_recall:
+        plan = planner.plan(accuracy, draft=(_DRAFT, _DRAFT_SHARE))
+        is_draft = any(row.drafted for row in plan.rows())
+    else:
+        plan, is_draft = planner.plan(draft, _DRAFT_SHARE), True
+    return Planned(
+        plan, draft if is_draft else accuracy, is_kept=planner.finish(), is_draft=is_draft
+    )
 
 
 def _notes(

@@ -174,7 +174,7 @@ pub struct Known<'a> {
     pub store: Option<&'a dyn TrialStore>,
     /// The part of the allowance of work that trials may take (0 to 1).
     pub share: f64,
-    /// Islands whose trials no earlier plan has run are drafted; no other trial is run.
+    /// Islands go by what an earlier plan within the budget decided; the others are drafted.
     pub draft: Option<Draft<'a>>,
     /// Parts that are displayed: those that no output hears are computed too, without changing any sample of what is
     /// heard.

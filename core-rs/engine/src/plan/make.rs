@@ -40,8 +40,6 @@ mod offers;
 mod pilots;
 mod unheard;
 
-use drafts::Drafting;
-
 /// A plan in the making.
 struct Maker<'a> {
     plan: Plan,
@@ -51,8 +49,8 @@ struct Maker<'a> {
     allowance: Allowance,
     /// Results of trials of earlier plans.
     store: Option<&'a dyn TrialStore>,
-    /// How islands are planned whose trials no earlier plan has run, if such trials are not run now.
-    draft: Option<Drafting<'a>>,
+    /// The budget of islands that no earlier plan has planned, if they are drafted.
+    drafts_by: Option<&'a Budget>,
     /// Parts that are displayed, and the units that are computed only for that.
     seen: &'a [String],
     seen_units: Vec<Unit>,
@@ -83,8 +81,11 @@ pub(super) fn make(
     let all_islands = islands(&network, timeline);
     let mut maker = Maker {
         pins: Pins::new(pins),
-        allowance: drafts::allowance(n_computed(&all_islands), known),
-        draft: known.draft.map(|draft| Drafting::new(draft, n_computed(&all_islands))),
+        allowance: Allowance::new(
+            n_computed(&all_islands),
+            known.draft.map_or(known.share, |draft| draft.share),
+        ),
+        drafts_by: known.draft.map(|draft| draft.budget),
         memo: Memo::new(known.like.map_or(&[], |like| &like.solved)).with_store(known.store),
         store: known.store,
         seen: known.seen,
@@ -133,7 +134,7 @@ pub(super) fn make(
     }
     for (index, (subset, island_timeline)) in split(subsets, timeline).into_iter().enumerate() {
         let unit_result = if index < n_islands {
-            maker.island_or_draft(subset, island_timeline)
+            maker.stored_island(subset, island_timeline)
         } else {
             maker.cells(&subset, &island_timeline)
         };
@@ -147,8 +148,8 @@ pub(super) fn make(
         return Err(refusals);
     }
     maker.pins.end()?;
-    (maker.plan.trials_cost, maker.plan.trials_most) = maker.trials();
     maker.plan.solved = maker.memo.into_solved();
+    (maker.plan.trials_cost, maker.plan.trials_most) = maker.allowance.spent();
     let (mut final_plan, seen_units) = (maker.plan, maker.seen_units);
     final_plan.n_heard = final_plan.units.len();
     final_plan.unmoved.sort_unstable();
@@ -177,7 +178,7 @@ impl<'a> Maker<'a> {
             allowance: Allowance::new(0, 0.0),
             memo: Memo::new(&[]),
             store: None,
-            draft: None,
+            drafts_by: None,
             seen: &[],
             seen_units: Vec::new(),
             every: 1,
@@ -249,9 +250,6 @@ impl<'a> Maker<'a> {
             self.allowance.spend(self.memo.take_work());
             match bank_result {
                 Ok(mut solved_bank) => {
-                    if !self.may_use_bank(&subset, &island_timeline) {
-                        return Ok(());
-                    }
                     label_bank(&mut solved_bank, &subset, &island_timeline);
                     self.seen_units.extend(self.silent_modes(
                         &subset,

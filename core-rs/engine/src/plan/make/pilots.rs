@@ -69,7 +69,7 @@ impl Maker<'_> {
         if let Some(pilot_result) = recalled {
             return Ok(pilot_result);
         }
-        let allowance_left = self.allowance.begin_unknown();
+        let allowance_left = self.allowance.begin();
         let pilot_result = pilot::pilot(assemble, budget, &self.allowance)?;
         if let Some(record_series) = &record_series {
             record_series.keep(&self.allowance, allowance_left, pilot_result.record());

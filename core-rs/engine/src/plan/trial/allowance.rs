@@ -3,7 +3,6 @@
 //! Two plans of one score draw the same work on any machine, so planning ends at the same trial everywhere.
 
 use std::cell::Cell;
-use std::rc::Rc;
 
 use crate::interrupt;
 use crate::network::Error;
@@ -84,7 +83,7 @@ impl WorkLeft {
 }
 
 /// The work that the trials of one plan may take [s], and what they have taken.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(in crate::plan) struct Allowance {
     total: f64,
     /// Work drawn before the current series of trials.
@@ -99,8 +98,6 @@ pub(in crate::plan) struct Allowance {
     drawn_reserve: Cell<f64>,
     /// Trials that ended because the allowance was spent.
     n_refused: Cell<usize>,
-    /// If only known series may be used: whether one was asked for that is not known.
-    is_missed: Option<Rc<Cell<bool>>>,
 }
 
 impl Allowance {
@@ -119,33 +116,6 @@ impl Allowance {
         }
     }
 
-    /// The same, but from the first series that no earlier plan has run on every trial is refused.
-    pub(in crate::plan) fn for_known(self) -> Self {
-        Self {
-            is_missed: Some(Rc::default()),
-            ..self
-        }
-    }
-
-    /// Whether a series was asked for that no earlier plan has run, where only such may be used.
-    pub(in crate::plan) fn is_missed(&self) -> bool {
-        self.is_missed.as_ref().is_some_and(|is_missed| is_missed.get())
-    }
-
-    /// Allows known series again.
-    pub(in crate::plan) fn forgive(&self) {
-        if let Some(is_missed) = &self.is_missed {
-            is_missed.set(false);
-        }
-    }
-
-    /// Refuses every trial if only known series may be used.
-    pub(in crate::plan) fn miss(&self) {
-        if let Some(is_missed) = &self.is_missed {
-            is_missed.set(true);
-        }
-    }
-
     /// An allowance of `total` work [s].
     fn with_total(total: f64) -> Self {
         Self {
@@ -156,7 +126,6 @@ impl Allowance {
             frames: Cell::new(0),
             drawn_reserve: Cell::new(0.0),
             n_refused: Cell::new(0),
-            is_missed: None,
         }
     }
 
@@ -174,12 +143,6 @@ impl Allowance {
         self.needed.set(0.0);
         self.frames.set(0);
         self.left()
-    }
-
-    /// Begins a series of trials that no earlier plan has run, and returns how much work is left for it.
-    pub(in crate::plan) fn begin_unknown(&self) -> WorkLeft {
-        self.miss();
-        self.begin()
     }
 
     /// What the current series has taken, if so much was left when it began.
@@ -225,7 +188,7 @@ impl Allowance {
     /// still fit.
     pub(in crate::plan) fn draw(&self, seconds: f64) -> Result<(), TrialError> {
         let work_drawn = self.drawn.get() + seconds;
-        if self.is_missed() || !self.left().pays_for(work_drawn) {
+        if !self.left().pays_for(work_drawn) {
             self.n_refused.set(self.n_refused.get() + 1);
             return Err(TrialError::AllowanceSpent);
         }
@@ -269,10 +232,10 @@ impl Allowance {
 
     /// A separate allowance of the part `share` (0 to 1) of what is left.
     pub(in crate::plan) fn fraction(&self, share: f64) -> Self {
-        self.apart(match self.left() {
-            WorkLeft::Seconds(left) => (share * (left - self.drawn.get())).max(0.0),
-            WorkLeft::Spent => 0.0,
-        })
+        match self.left() {
+            WorkLeft::Seconds(left) => Self::with_total((share * (left - self.drawn.get())).max(0.0)),
+            WorkLeft::Spent => Self::with_total(0.0),
+        }
     }
 
     /// Takes what was drawn from such a separate part. If the part ran out, that does not end other trials.
@@ -288,15 +251,7 @@ impl Allowance {
 
     /// What is left of the reserve, as a separate allowance: if it runs out, no other trial ends.
     pub(in crate::plan) fn reserve(&self) -> Self {
-        self.apart(ALLOWANCE_RESERVE * self.total - self.drawn_reserve.get())
-    }
-
-    /// A separate allowance of `total` work [s] for the same series.
-    fn apart(&self, total: f64) -> Self {
-        Self {
-            is_missed: self.is_missed.clone(),
-            ..Self::with_total(total)
-        }
+        Self::with_total(ALLOWANCE_RESERVE * self.total - self.drawn_reserve.get())
     }
 
     /// Takes work [s] from the reserve.

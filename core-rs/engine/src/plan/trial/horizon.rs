@@ -110,7 +110,7 @@ pub(in crate::plan) fn extend_error(
         allowance.spend_reserve(taken_work.drawn);
         return Ok(recalled_error);
     }
-    let reserve_left = reserve.begin_unknown();
+    let reserve_left = reserve.begin();
     let extended = extend_over(measured, budget, [run, other], (longest_excerpt, look_frames), &reserve)?;
     if let Some((store, key)) = store_and_key {
         let trial_record = TrialRecord::from_error(Some(extended));

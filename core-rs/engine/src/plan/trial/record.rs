@@ -166,9 +166,6 @@ impl<'a> Series<'a> {
 
     /// Keeps the record of the current series, which began with `left` of the allowance.
     pub(in crate::plan) fn keep(&self, allowance: &Allowance, left: WorkLeft, record: TrialRecord) {
-        if allowance.is_missed() {
-            return; // its trials were not run
-        }
         let series_frames = allowance.taken(left).frames;
         keep(self.store, &self.key(series_frames), (allowance, left), record);
         let mut lengths = self.lengths();
@@ -197,7 +194,7 @@ pub(in crate::plan) fn measured(
         allowance.replay(&taken);
         return Ok(recorded_error);
     }
-    let work_left = allowance.begin_unknown();
+    let work_left = allowance.begin();
     let measurement = measure()?;
     if let Some(series) = &series {
         series.keep(allowance, work_left, TrialRecord::from_error(measurement));
@@ -223,9 +220,6 @@ pub(in crate::plan) fn keep(
     (allowance, left): (&Allowance, WorkLeft),
     record: TrialRecord,
 ) {
-    if allowance.is_missed() {
-        return; // its trials were not run
-    }
     let work_taken = allowance.taken(left);
     let bound_key = work_taken.left.map(|left| key_with_left(key, left));
     store.put(bound_key.as_deref().unwrap_or(key), record.with_header(&work_taken));
