@@ -5,8 +5,8 @@ computed again. The register is kept beside the files and not in them: so it is 
 format, and no byte of an output depends on it. It knows contents, not names: a file that is moved
 or copied is still known, and one that is edited is not.
 
-Of a WAVE file, the samples are hashed by themselves, as its writer has done: SHA-256 of what is before
-them, their own SHA-256 in hex digits, and what is after them.
+Of a WAVE file, the samples are hashed by themselves, as its writer has done: SHA-256 of what is
+before them, their own SHA-256 in hex digits, and what is after them.
 
 STATE/written      SHA-256 in 64 hex digits a line, the newest last
 STATE/written.old  what `written` was when it was full
@@ -40,8 +40,8 @@ _written_here: set[str] = set()
 
 
 def digest(file: BinaryIO, samples: str | None = None) -> str:
-    """The hash of a whole file, 64 hex digits. The hash of its `samples`, if it is a WAVE file whose
-    writer knows it, is not computed again.
+    """The hash of a whole file, 64 hex digits. The hash of its `samples`, if it is a WAVE file
+    whose writer knows it, is not computed again.
     """
     try:
         file.seek(0)

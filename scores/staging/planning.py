@@ -272,7 +272,9 @@ def draft_error(plan: _core.Plan) -> str:
     unknown = f"; the error of {_names(tried)} is not measured" if tried else ""
     of = f" of {_names(rows)}" if is_mixed else ""
     others = "; all else is planned as an earlier render" if is_mixed else ""
-    return f"draft{of}, by the cheapest stable methods and few trials: {known_error}{unknown}{others}"
+    return (
+        f"draft{of}, by the cheapest stable methods and few trials: {known_error}{unknown}{others}"
+    )
 
 
 def _names(rows: Sequence[_core.PlanRow]) -> str:
