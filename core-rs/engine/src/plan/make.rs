@@ -22,7 +22,7 @@ use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::{self, PortedBody};
 use crate::plan::passes::seen;
 use crate::plan::passes::slow::RefusedSlow;
-use crate::plan::passes::solved_modes::Memo;
+use crate::plan::passes::solved_modes::{Memo, ModeStore};
 use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::report::row::{self, Computed, Measured, Reason, Row};
 use crate::plan::trial::allowance::Allowance;
@@ -31,6 +31,7 @@ use crate::plan::trial::macrostep::Growth;
 use crate::plan::trial::multirate;
 use crate::plan::trial::pilot_result::{self, ChosenIsland};
 use crate::plan::trial::record::TrialStore;
+use crate::plan::trial::stored_modes::StoredModes;
 use crate::plan::{Known, Plan, Unit};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
@@ -79,6 +80,7 @@ pub(super) fn make(
     known: Known<'_>,
 ) -> Result<Plan, Error> {
     let all_islands = islands(&network, timeline);
+    let mode_store = known.store.map(StoredModes);
     let mut maker = Maker {
         pins: Pins::new(pins),
         allowance: Allowance::new(
@@ -86,7 +88,8 @@ pub(super) fn make(
             known.draft.map_or(known.share, |draft| draft.share),
         ),
         drafts_by: known.draft.map(|draft| draft.budget),
-        memo: Memo::new(known.like.map_or(&[], |like| &like.solved)).with_store(known.store),
+        memo: Memo::new(known.like.map_or(&[], |like| &like.solved))
+            .with_store(mode_store.as_ref().map(|store| store as &dyn ModeStore)),
         store: known.store,
         seen: known.seen,
         seen_every: known.seen_every,

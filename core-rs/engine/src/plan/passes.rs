@@ -13,6 +13,5 @@ pub(in crate::plan) mod seen;
 pub(in crate::plan) mod slow;
 pub(in crate::plan) mod solved_modes;
 pub(in crate::plan) mod split;
-mod stored_modes;
 pub(in crate::plan) mod truncate;
 pub(in crate::plan) mod wiring;

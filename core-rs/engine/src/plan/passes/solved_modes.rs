@@ -8,8 +8,6 @@ use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};
 use crate::network::Network;
 use crate::plan::constants::SOLVE_SECONDS;
-use crate::plan::passes::stored_modes;
-use crate::plan::trial::record::TrialStore;
 use crate::units::Rate;
 
 /// The modes of one body, with the rows that have been asked for.
@@ -29,13 +27,23 @@ struct SolvedComplex {
     modes: Result<Arc<ComplexModes>, NoModes>,
 }
 
+/// Where complex modes are kept from one plan to the next, of a network that some outputs hear and that is struck at
+/// some MATs.
+pub(in crate::plan) trait ModeStore {
+    /// The modes that were kept.
+    fn get(&self, network: &Network, outputs: &[Sum], struck: &[usize]) -> Option<ComplexModes>;
+
+    /// Keep modes.
+    fn put(&self, network: &Network, outputs: &[Sum], struck: &[usize], modes: &ComplexModes);
+}
+
 /// Bodies known from an earlier plan, and those that the present plan has solved.
 pub(in crate::plan) struct Memo<'a> {
     known: &'a [Arc<SolvedBody>],
     solved: RefCell<Vec<Arc<SolvedBody>>>,
     complex: RefCell<Vec<SolvedComplex>>,
     /// Where complex modes are kept from one plan to the next.
-    store: Option<&'a dyn TrialStore>,
+    store: Option<&'a dyn ModeStore>,
     /// Bodies whose solution has been counted for this island. A solution known from elsewhere counts too, so that the
     /// work of an island does not depend on others.
     counted: RefCell<Vec<Network>>,
@@ -56,7 +64,7 @@ impl<'a> Memo<'a> {
     }
 
     /// The same, with complex modes from a store.
-    pub(in crate::plan) fn with_store(self, store: Option<&'a dyn TrialStore>) -> Self {
+    pub(in crate::plan) fn with_store(self, store: Option<&'a dyn ModeStore>) -> Self {
         Self { store, ..self }
     }
 
@@ -142,10 +150,17 @@ impl<'a> Memo<'a> {
             Some(solved) => solved.modes.clone()?,
             None => {
                 let solve = || ComplexModes::new(network, outputs, struck, rate);
-                let complex_modes = match self.store {
-                    Some(store) => stored_modes::complex(store, (network, outputs, struck), solve),
-                    None => solve(),
-                };
+                let stored_modes = self.store.and_then(|store| store.get(network, outputs, struck));
+                let complex_modes = stored_modes.map_or_else(
+                    || {
+                        let solved_modes = solve()?;
+                        if let Some(store) = self.store {
+                            store.put(network, outputs, struck, &solved_modes);
+                        }
+                        Ok(solved_modes)
+                    },
+                    Ok,
+                );
                 let complex_modes = complex_modes.map(Arc::new);
                 solved_cache.push(SolvedComplex {
                     network: network.clone(),

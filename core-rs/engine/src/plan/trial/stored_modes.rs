@@ -1,28 +1,29 @@
 //! Complex modes that an earlier plan has solved: an eigenvalue problem takes longer than its numbers to read.
 
 use crate::body_modes::complex_modes::{Complex, ComplexModes, Pole, Sum};
-use crate::body_modes::linear::NoModes;
 use crate::network::Network;
+use crate::plan::passes::solved_modes::ModeStore;
 use crate::plan::report::content::network_key;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
 
-/// The complex modes of a network, heard by outputs and struck at some MATs: from the store if it has them, bit for
-/// bit, else what `solve` gives.
-pub(super) fn complex(
-    store: &dyn TrialStore,
-    (network, outputs, struck): (&Network, &[Sum], &[usize]),
-    solve: impl FnOnce() -> Result<ComplexModes, NoModes>,
-) -> Result<ComplexModes, NoModes> {
-    let key = network_key(network, format_args!("complex modes {outputs:?} {struck:?}"));
-    let sizes = (outputs.len(), struck.len());
-    if let Some(modes) = store.get(&key).and_then(|record| modes_of(&record, sizes)) {
-        return Ok(modes);
+/// Complex modes in a store of records.
+pub(in crate::plan) struct StoredModes<'a>(pub(in crate::plan) &'a dyn TrialStore);
+
+impl ModeStore for StoredModes<'_> {
+    fn get(&self, network: &Network, outputs: &[Sum], struck: &[usize]) -> Option<ComplexModes> {
+        let record = self.0.get(&key(network, outputs, struck))?;
+        modes_of(&record, (outputs.len(), struck.len()))
     }
-    let modes = solve()?;
-    if let Some(record) = record_of(&modes) {
-        store.put(&key, record);
+
+    fn put(&self, network: &Network, outputs: &[Sum], struck: &[usize], modes: &ComplexModes) {
+        if let Some(record) = record_of(modes) {
+            self.0.put(&key(network, outputs, struck), record);
+        }
     }
-    Ok(modes)
+}
+
+fn key(network: &Network, outputs: &[Sum], struck: &[usize]) -> String {
+    network_key(network, format_args!("complex modes {outputs:?} {struck:?}"))
 }
 
 /// The record of modes: the kind of each, then the numbers of their poles, of their start, of what each output sees,
