@@ -83,17 +83,9 @@ pub(super) fn make(
     let mode_store = known.store.map(StoredModes);
     let mut maker = Maker {
         pins: Pins::new(pins),
-        allowance: Allowance::new(
-            n_computed(&all_islands),
-            known.draft.map_or(known.share, |draft| draft.share),
-        ),
-        drafts_by: known.draft.map(|draft| draft.budget),
         memo: Memo::new(known.like.map_or(&[], |like| &like.solved))
             .with_store(mode_store.as_ref().map(|store| store as &dyn ModeStore)),
-        store: known.store,
-        seen: known.seen,
-        seen_every: known.seen_every,
-        ..Maker::new(&network, timeline, budget)
+        ..Maker::new(&network, timeline, budget).with_known(known, n_computed(&all_islands))
     };
     let mut refusals = Vec::new();
     let mut unheard = Vec::new();
@@ -186,6 +178,18 @@ impl<'a> Maker<'a> {
             seen_units: Vec::new(),
             every: 1,
             seen_every: 1,
+        }
+    }
+
+    /// The same with what is known, and with its share of the allowance of a plan of `n_modules`.
+    fn with_known(self, known: Known<'a>, n_modules: usize) -> Self {
+        Self {
+            allowance: Allowance::new(n_modules, known.draft.map_or(known.share, |draft| draft.share)),
+            drafts_by: known.draft.map(|draft| draft.budget),
+            store: known.store,
+            seen: known.seen,
+            seen_every: known.seen_every,
+            ..self
         }
     }
 
