@@ -1303,6 +1303,7 @@ class PlanRow:
     offered: bool  # slow by the plan's choice, not by a rate of its own: it costs less
     stays: str | None  # parts with their own rate that are computed at every frame, and why
     reference: bool  # its discrete network is the truth: nothing but what is left out is an error
+    drafted: bool  # planned for a low cost, since no earlier plan has run its trials
     cut_short: bool  # the allowance of work for trials was spent before all were played
     diverges: bool  # its motion diverged in its trial
     harder_at: float | None  # from here on it is played harder than in the pilot [s]
@@ -1330,6 +1331,7 @@ class Plan:
         store: TrialStore | None = None,
         like: Plan | None = None,
         share: float = 1.0,
+        draft: tuple[float, float] | None = None,
         seen: Sequence[str] = ...,
         seen_every: int = 1,
     ) -> Self:
@@ -1341,6 +1343,8 @@ class Plan:
         store. Exceptions of `store` are raised.
         `like`: a plan of another version, whose modes of unchanged bodies are used again.
         `share` (0 to 1): the part of the allowance of work that the trials may take.
+        `draft` (error [dB], share): islands are planned as an earlier plan within the accuracy, as
+        `store` says; those that it does not know, for that error, by that share of work.
         `seen`: parts that somebody looks at. They are computed even if nobody hears them; the
         samples that are heard do not change.
         `seen_every`: parts that nobody hears may be computed once in this many frames.

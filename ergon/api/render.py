@@ -296,7 +296,9 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
         # The end of a written `tail` stays: a performance ends so, and a render is equal to it.
         edges=Edges(start > 0, options.until is not None),
         stretches=user_store(),
-        measures_instruments=not options.draft,  # which takes about as long as mixing
+        # A draft leaves out what takes about as long as mixing.
+        stores_mix=not options.draft,
+        measures_instruments=not options.draft,
     )
 
 

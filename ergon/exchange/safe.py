@@ -156,6 +156,7 @@ class FileGroup:
     stack: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
     new_folders: set[Path] = field(default_factory=set)
     pending: list[_Pending] = field(default_factory=list)
+    samples: dict[BinaryIO, str] = field(default_factory=dict)  # their hashes, where known
 
     def open(self, target: str | Path, *, binary: bool) -> BinaryIO:
         """A file of the group. `-` is stdout; it and devices are written straight.
@@ -195,6 +196,10 @@ class FileGroup:
         if self.sync and self.pending and self.pending[-1].file is file:
             os.fsync(file.fileno())  # some file systems say only now that the disk is full
 
+    def note_samples(self, file: BinaryIO, hashed: str) -> None:
+        """Note the hash of the samples of a file, which need not be computed again."""
+        self.samples[file] = hashed
+
     def commit(self) -> None:
         """Give all files their names; if one cannot get it, the others are as they were."""
         for pending in self.pending:
@@ -203,7 +208,8 @@ class FileGroup:
                 os.fsync(pending.file.fileno())
             keep_mode(pending.target, pending.part)
             if self.is_recorded:
-                written.remember(written.digest(pending.file))
+                hashed_samples = self.samples.get(pending.file)
+                written.remember(written.digest(pending.file, hashed_samples))
             if not temporary.IS_LOCKED:  # on such systems an open file cannot be renamed
                 pending.file.close()
         for pending in self.pending:

@@ -5,6 +5,9 @@ computed again. The register is kept beside the files and not in them: so it is 
 format, and no byte of an output depends on it. It knows contents, not names: a file that is moved
 or copied is still known, and one that is edited is not.
 
+Of a WAVE file, the samples are hashed by themselves, as its writer has done: SHA-256 of what is
+before them, their own SHA-256 in hex digits, and what is after them.
+
 STATE/written      SHA-256 in 64 hex digits a line, the newest last
 STATE/written.old  what `written` was when it was full
 """
@@ -13,6 +16,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import math
 import os
 import time
 from functools import lru_cache
@@ -24,6 +28,7 @@ from ergon.common.regular import open_regular, read_bounded
 from ergon.common.user_folders import state_folder
 
 from .temporary import is_at, try_lock
+from .wave_header import NotWaveError, parse
 
 _BLOCK = 1 << 20  # bytes that are read at once
 _FULL = 65 << 17  # bytes: 131,072 files, some hours of a sweep that writes its table every second
@@ -34,13 +39,42 @@ _APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
 _written_here: set[str] = set()
 
 
-def digest(file: BinaryIO) -> str:
-    """The hash of a whole file, 64 hex digits."""
+def digest(file: BinaryIO, samples: str | None = None) -> str:
+    """The hash of a whole file, 64 hex digits. The hash of its `samples`, if it is a WAVE file
+    whose writer knows it, is not computed again.
+    """
+    try:
+        file.seek(0)
+        info = parse(file)
+    except NotWaveError:
+        return _plain_digest(file)
+    n_bytes = info.n_frames * info.format.frame_bytes
+    hashed = hashlib.sha256()
+    file.seek(0)
+    _hash(hashed, file, info.offset)
+    if samples is None:
+        hashed_samples = hashlib.sha256()
+        _hash(hashed_samples, file, n_bytes)
+        samples = hashed_samples.hexdigest()
+    hashed.update(samples.encode())
+    file.seek(info.offset + n_bytes)
+    _hash(hashed, file)
+    return hashed.hexdigest()
+
+
+def _plain_digest(file: BinaryIO) -> str:
+    """The hash of all bytes of a file."""
     file.seek(0)
     hashed = hashlib.sha256()
-    while block := file.read(_BLOCK):
-        hashed.update(block)
+    _hash(hashed, file)
     return hashed.hexdigest()
+
+
+def _hash(hashed: hashlib._Hash, file: BinaryIO, n_bytes: float = math.inf) -> None:
+    """Hash the next bytes of a file, at most `n_bytes` or all."""
+    while block := file.read(int(min(n_bytes, _BLOCK))):
+        hashed.update(block)
+        n_bytes -= len(block)
 
 
 def remember(hashed: str) -> None:
@@ -76,7 +110,13 @@ def is_known(path: Path) -> bool:
         return True
     folder = state_folder()
     names = () if folder is None else (folder / _NAME, folder / _OLD_NAME)
-    return any(hashed.encode() in _content(name) for name in names)
+    registers = [_content(name) for name in names]
+    if any(hashed.encode() in register for register in registers):
+        return True
+    # An earlier version hashed WAVE files as all others.
+    with contextlib.suppress(OSError), open_regular(path) as file:
+        hashed = _plain_digest(file)
+    return any(hashed.encode() in register for register in registers)
 
 
 @lru_cache(maxsize=64)

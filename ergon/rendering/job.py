@@ -48,6 +48,7 @@ class RenderJob:
     stretches: StretchStore | None = None  # of earlier renders, which need not be computed again
     film: Film | None = None  # the motion file to write as well
     workers: Workers | None = None  # other processes that compute islands
+    stores_mix: bool = True  # for a later render of the same mix; else islands alone are stored
     measures_instruments: bool = True  # how loud each is by itself, if there are several
 
     def __post_init__(self) -> None:

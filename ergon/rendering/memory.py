@@ -162,7 +162,7 @@ class RenderMemory:
         self, job: RenderJob, balances: Sequence[Balance], mixer: Mixer | None
     ) -> ComputedRender:
         """How to compute a job, with what is known of its parts; a `mixer` that mixes all of it is
-        brought to the first frame that is computed, and its mix is stored.
+        brought to the first frame that is computed, and its mix is stored if the job asks for that.
         """
         last_frame = job.simulated_frames(self._n_frames)
         simulation = ResumedSimulation(self.simulation, self.store, self._n_frames, last_frame)
@@ -178,8 +178,10 @@ class RenderMemory:
             if is_stored and self.levels.has_states(numbers, n_stretches):
                 known_frames = self._resume(n_stretches, simulation, mixer, part_balances, numbers)
                 break
-        recorder = MixRecorder(self._mixed, self._n_frames, sum(map(len, known_frames)))
-        simulation.outcomes = recorder.outcomes
+        recorder = None
+        if job.stores_mix:
+            recorder = MixRecorder(self._mixed, self._n_frames, sum(map(len, known_frames)))
+            simulation.outcomes = recorder.outcomes
         return ComputedRender(
             simulation, part_balances, recorder, known_frames, self, balances, numbers
         )

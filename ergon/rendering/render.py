@@ -82,9 +82,10 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
         for path, (stem, mixer) in zip(paths, stems, strict=True):
             follows = None if limiter is None else StemLimiter(limiter, job.format.n_channels)
             mixers.append((str(path), mixer, follows, _channel_names(stem, job.format.n_channels)))
-        tracks = []
+        tracks, opened_files = [], []
         for name, mixer, limits, channel_names in mixers:
             file = files.open(name, binary=True)
+            opened_files.append(file)
 
             def written_to(
                 job: RenderJob,
@@ -106,6 +107,8 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
             filmed.finish()
         else:
             filled = _recalled_or_computed(stage, job, tracks, progress, balances)
+        for file, rendered in zip(opened_files, filled.files, strict=True):
+            files.note_samples(file, rendered.sha256)
     wall = time.perf_counter() - start
     mix, *other_files = filled.files
     levels = tuple(balance.level(mix.gain, filled.job.stop) for balance in balances)

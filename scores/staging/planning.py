@@ -22,6 +22,7 @@ _DRAFT = -20.0
 # And the share of the work for its trials: so much shows where contacts hold once a step, which
 # between frames may take ten times as long.
 _DRAFT_SHARE = 0.05
+_NO_TRIAL = "no trial"  # the reason of a record that holds no result of a trial
 # Methods of meshes, whose errors are known only from trials.
 _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq")
 # What has no error but for what is left out.
@@ -50,11 +51,11 @@ class _CountedStore:
 
     def get(self, key: str) -> _core.TrialRecord | None:
         record = self._store.get(key)
-        self.n_found += record is not None
+        self.n_found += record is not None and _is_of_trials(record)
         return record
 
     def put(self, key: str, record: _core.TrialRecord) -> None:
-        self.n_new += 1
+        self.n_new += _is_of_trials(record)
         self._store.put(key, record)
 
     def forget(self) -> None:
@@ -62,28 +63,9 @@ class _CountedStore:
             self._store.forget()
 
 
-class _UnknownTrialError(Exception):
-    """A trial that no earlier plan has run."""
-
-
-class _KnownTrials:
-    """A store that knows all trials that a plan needs, or ends the planning."""
-
-    def __init__(self, store: Store) -> None:
-        self._store = store
-
-    def get(self, key: str) -> _core.TrialRecord:
-        """The record under a key. Raises _UnknownTrialError."""
-        record = self._store.get(key)
-        if record is None:
-            raise _UnknownTrialError
-        return record
-
-    def put(self, key: str, record: _core.TrialRecord) -> None:
-        """Nothing: all records are there."""
-
-    def forget(self) -> None:
-        """Nothing: no record is new."""
+def _is_of_trials(record: _core.TrialRecord) -> bool:
+    """Whether a record holds results of trials; those of modes and banks do not."""
+    return record.reason != _NO_TRIAL
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,8 +125,12 @@ class _Planner:
         self._store = _CountedStore(store) if store is not None and earlier_plan is None else None
         self._like = earlier_plan
 
-    def plan(self, wished: Accuracy, share: float = 1.0) -> _core.Plan:
-        """A plan whose trials take a share of the work."""
+    def plan(
+        self, wished: Accuracy, share: float = 1.0, draft: tuple[float, float] | None = None
+    ) -> _core.Plan:
+        """A plan whose trials take a share of the work. With a `draft`, an error [dB] and a share,
+        islands that no earlier plan has planned are planned by these, the others as they were then.
+        """
         budget = _budget(wished)
         store, earlier_plan, watched = self._store, self._like, self._watched
         return _core.Plan(
@@ -154,6 +140,7 @@ class _Planner:
             store=store,
             like=earlier_plan,
             share=share,
+            draft=draft,
         )
 
     def finish(self) -> bool:
@@ -181,8 +168,8 @@ def make(
     """The cheapest plan that is exact enough. Raises EngineError if there is none.
 
     A draft is the cheapest stable plan, whatever the accuracy; it is made with few trials. If it
-    `recalls_sound` and the trials of the exact plan are in `store`, it is the exact plan, because
-    sound that was computed by that plan is recalled.
+    `recalls_sound`, islands that an earlier plan of the accuracy has planned, as `store` says, go
+    by that, because sound that was computed so is recalled.
 
     With `cpu` alone, the plan is the most exact that fits. Parts that are the same in the plan
     `like` are computed as there. `is_foreseen` is False if hands or a session play too. Real
@@ -195,25 +182,15 @@ def make(
         pinned = _core.Plan(network, timeline, **_budget(accuracy), **watched, pins=pins)
         return Planned(pinned, accuracy)
     planner = _Planner(network, timeline, store, like, watched)
-    if is_draft:
-        if recalls_sound and store is not None and like is None:
-            known = _known_plan(network, timeline, accuracy, store, correction, watched)
-            if known is not None:
-                return known
-        draft = Accuracy(error=_DRAFT)
-        draft_plan = planner.plan(draft, _DRAFT_SHARE)
-        return Planned(draft_plan, draft, is_kept=planner.finish(), is_draft=True)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
+    if is_draft:
+        may_recall = recalls_sound and store is not None and like is None and not is_free
+        return _drafted(planner, accuracy, may_recall=may_recall)
     plan_made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
-    missed = _missed_errors(plan_made, accuracy.error, is_foreseen=is_foreseen)
-    if accuracy.method is None and accuracy.error is None:
-        missed += _missed_by_ear(plan_made, accuracy.cents)
-    notes = [("W403", sentence) for sentence in missed]
-    notes += [("W403", sentence) for sentence in _cut_short(plan_made, accuracy)]
-    notes += [("W403", sentence) for sentence in _diverging(plan_made)]
+    notes = _notes(plan_made, accuracy, is_foreseen=is_foreseen)
     cost_factor = 1.0 if is_free else correction
     if accuracy.cpu is None or (not is_free and cost_factor * cost(plan_made) <= accuracy.cpu):
-        return Planned(plan_made, accuracy, tuple(notes), planner.finish())
+        return Planned(plan_made, accuracy, notes, planner.finish())
     looser = {error: Accuracy(error=error) for error in _LOOSER}
     looser_plans = {error: planner.plan(wished, _LOOSER_SHARE) for error, wished in looser.items()}
     fits = [
@@ -238,27 +215,29 @@ def make(
     return Planned(*chosen, notes_with_cost, planner.finish())
 
 
-def _known_plan(
-    network: _core.Network,
-    timeline: _core.Timeline,
-    accuracy: Accuracy,
-    store: Store,
-    correction: float,
-    watched: Watched,
-) -> Planned | None:
-    """The plan that is no draft; None if a trial would have to be run, or if it needs none."""
-    try:
-        planned = make(
-            network,
-            timeline,
-            accuracy,
-            store=_KnownTrials(store),
-            correction=correction,
-            watched=watched,
-        )
-    except _UnknownTrialError:
-        return None
-    return planned if planned.is_kept else None
+def _drafted(planner: _Planner, accuracy: Accuracy, *, may_recall: bool) -> Planned:
+    """A draft: each island as an earlier plan of the accuracy, if it `may_recall`, or cheap."""
+    draft = Accuracy(error=_DRAFT)
+    if may_recall:
+        plan = planner.plan(accuracy, draft=(_DRAFT, _DRAFT_SHARE))
+        is_draft = any(row.drafted for row in plan.rows())
+    else:
+        plan, is_draft = planner.plan(draft, _DRAFT_SHARE), True
+    return Planned(
+        plan, draft if is_draft else accuracy, is_kept=planner.finish(), is_draft=is_draft
+    )
+
+
+def _notes(
+    plan: _core.Plan, accuracy: Accuracy, *, is_foreseen: bool
+) -> tuple[tuple[str, str], ...]:
+    """Notes on parts of a plan whose accuracy is missed or unknown."""
+    sentences = _missed_errors(plan, accuracy.error, is_foreseen=is_foreseen)
+    if accuracy.method is None and accuracy.error is None:
+        sentences += _missed_by_ear(plan, accuracy.cents)
+    sentences += _cut_short(plan, accuracy)
+    sentences += _diverging(plan)
+    return tuple(("W403", sentence) for sentence in sentences)
 
 
 def plan_again(
@@ -280,16 +259,27 @@ def needs_trial(row: _core.PlanRow) -> bool:
 
 
 def draft_error(plan: _core.Plan) -> str:
-    """A sentence on the known error of a plan that was made with few trials."""
+    """A sentence on the known error of a plan that was made with few trials, at least in part."""
     rows = [row for row in plan.rows() if row.cost > 0.0]
+    drafted = [row for row in rows if row.drafted]
+    is_mixed = 0 < len(drafted) < len(rows)
+    rows = drafted or rows
     left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
     tried = [row for row in rows if needs_trial(row) and row.error_db is None]
-    names = list(dict.fromkeys(name for row in tried for name in row.parts))
     known_error = "nothing is left out"
     if left_out:
         known_error = f"modes that are left out are {max(left_out):.0f} dB below the sound"
-    unknown = f"; the error of {' + '.join(names)} is not measured" if names else ""
-    return f"draft, by the cheapest stable methods and few trials: {known_error}{unknown}"
+    unknown = f"; the error of {_names(tried)} is not measured" if tried else ""
+    of = f" of {_names(rows)}" if is_mixed else ""
+    others = "; all else is planned as an earlier render" if is_mixed else ""
+    return (
+        f"draft{of}, by the cheapest stable methods and few trials: {known_error}{unknown}{others}"
+    )
+
+
+def _names(rows: Sequence[_core.PlanRow]) -> str:
+    """The parts of rows, each once."""
+    return " + ".join(dict.fromkeys(name for row in rows for name in row.parts))
 
 
 def _percent(part: float) -> str:

@@ -117,14 +117,57 @@ def test_draft_recalls_an_earlier_render(capsys: Capture, monkeypatch: pytest.Mo
     assert hash_samples(Path("draft.wav")) == hash_samples(Path("full.wav"))
 
 
-@pytest.mark.usefixtures("cache")
-def test_draft_with_another_instrument_runs_few_trials() -> None:
-    """Where a trial is missing, a draft is planned for its cost."""
-    Path("a.yaml").write_text(STRUCK)
-    assert app.run(["render", "a.yaml", "-o", "full.wav"]) == 0
+def write_two_notes() -> None:
     Path("a.yaml").write_text(
         STRUCK.replace("notes: [D4]", "notes: [D4, A4]").replace("notes: D4", "notes: D4 A4")
     )
+
+
+@pytest.mark.usefixtures("cache")
+def test_draft_with_another_note_drafts_it_alone(
+    capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What an earlier render planned is planned so again, and recalled."""
+    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
+    monkeypatch.setattr(memory, "_WORK_MIN", 0.0)
+    monkeypatch.setattr(resumed, "_SHARE", 0.0)
+    write_two_notes()
+    text = Path("a.yaml").read_text()
+    Path("a.yaml").write_text(text.replace("notes: D4 A4", "notes: D4"))
+    assert app.run(["render", "a.yaml", "-o", "full.wav"]) == 0
+    Path("a.yaml").write_text(text)
+    capsys.readouterr()
+    assert app.run(["render", "a.yaml", "-o", "draft.wav", "--draft", "--threads", "1"]) == 0
+    shown = capsys.readouterr()
+    assert "draft of cimbal.A4" in shown.err
+    assert "all else is planned as an earlier render" in shown.err
+    assert "0% recalled" not in shown.out + shown.err
+    drafted = hash_samples(Path("draft.wav"))
+    assert app.run(["render", "a.yaml", "-o", "draft.wav", "--draft"]) == 0
+    assert hash_samples(Path("draft.wav")) == drafted
+
+
+@pytest.mark.usefixtures("cache")
+def test_render_after_draft_equals_one_from_scratch(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing that a draft stores changes an exact render."""
+    monkeypatch.setattr(resumed, "_WORK_MIN", 0.0)
+    monkeypatch.setattr(memory, "_WORK_MIN", 0.0)
+    monkeypatch.setattr(resumed, "_SHARE", 0.0)
+    write_two_notes()
+    for _ in range(2):
+        assert app.run(["render", "a.yaml", "-o", "draft.wav", "--draft"]) == 0
+    assert app.run(["render", "a.yaml", "-o", "after.wav"]) == 0
+    monkeypatch.setenv("ERGON_CACHE", "off")
+    assert app.run(["render", "a.yaml", "-o", "scratch.wav"]) == 0
+    assert hash_samples(Path("after.wav")) == hash_samples(Path("scratch.wav"))
+
+
+@pytest.mark.usefixtures("cache")
+def test_draft_with_another_instrument_runs_few_trials() -> None:
+    """What no earlier render has planned is planned for its cost."""
+    Path("a.yaml").write_text(STRUCK)
+    assert app.run(["render", "a.yaml", "-o", "full.wav"]) == 0
+    write_two_notes()
     options = RenderOptions(draft=True)
     staged = stage_piece(read("a.yaml"), options, recalls_sound=True).stage
     assert staged.is_draft

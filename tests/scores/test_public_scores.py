@@ -2,7 +2,9 @@
 
 The files are those of the corpus that music21 brings; none is kept here. Elsewhere in that corpus
 the two differ: partitura does not join ties whose end is not written (Monteverdi's madrigals), and
-fills incomplete bars (BWV 171.6).
+fills incomplete bars (BWV 171.6), as music21 does. It leaves out the first repeat of the Maple Leaf
+Rag, whose second ending is not marked; with that mark it has the same notes, but for two ties.
+Madrigal 3.12 has bars that are twice as long in some parts as in others.
 """
 
 import re

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use ergon_engine::interrupt;
-use ergon_engine::plan::{self, Budget, Choice, ChoiceNumbers, Computed, Known, ModeKind, Reason, TrialStore};
+use ergon_engine::plan::{self, Budget, Choice, ChoiceNumbers, Computed, Draft, Known, ModeKind, Reason, TrialStore};
 use ergon_engine::scheme::StabilityGuarantee;
 use pyo3::prelude::*;
 
@@ -62,7 +62,7 @@ pub(crate) struct Plan(pub(crate) Arc<plan::Plan>);
 impl Plan {
     #[new]
     #[allow(clippy::too_many_arguments)]
-    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, store=None, like=None, share=1.0, seen=Vec::new(), seen_every=1))]
+    #[pyo3(signature = (network, timeline, *, method=None, error_db=None, cents=None, upto=None, pins=None, store=None, like=None, share=1.0, draft=None, seen=Vec::new(), seen_every=1))]
     fn new(
         py: Python<'_>,
         network: &Network,
@@ -75,10 +75,13 @@ impl Plan {
         store: Option<Py<PyAny>>,
         like: Option<&Self>,
         share: f64,
+        draft: Option<(f64, f64)>,
         seen: Vec<String>,
         seen_every: u32,
     ) -> PyResult<Self> {
         timeline.check_network(network)?;
+        let draft_budget = draft.map(|(db, share)| Ok::<_, PyErr>((budget(None, Some(db), None, None)?, share)));
+        let draft_budget = draft_budget.transpose()?;
         let budget = budget(method, error_db, cents, upto)?;
         let network = Arc::new(network.0.clone());
         let pins = pins
@@ -94,6 +97,9 @@ impl Plan {
                 like: like.map(|like| &*like.0),
                 store: store.as_ref().map(|store| store as &dyn TrialStore),
                 share,
+                draft: draft_budget
+                    .as_ref()
+                    .map(|(budget, share)| Draft { budget, share: *share }),
                 seen: &seen,
                 seen_every: seen_every.max(1),
             };
@@ -215,6 +221,7 @@ pub(crate) struct PlanRow {
     offered: bool,
     reference: bool,
     cut_short: bool,
+    drafted: bool,
     diverges: bool,
     harder_at: Option<f64>,
     unchecked_from: Option<f64>,
@@ -309,6 +316,7 @@ impl PlanRow {
             offered: row.is_offered,
             reference: row.is_reference,
             cut_short: row.is_cut_short,
+            drafted: row.is_drafted,
             diverges: row.diverges,
             harder_at: row.harder_at,
             unchecked_from: row.unchecked_from,

@@ -139,8 +139,14 @@ impl Bank {
         }
     }
 
-    /// Advance by `n_frames` frames and add the outputs to `out`, (n_frames · n_out).
-    pub(crate) fn process(&mut self, out: &mut [f64], n_out: usize, n_frames: usize) {
+    /// Advance by `n_frames` frames and add the outputs to `out`, (n_frames · n_out); `column` gives the place of an
+    /// output in a frame.
+    pub(crate) fn process(
+        &mut self,
+        out: &mut [f64],
+        (n_out, n_frames): (usize, usize),
+        column: impl Fn(u32) -> usize,
+    ) {
         let bank_script = self.script.clone();
         for section in &bank_script.sections {
             let n_outputs = section.outputs.len();
@@ -153,8 +159,9 @@ impl Bank {
                 continue;
             }
             for (sums, &output) in self.sums.chunks(frames_max).zip(&section.outputs) {
+                let column = column(output);
                 for (frame, sum) in out.chunks_exact_mut(n_out).zip(&sums[..n_frames]) {
-                    frame[output as usize] += lane_total(sum);
+                    frame[column] += lane_total(sum);
                 }
             }
         }

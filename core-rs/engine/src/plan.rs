@@ -156,6 +156,15 @@ impl Unit {
     }
 }
 
+/// How islands are planned that are not worth the trials of an exact plan.
+#[derive(Clone, Copy)]
+pub struct Draft<'a> {
+    /// The error that they may have.
+    pub budget: &'a Budget,
+    /// The part of the allowance of work that their trials may take (0 to 1).
+    pub share: f64,
+}
+
 /// What is known before a plan is made.
 #[derive(Clone, Copy)]
 pub struct Known<'a> {
@@ -165,6 +174,8 @@ pub struct Known<'a> {
     pub store: Option<&'a dyn TrialStore>,
     /// The part of the allowance of work that trials may take (0 to 1).
     pub share: f64,
+    /// Islands go by what an earlier plan within the budget decided; the others are drafted.
+    pub draft: Option<Draft<'a>>,
     /// Parts that are displayed: those that no output hears are computed too, without changing any sample of what is
     /// heard.
     pub seen: &'a [String],
@@ -178,6 +189,7 @@ impl Default for Known<'_> {
             like: None,
             store: None,
             share: 1.0,
+            draft: None,
             seen: &[],
             seen_every: 1,
         }

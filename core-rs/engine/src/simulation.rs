@@ -107,7 +107,7 @@ impl Simulation {
                 OnFault::Mute
             };
             let options = Options { on_fault, ..options };
-            groups.push(Group::new(&plan, range, n_outputs * block_frames, options)?);
+            groups.push(Group::new(&plan, range, block_frames, options)?);
         }
         let threads = options.threads.max(1);
         group::assign_teams(&mut groups, &plan, threads);
@@ -221,7 +221,7 @@ impl Simulation {
         let plan = &*self.plan;
         let n_outputs = plan.network.outputs().len();
         let frame_span = (self.frame, n_frames);
-        let run_group = |group: &mut Group| flushed(|| group.run(plan, n_outputs, frame_span));
+        let run_group = |group: &mut Group| flushed(|| group.run(plan, frame_span));
         let faults: Vec<Fault> = if self.threads == 1 {
             self.groups.iter_mut().filter_map(run_group).collect()
         } else {
@@ -236,11 +236,8 @@ impl Simulation {
             frame.copy_from_slice(&plan.still);
         }
         let groups = self.groups.iter();
-        for group in groups.filter(|group| group.first < plan.n_heard) {
-            for (out, sound) in out.iter_mut().zip(&group.sum) {
-                *out += sound;
-            }
-        }
+        let heard_groups = groups.filter(|group| group.first < plan.n_heard);
+        heard_groups.for_each(|group| group.add_to(out, n_outputs));
         self.frame = match &fault {
             Some(fault) => fault.frame,
             None => self.frame + n_frames as u64,

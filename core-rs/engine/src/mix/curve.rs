@@ -2,7 +2,10 @@
 
 use std::ops::Range;
 
-use crate::maths::{atan2, pow, sincos, sqrt};
+use crate::maths::{atan2, exp, lanes, log, sincos, sqrt};
+
+/// Exponents that are raised together.
+const EXPONENTS: usize = 64;
 
 /// The way into a point of a [`Curve`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,6 +27,25 @@ pub struct Point {
     pub segment: Segment,
 }
 
+/// The share of the way from one point to another at a frame between them (0 to 1).
+fn share_of_way(from: &Point, to: &Point, frame: i64) -> f64 {
+    let u = (frame - from.frame) as f64 / (to.frame - from.frame) as f64;
+    match to.segment {
+        Segment::Line => u,
+        Segment::Smooth => u * u * (3.0 - 2.0 * u),
+    }
+}
+
+/// The two points between which all of these frames lie.
+fn segment_of<'a>(points: &'a [Point], frames: &Range<u64>) -> Option<(&'a Point, &'a Point)> {
+    let start_frame = i64::try_from(frames.start).ok()?;
+    let stop_frame = i64::try_from(frames.end).ok()?;
+    let next_index = points.partition_point(|point| point.frame <= start_frame);
+    let from = points.get(next_index.checked_sub(1)?)?;
+    let to = points.get(next_index).filter(|to| stop_frame <= to.frame)?;
+    Some((from, to))
+}
+
 /// The value at a frame on the way through points, whose frames rise: that of the only neighbour before the first
 /// point and after the last one, else what `between` makes of two and the share of the way. `None` without points.
 fn along(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -> Option<f64> {
@@ -32,11 +54,7 @@ fn along(points: &[Point], frame: u64, between: impl Fn(f64, f64, f64) -> f64) -
     let point_before = next_index.checked_sub(1).and_then(|index| points.get(index));
     match (point_before, points.get(next_index)) {
         (Some(from), Some(to)) => {
-            let u = (frame - from.frame) as f64 / (to.frame - from.frame) as f64;
-            let u = match to.segment {
-                Segment::Line => u,
-                Segment::Smooth => u * u * (3.0 - 2.0 * u),
-            };
+            let u = share_of_way(from, to, frame);
             Some(if u == 0.0 {
                 from.value
             } else {
@@ -148,7 +166,7 @@ impl Curve {
     pub fn value(&self, frame: u64) -> f64 {
         let curve_level = along(&self.levels, frame, |from, to, u| {
             if from > 0.0 && to > 0.0 {
-                from * pow(to / from, u)
+                from * exp(u * log(to / from))
             } else {
                 from + (to - from) * u
             }
@@ -163,10 +181,33 @@ impl Curve {
         let mut points = std::iter::once(&self.levels).chain(self.pan.as_ref().map(|pan| &pan.angles));
         if points.all(|points| is_even(points, &frame_range)) {
             gains.fill(self.value(first));
-        } else {
+        } else if !self.fill_segment(&frame_range, gains) {
             let gain_frames = gains.iter_mut().zip(frame_range);
             gain_frames.for_each(|(gain, frame)| *gain = self.value(frame));
         }
+    }
+
+    /// The same for frames between two points whose gains are not 0, several at once. Returns false for others.
+    fn fill_segment(&self, frames: &Range<u64>, gains: &mut [f64]) -> bool {
+        let Some((from, to)) = segment_of(&self.levels, frames) else {
+            return false;
+        };
+        if from.value <= 0.0 || to.value <= 0.0 || self.pan.is_some() {
+            return false;
+        }
+        let log_ratio = log(to.value / from.value);
+        let mut exponents = [0.0; EXPONENTS];
+        let mut frame = frames.start as i64;
+        for gains in gains.chunks_mut(EXPONENTS) {
+            let exponents = &mut exponents[..gains.len()];
+            for exponent in exponents.iter_mut() {
+                *exponent = share_of_way(from, to, frame) * log_ratio;
+                frame += 1;
+            }
+            lanes::exp(exponents, gains);
+            gains.iter_mut().for_each(|gain| *gain *= from.value);
+        }
+        true
     }
 }
 

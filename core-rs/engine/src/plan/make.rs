@@ -22,7 +22,7 @@ use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::passes::ported::{self, PortedBody};
 use crate::plan::passes::seen;
 use crate::plan::passes::slow::RefusedSlow;
-use crate::plan::passes::solved_modes::Memo;
+use crate::plan::passes::solved_modes::{Memo, ModeStore};
 use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::report::row::{self, Computed, Measured, Reason, Row};
 use crate::plan::trial::allowance::Allowance;
@@ -31,10 +31,12 @@ use crate::plan::trial::macrostep::Growth;
 use crate::plan::trial::multirate;
 use crate::plan::trial::pilot_result::{self, ChosenIsland};
 use crate::plan::trial::record::TrialStore;
+use crate::plan::trial::stored_modes::StoredModes;
 use crate::plan::{Known, Plan, Unit};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
+mod drafts;
 mod offers;
 mod pilots;
 mod unheard;
@@ -48,6 +50,8 @@ struct Maker<'a> {
     allowance: Allowance,
     /// Results of trials of earlier plans.
     store: Option<&'a dyn TrialStore>,
+    /// The budget of islands that no earlier plan has planned, if they are drafted.
+    drafts_by: Option<&'a Budget>,
     /// Parts that are displayed, and the units that are computed only for that.
     seen: &'a [String],
     seen_units: Vec<Unit>,
@@ -76,14 +80,12 @@ pub(super) fn make(
     known: Known<'_>,
 ) -> Result<Plan, Error> {
     let all_islands = islands(&network, timeline);
+    let mode_store = known.store.map(StoredModes);
     let mut maker = Maker {
         pins: Pins::new(pins),
-        allowance: Allowance::new(n_computed(&all_islands), known.share),
-        memo: Memo::new(known.like.map_or(&[], |like| &like.solved)),
-        store: known.store,
-        seen: known.seen,
-        seen_every: known.seen_every,
-        ..Maker::new(&network, timeline, budget)
+        memo: Memo::new(known.like.map_or(&[], |like| &like.solved))
+            .with_store(mode_store.as_ref().map(|store| store as &dyn ModeStore)),
+        ..Maker::new(&network, timeline, budget).with_known(known, n_computed(&all_islands))
     };
     let mut refusals = Vec::new();
     let mut unheard = Vec::new();
@@ -127,7 +129,7 @@ pub(super) fn make(
     }
     for (index, (subset, island_timeline)) in split(subsets, timeline).into_iter().enumerate() {
         let unit_result = if index < n_islands {
-            maker.island(subset, island_timeline)
+            maker.stored_island(subset, island_timeline)
         } else {
             maker.cells(&subset, &island_timeline)
         };
@@ -171,10 +173,23 @@ impl<'a> Maker<'a> {
             allowance: Allowance::new(0, 0.0),
             memo: Memo::new(&[]),
             store: None,
+            drafts_by: None,
             seen: &[],
             seen_units: Vec::new(),
             every: 1,
             seen_every: 1,
+        }
+    }
+
+    /// The same with what is known, and with its share of the allowance of a plan of `n_modules`.
+    fn with_known(self, known: Known<'a>, n_modules: usize) -> Self {
+        Self {
+            allowance: Allowance::new(n_modules, known.draft.map_or(known.share, |draft| draft.share)),
+            drafts_by: known.draft.map(|draft| draft.budget),
+            store: known.store,
+            seen: known.seen,
+            seen_every: known.seen_every,
+            ..self
         }
     }
 

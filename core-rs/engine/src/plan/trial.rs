@@ -16,4 +16,5 @@ pub(in crate::plan) mod runs;
 pub(in crate::plan) mod search;
 pub(in crate::plan) mod seen_rate;
 pub(in crate::plan) mod silence;
+pub(in crate::plan) mod stored_modes;
 pub(in crate::plan) mod waveform_error;

@@ -1,6 +1,7 @@
 //! Groups of units of a plan: the sounds of a group are summed together. Also decides which threads compute which
 //! group.
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Mutex;
 
@@ -31,6 +32,8 @@ pub(super) struct Group {
     pub(super) sources: Vec<SoundSource>,
     /// Number of threads that compute its large meshes together.
     pub(super) team: usize,
+    /// The outputs that hear any of its units, rising: others cost nothing   (n_out)
+    pub(super) outputs: Vec<u32>,
     /// Sum of the sounds of all units   (UNIT_BLOCK or THREADED_BLOCK · n_out)
     pub(super) sum: Vec<f64>,
     /// Sound of one island   (UNIT_BLOCK · its n_out)
@@ -79,14 +82,16 @@ pub(super) enum RunningUnit {
 }
 
 impl Group {
-    /// The units `range` of a plan, at frame 0; `length`: number of samples of the buffer for their sum.
-    pub(super) fn new(plan: &Plan, range: Range<usize>, length: usize, options: Options) -> Result<Self, Error> {
+    /// The units `range` of a plan, at frame 0; `block_frames`: frames of the buffer for their sum.
+    pub(super) fn new(plan: &Plan, range: Range<usize>, block_frames: usize, options: Options) -> Result<Self, Error> {
+        let outputs: BTreeSet<u32> = plan.units[range.clone()].iter().flat_map(heard_outputs).collect();
         let mut new_group = Self {
             first: range.start,
             team: 1,
             units: Vec::with_capacity(range.len()),
             sources: vec![SoundSource::Computed; range.len()],
-            sum: vec![0.0; length],
+            sum: vec![0.0; outputs.len() * block_frames],
+            outputs: Vec::from_iter(outputs),
             sound: Vec::new(),
         };
         for unit in &plan.units[range] {
@@ -131,7 +136,9 @@ impl Group {
 
     /// Advances every unit by `n_frames` frames, after `done` frames of the simulation, and leaves the sum of their
     /// sounds in `sum`.
-    pub(super) fn run(&mut self, plan: &Plan, n_out: usize, (done, n_frames): (u64, usize)) -> Option<Fault> {
+    pub(super) fn run(&mut self, plan: &Plan, (done, n_frames): (u64, usize)) -> Option<Fault> {
+        let outputs = &self.outputs[..];
+        let n_out = outputs.len();
         let group_sum = &mut self.sum[..n_out * n_frames];
         group_sum.fill(0.0);
         let mut first_fault: Option<Fault> = None;
@@ -147,7 +154,7 @@ impl Group {
                         (unit, source),
                         &mut self.sound,
                         unit_output,
-                        (n_out, done + first_frame as u64, n_frames),
+                        (outputs, done + first_frame as u64, n_frames),
                         team,
                     )
                 })
@@ -156,6 +163,20 @@ impl Group {
             first_fault = new_fault.filter(is_first).or(first_fault);
         }
         first_fault
+    }
+
+    /// Adds the sum that `run` has left to all outputs of the scene (n_frames · n_out).
+    pub(super) fn add_to(&self, out: &mut [f64], n_out: usize) {
+        if self.outputs.len() == n_out {
+            out.iter_mut().zip(&self.sum).for_each(|(out, sound)| *out += sound);
+        } else if !self.outputs.is_empty() {
+            let frames = out.chunks_exact_mut(n_out);
+            for (frame, sounds) in frames.zip(self.sum.chunks_exact(self.outputs.len())) {
+                for (&output, sound) in self.outputs.iter().zip(sounds) {
+                    frame[output as usize] += sound;
+                }
+            }
+        }
     }
 }
 
@@ -167,11 +188,13 @@ impl RunningUnit {
         (unit, source): (&Unit, &mut SoundSource),
         sound: &mut [f64],
         out: &mut [f64],
-        (n_out, done, n_frames): (usize, u64, usize),
+        (outputs, done, n_frames): (&[u32], u64, usize),
         team: &mut ThreadTeam<'_>,
     ) -> Option<Fault> {
         match (self, unit) {
-            (Self::Bank(bank), _) => bank.process(out, n_out, n_frames),
+            (Self::Bank(bank), _) => {
+                bank.process(out, (outputs.len(), n_frames), |output| column(outputs, output));
+            }
             (Self::Island(_), _) if matches!(source, SoundSource::Skipped) => {}
             (Self::Island(island), Unit::IslandPlan(island_plan)) => {
                 let n_island_out = island.n_out();
@@ -184,7 +207,7 @@ impl RunningUnit {
                     source.keep(sound);
                 }
                 if !island.is_slow() {
-                    add(sound, n_island_out, island_plan, out, n_out);
+                    add(sound, n_island_out, island_plan, out, outputs);
                 }
             }
             (Self::Island(_), Unit::Bank(_)) => {}
@@ -262,14 +285,39 @@ pub(super) fn run_on_threads(
     faults.into_inner().unwrap_or_default()
 }
 
+/// The outputs that hear a unit.
+fn heard_outputs(unit: &Unit) -> Vec<u32> {
+    match unit {
+        Unit::Bank(bank) => {
+            let weights = bank.oscillators.iter().flat_map(|oscillator| &oscillator.outputs);
+            let outputs: BTreeSet<u32> = weights.map(|&(output, _)| output).collect();
+            Vec::from_iter(outputs)
+        }
+        Unit::IslandPlan(island_plan) => {
+            let local_outputs = 0..island_plan.network.outputs().len();
+            let to_whole = &island_plan.to_whole.outputs;
+            local_outputs
+                .map(|local| to_network_index(to_whole, local) as u32)
+                .collect()
+        }
+    }
+}
+
+/// The place of an output among those that hear a group.
+fn column(outputs: &[u32], output: u32) -> usize {
+    outputs.partition_point(|&other| other < output)
+}
+
 /// Add an island's sound (n_frames · own) to the outputs that hear it (n_frames · n_out).
-fn add(sound: &[f64], n_island_out: usize, island_plan: &IslandPlan, out: &mut [f64], n_out: usize) {
-    if n_out == 0 || n_island_out == 0 {
+fn add(sound: &[f64], n_island_out: usize, island_plan: &IslandPlan, out: &mut [f64], outputs: &[u32]) {
+    if outputs.is_empty() || n_island_out == 0 {
         return;
     }
-    for (frame, samples) in out.chunks_exact_mut(n_out).zip(sound.chunks_exact(n_island_out)) {
-        for (local, samples) in samples.iter().enumerate() {
-            frame[to_network_index(&island_plan.to_whole.outputs, local)] += samples;
+    for local in 0..n_island_out {
+        let column = column(outputs, to_network_index(&island_plan.to_whole.outputs, local) as u32);
+        let frames = out.chunks_exact_mut(outputs.len());
+        for (frame, samples) in frames.zip(sound.chunks_exact(n_island_out)) {
+            frame[column] += samples[local];
         }
     }
 }

@@ -27,7 +27,10 @@ pub(super) fn plan(
     unheard: Vec<IslandMembers>,
 ) -> Result<Plan, Error> {
     let module_count = network.n_mat() + network.n_lia();
-    let allowance = Allowance::new(module_count, known.share);
+    let (budget, share) = known
+        .draft
+        .map_or((budget, known.share), |draft| (draft.budget, draft.share));
+    let allowance = Allowance::new(module_count, share);
     let mut maker = Maker {
         every: known.seen_every,
         ..Maker::new(network, timeline, budget)
@@ -82,11 +85,7 @@ impl Maker<'_> {
             if is_planned && self.set_every(counts_before, every_frames) {
                 return Ok(());
             }
-            let [unit_count, row_count, choice_count, stay_count] = counts_before;
-            self.plan.units.truncate(unit_count);
-            self.plan.rows.truncate(row_count);
-            self.plan.choices.truncate(choice_count);
-            self.plan.stay.truncate(stay_count);
+            self.truncate(counts_before);
             every_frames /= 2;
         }
         let [_, first_row, ..] = self.counts();
@@ -104,7 +103,7 @@ impl Maker<'_> {
     }
 
     /// The numbers of units, rows, choices and staying parts planned so far.
-    fn counts(&self) -> [usize; 4] {
+    pub(super) fn counts(&self) -> [usize; 4] {
         let current_plan = &self.plan;
         [
             current_plan.units.len(),
@@ -112,6 +111,14 @@ impl Maker<'_> {
             current_plan.choices.len(),
             current_plan.stay.len(),
         ]
+    }
+
+    /// Takes back what was planned beyond these numbers.
+    pub(super) fn truncate(&mut self, [unit_count, row_count, choice_count, stay_count]: [usize; 4]) {
+        self.plan.units.truncate(unit_count);
+        self.plan.rows.truncate(row_count);
+        self.plan.choices.truncate(choice_count);
+        self.plan.stay.truncate(stay_count);
     }
 
     /// Sets what was just planned to be computed once in `every` frames. Returns false if it would then still take as

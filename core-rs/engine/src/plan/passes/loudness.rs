@@ -56,7 +56,7 @@ impl Loudness {
                 let n_frames = BLOCK.min(span_frames - start);
                 let sound_block = &mut sound_block[..n_frames * n_outputs];
                 sound_block.fill(0.0);
-                running_bank.process(sound_block, n_outputs, n_frames);
+                running_bank.process(sound_block, (n_outputs, n_frames), |output| output as usize);
                 derivatives.process(sound_block, n_outputs);
                 for frame in sound_block.chunks_exact(n_outputs.max(1)) {
                     for (output_sum, x) in output_sums.iter_mut().zip(frame) {

@@ -27,12 +27,23 @@ struct SolvedComplex {
     modes: Result<Arc<ComplexModes>, NoModes>,
 }
 
+/// Where complex modes are kept from one plan to the next, of a network that some outputs hear and that is struck at
+/// some MATs.
+pub(in crate::plan) trait ModeStore {
+    /// The modes that were kept.
+    fn get(&self, network: &Network, outputs: &[Sum], struck: &[usize]) -> Option<ComplexModes>;
+
+    /// Keep modes.
+    fn put(&self, network: &Network, outputs: &[Sum], struck: &[usize], modes: &ComplexModes);
+}
+
 /// Bodies known from an earlier plan, and those that the present plan has solved.
-#[derive(Default)]
 pub(in crate::plan) struct Memo<'a> {
     known: &'a [Arc<SolvedBody>],
     solved: RefCell<Vec<Arc<SolvedBody>>>,
     complex: RefCell<Vec<SolvedComplex>>,
+    /// Where complex modes are kept from one plan to the next.
+    store: Option<&'a dyn ModeStore>,
     /// Bodies whose solution has been counted for this island. A solution known from elsewhere counts too, so that the
     /// work of an island does not depend on others.
     counted: RefCell<Vec<Network>>,
@@ -46,9 +57,15 @@ impl<'a> Memo<'a> {
             known,
             solved: RefCell::default(),
             complex: RefCell::default(),
+            store: None,
             counted: RefCell::default(),
             work: Cell::default(),
         }
+    }
+
+    /// The same, with complex modes from a store.
+    pub(in crate::plan) fn with_store(self, store: Option<&'a dyn ModeStore>) -> Self {
+        Self { store, ..self }
     }
 
     /// The solved bodies, for the next plan.
@@ -132,7 +149,19 @@ impl<'a> Memo<'a> {
         let complex_modes = match solved_cache.iter().find(is_same_problem) {
             Some(solved) => solved.modes.clone()?,
             None => {
-                let complex_modes = ComplexModes::new(network, outputs, struck, rate).map(Arc::new);
+                let solve = || ComplexModes::new(network, outputs, struck, rate);
+                let stored_modes = self.store.and_then(|store| store.get(network, outputs, struck));
+                let complex_modes = stored_modes.map_or_else(
+                    || {
+                        let solved_modes = solve()?;
+                        if let Some(store) = self.store {
+                            store.put(network, outputs, struck, &solved_modes);
+                        }
+                        Ok(solved_modes)
+                    },
+                    Ok,
+                );
+                let complex_modes = complex_modes.map(Arc::new);
                 solved_cache.push(SolvedComplex {
                     network: network.clone(),
                     outputs: outputs.to_vec(),

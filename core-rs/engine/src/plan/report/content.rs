@@ -37,6 +37,12 @@ impl Write for Sink {
     }
 }
 
+/// A hash of a network under any names, and of what else counts (64 hex digits).
+pub(in crate::plan) fn network_key(network: &Network, also: Arguments<'_>) -> String {
+    let network = network.anonymous(&PartOrder::new([network]));
+    hex_of(format_args!("{network:?}\n{also}"))
+}
+
 /// A hash of formatted text (64 hex digits).
 pub(crate) fn hex_of(formatted_text: Arguments<'_>) -> String {
     hex(&digest(formatted_text))

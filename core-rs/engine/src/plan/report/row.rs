@@ -121,6 +121,8 @@ pub struct Row {
     pub is_reference: bool,
     /// The allowance of trials was spent before all of them were played.
     pub is_cut_short: bool,
+    /// It is planned for a low cost, because no earlier plan has run its trials.
+    pub is_drafted: bool,
     /// Its motion diverged in its trial.
     pub diverges: bool,
     /// When it is played harder than while `error` was measured [s].
@@ -161,6 +163,7 @@ impl Row {
             is_offered: false,
             is_reference: false,
             is_cut_short: false,
+            is_drafted: false,
             diverges: false,
             harder_at: None,
             unchecked_from: None,

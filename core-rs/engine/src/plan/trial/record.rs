@@ -23,6 +23,9 @@ pub struct TrialRecord {
     pub reason: Option<String>,
 }
 
+/// The reason of a record that holds no result of a trial.
+const NO_TRIAL: &str = "no trial";
+
 /// Where records are kept. A record may be damaged or belong to something else: the caller has to check it.
 pub trait TrialStore {
     /// The record that was kept under a key (64 hex digits).
@@ -33,6 +36,20 @@ pub trait TrialStore {
 }
 
 impl TrialRecord {
+    /// A record of what a plan computed without a trial.
+    pub(in crate::plan) fn without_trial(numbers: Vec<Option<f64>>, counts: Vec<Vec<u32>>) -> Self {
+        Self {
+            numbers,
+            counts,
+            reason: Some(NO_TRIAL.to_owned()),
+        }
+    }
+
+    /// Whether it holds what a plan computed without a trial.
+    pub(in crate::plan) fn is_without_trial(&self) -> bool {
+        self.reason.as_deref() == Some(NO_TRIAL)
+    }
+
     /// The record with `taken` at its head.
     fn with_header(mut self, taken: &Taken) -> Self {
         let header_numbers = [
