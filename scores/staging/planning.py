@@ -270,11 +270,10 @@ def draft_error(plan: _core.Plan) -> str:
     if left_out:
         known_error = f"modes that are left out are {max(left_out):.0f} dB below the sound"
     unknown = f"; the error of {_names(tried)} is not measured" if tried else ""
-    of = f" of {_names(rows)}" if is_mixed else ""
+    parts = f" of {_names(rows)}" if is_mixed else ""
     others = "; all else is planned as an earlier render" if is_mixed else ""
-    return (
-        f"draft{of}, by the cheapest stable methods and few trials: {known_error}{unknown}{others}"
-    )
+    methods = "by the cheapest stable methods and few trials"
+    return f"draft{parts}, {methods}: {known_error}{unknown}{others}"
 
 
 def _names(rows: Sequence[_core.PlanRow]) -> str:
@@ -337,14 +336,13 @@ def _is_met(row: _core.PlanRow, accuracy: Accuracy) -> bool:
 
 
 def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list[str]:
-    """A sentence for parts whose error is above `error`, unknown, or known for some time only.
+    """A sentence for parts whose error is above `error`, or unknown.
 
     One sentence for each island. If hands or a session play, no error is known beforehand.
     """
     if error is None:
         return []
     islands: dict[tuple[float, float, float | None], list[str]] = {}
-    unchecked: list[tuple[float, float, Sequence[str]]] = []
     unknown: list[str] = []
     for row in plan.rows():
         db, seconds = row.error_db, row.error_s
@@ -356,8 +354,6 @@ def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) 
             continue
         if db > error or row.spectral_db is not None:
             islands.setdefault((db, seconds, row.spectral_db), []).extend(row.parts)
-        elif row.unchecked_from is not None and not row.preserved:
-            unchecked.append((db, row.unchecked_from, row.parts))
     sentences = [
         f"{' + '.join(dict.fromkeys(parts))}: the error is {db:.0f} dB over the first "
         f"{seconds:.2g} s"
@@ -369,14 +365,6 @@ def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) 
         )
         for (db, seconds, spectral), parts in islands.items()
     ]
-    if unchecked:
-        names = " + ".join(dict.fromkeys(name for *_, parts in unchecked for name in parts))
-        worst = max(db for db, *_ in unchecked)
-        shortest = min(seconds for _, seconds, _ in unchecked)
-        sentences.append(
-            f"{names}: the error is at most {worst:.0f} dB over the first {shortest:.2g} s; what "
-            "is played after that was not compared, and the error may grow"
-        )
     if unknown:
         names = " + ".join(dict.fromkeys(unknown))
         sentences.append(

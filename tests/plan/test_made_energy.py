@@ -156,19 +156,5 @@ def test_plan_warns_of_unmeasured_error() -> None:
     assert planning._missed_errors(plan, -60.0, is_foreseen=False) == []  # type: ignore[arg-type]
 
 
-def test_plan_warns_of_error_compared_over_a_part_of_the_piece() -> None:
-    known = {"what": "stepped", "error_db": -62.0, "spectral_db": None, "cut_short": False}
-    known |= {"diverges": False, "preserved": False}
-    rows = [
-        SimpleNamespace(parts=["k0", "str"], error_s=0.6, unchecked_from=0.6, **known),
-        SimpleNamespace(parts=["k1", "str"], error_s=1.5, unchecked_from=1.5, **known),
-        SimpleNamespace(parts=["k2", "str"], error_s=9.0, unchecked_from=None, **known),
-    ]
-    plan = SimpleNamespace(rows=lambda: rows)
-    (text,) = planning._missed_errors(plan, -60.0, is_foreseen=True)  # type: ignore[arg-type]
-    assert text.startswith("k0 + str + k1: the error is at most -62 dB over the first 0.6 s; ")
-    assert "played after that was not compared" in text
-
-
 def _frames(simulation: _core.Simulation) -> NDArray[np.float64]:
     return np.zeros((8_000, simulation.n_out))

@@ -236,8 +236,8 @@ impl Simulation {
             frame.copy_from_slice(&plan.still);
         }
         let groups = self.groups.iter();
-        let heard_groups = groups.filter(|group| group.first < plan.n_heard);
-        heard_groups.for_each(|group| group.add_to(out, n_outputs));
+        let sounding_groups = groups.filter(|group| group.first < plan.n_heard);
+        sounding_groups.for_each(|group| group.add_to(out, n_outputs));
         self.frame = match &fault {
             Some(fault) => fault.frame,
             None => self.frame + n_frames as u64,

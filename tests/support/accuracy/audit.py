@@ -281,27 +281,11 @@ def _plan(
         doubt=error_db(exact.rough, exact.sound, piece.rate, pilot),
         pilot=pilot,
         cost=planning.cost(static.plan) + counted * piece.rate,
-        warned=bool(built.notes) and not _is_within_as_compared(rows, budget),
+        warned=bool(built.notes),
         chaotic=is_chaotic,
         spectrum=_unlike(sound, exact, piece.rate) if is_chaotic else 0.0,
         audible=_audible(sound, listened, piece.rate, pilot) if budget is BY_EAR else inf,
         how=", ".join(f"{row.what} ×{row.oversampling}" for row in rows if row.cost),
-    )
-
-
-def _is_within_as_compared(rows: Sequence[_core.PlanRow], budget: float | None) -> bool:
-    """Whether all that is stated is within the budget: then a warning is of the time alone over
-    which errors were compared, and does not say that the plan cannot.
-    """
-    if budget is None:
-        return False
-    trials = [row for row in rows if row.cost and planning.needs_trial(row)]
-    return all(
-        row.error_db is not None
-        and row.error_db <= budget
-        and row.spectral_db is None
-        and not (row.cut_short or row.diverges)
-        for row in trials
     )
 
 

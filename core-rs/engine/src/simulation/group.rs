@@ -84,7 +84,7 @@ pub(super) enum RunningUnit {
 impl Group {
     /// The units `range` of a plan, at frame 0; `block_frames`: frames of the buffer for their sum.
     pub(super) fn new(plan: &Plan, range: Range<usize>, block_frames: usize, options: Options) -> Result<Self, Error> {
-        let outputs: BTreeSet<u32> = plan.units[range.clone()].iter().flat_map(heard_outputs).collect();
+        let outputs: BTreeSet<u32> = plan.units[range.clone()].iter().flat_map(outputs_of).collect();
         let mut new_group = Self {
             first: range.start,
             team: 1,
@@ -286,7 +286,7 @@ pub(super) fn run_on_threads(
 }
 
 /// The outputs that hear a unit.
-fn heard_outputs(unit: &Unit) -> Vec<u32> {
+fn outputs_of(unit: &Unit) -> Vec<u32> {
     match unit {
         Unit::Bank(bank) => {
             let weights = bank.oscillators.iter().flat_map(|oscillator| &oscillator.outputs);
