@@ -93,7 +93,7 @@ def test_hear_before_and_during_play(session, line, struck):
 def test_stroke_line_with_other_words(session):
     for line, words in {
         "drum": "drum f for one stroke",
-        "drum every 1": "drum f for one stroke",
+        "drum every 1": "write d1 strikes drum every 1",
         "bar": "or bar C4 f",
         "drum p f": "a stroke has one level",
         "drum 4": "a strength is a number from 0 to 1",

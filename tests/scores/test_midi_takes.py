@@ -356,8 +356,10 @@ def test_running_status_over_meta_events(tmp_path):
     path.write_bytes(track(b"\x00\x90\x40\x40" + text + b"\x60\x40\x00\x00\x41\x41"))
     notes = [(n.number, n.velocity, n.lasting) for n in read_notes(path).notes]
     assert notes == [(64, 64, 0.2), (65, 65, None)]
-    path = tmp_path / "ends.mid"
     path.write_bytes(track(b"\x00\x90\x40\x40\x00\xf0\x01\xf7\x60\x41\x41"))
+    assert [n.number for n in read_notes(path).notes] == [64, 65]
+    path = tmp_path / "begins.mid"
+    path.write_bytes(track(b"\x00\x41\x41"))
     with pytest.raises(TakeError, match="data without a status"):
         read_notes(path)
 
