@@ -61,6 +61,12 @@ pub(crate) struct IslandPlan {
 }
 
 impl IslandPlan {
+    /// The outputs of the scene that hear it, in its order.
+    pub(crate) fn scene_outputs(&self) -> impl Iterator<Item = usize> {
+        let local_outputs = 0..self.network.outputs().len();
+        local_outputs.map(|local| to_network_index(&self.to_whole.outputs, local))
+    }
+
     /// Its steps, with these contact substeps.
     pub(crate) fn step_numbers(&self, contact_substeps: usize) -> StepNumbers {
         StepNumbers {

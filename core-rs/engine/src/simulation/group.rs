@@ -10,7 +10,7 @@ use crate::interrupt;
 use crate::island::{Fault, Island, Options};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
-use crate::plan::{IslandPlan, Plan, Unit, to_network_index};
+use crate::plan::{IslandPlan, Plan, Unit};
 use crate::units::Rate;
 
 /// Frames that a unit advances before its output is added to the sum: few enough for its state to stay in the cache.
@@ -293,13 +293,7 @@ fn outputs_of(unit: &Unit) -> Vec<u32> {
             let outputs: BTreeSet<u32> = weights.map(|&(output, _)| output).collect();
             Vec::from_iter(outputs)
         }
-        Unit::IslandPlan(island_plan) => {
-            let local_outputs = 0..island_plan.network.outputs().len();
-            let to_whole = &island_plan.to_whole.outputs;
-            local_outputs
-                .map(|local| to_network_index(to_whole, local) as u32)
-                .collect()
-        }
+        Unit::IslandPlan(island_plan) => island_plan.scene_outputs().map(|output| output as u32).collect(),
     }
 }
 
@@ -313,8 +307,8 @@ fn add(sound: &[f64], n_island_out: usize, island_plan: &IslandPlan, out: &mut [
     if outputs.is_empty() || n_island_out == 0 {
         return;
     }
-    for local in 0..n_island_out {
-        let column = column(outputs, to_network_index(&island_plan.to_whole.outputs, local) as u32);
+    for (local, output) in island_plan.scene_outputs().enumerate() {
+        let column = column(outputs, output as u32);
         let frames = out.chunks_exact_mut(outputs.len());
         for (frame, samples) in frames.zip(sound.chunks_exact(n_island_out)) {
             frame[column] += samples[local];

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use crate::plan::{BankContent, Content, Plan, Unit, to_network_index};
+use crate::plan::{BankContent, Content, Plan, Unit};
 use crate::simulation::Simulation;
 use crate::simulation::group::{GROUPS_MAX, RunningUnit};
 
@@ -102,11 +102,7 @@ impl Simulation {
     /// Outputs of the scene that hear a unit, in its order.
     fn outputs_of(&self, unit: usize) -> Vec<usize> {
         match (&self.plan.units[unit], self.content(unit)) {
-            (Unit::IslandPlan(island_plan), _) => {
-                let n_outputs = island_plan.network.outputs().len();
-                let outputs = &island_plan.to_whole.outputs;
-                (0..n_outputs).map(|local| to_network_index(outputs, local)).collect()
-            }
+            (Unit::IslandPlan(island_plan), _) => island_plan.scene_outputs().collect(),
             (Unit::Bank(_), UnitContent::Bank(content)) => {
                 content.outputs.iter().map(|&output| output as usize).collect()
             }
