@@ -91,7 +91,7 @@ def read(path: Path) -> Motion:
     """The motion in a BVH file: its joints, and the ends of its limbs. Raises TakeError,
     OSError.
     """
-    with _open(path) as file:
+    with opened_text(path) as file:
         words = _Words(file, path)
         joints, n_channels = _hierarchy(words)
         n, rate = _motion(words)
@@ -100,7 +100,7 @@ def read(path: Path) -> Motion:
 
     def blocks() -> Iterator[Floats]:
         rows_max = max(1, BLOCK // max(n_channels, 3 * len(joints)))
-        with _open(path) as file:
+        with opened_text(path) as file:
             words = _Words(file, path)
             _hierarchy(words)
             _motion(words)
@@ -125,10 +125,6 @@ def read(path: Path) -> Motion:
     names = unique_names([joint.name for joint in joints])
     passed_over = ("rotations, but for where they put the joints",)
     return judged(Motion(names, n, rate, None, blocks, note, passed_over), path)
-
-
-def _open(path: Path) -> TextIOWrapper:
-    return opened_text(path)
 
 
 def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from io import TextIOWrapper
 from pathlib import Path
 
 from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unique_names
@@ -84,7 +83,7 @@ def read(path: Path) -> Motion:
 
 
 def _frames(rows: _Rows) -> Iterator[tuple[str, int]]:
-    with _text(rows.path) as file:
+    with opened_text(rows.path) as file:
         for number, line in lines(file, rows.path):
             if number >= rows.first:
                 yield line, number
@@ -92,7 +91,7 @@ def _frames(rows: _Rows) -> Iterator[tuple[str, int]]:
 
 def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
     header_rows: list[list[str]] = []
-    with _text(path) as file:
+    with opened_text(path) as file:
         for number, line in lines(file, path):
             cells = [cell.strip() for cell in _cells(line, path, number)]
             if header_rows and cells[0] == "Frame":
@@ -129,10 +128,6 @@ def _cells(line: str, path: Path, number: int) -> list[str]:
         return next(csv.reader([line], strict=True))
     except csv.Error:
         raise TakeError("a quotation in this line is not closed", path, number) from None
-
-
-def _text(path: Path) -> TextIOWrapper:
-    return opened_text(path)
 
 
 def _count(count_text: str, path: Path) -> int:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from io import TextIOWrapper
 from pathlib import Path
 
 import numpy as np
@@ -64,7 +63,7 @@ def read(path: Path) -> Motion:
     n = _count(header.get("NO_OF_FRAMES", []), path)
 
     def blocks() -> Iterator[Floats]:
-        with _text(path) as file:
+        with opened_text(path) as file:
             numbered_lines = lines(file, path)
             values = (
                 layout.values(line, line_number)
@@ -90,7 +89,7 @@ def read(path: Path) -> Motion:
 
 def _header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
     header: dict[str, list[str]] = {}
-    with _text(path) as file:
+    with opened_text(path) as file:
         first_row = 0, ""
         for numbered_line in lines(file, path):
             word, *values = numbered_line[1].split("\t")
@@ -116,10 +115,6 @@ def _header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
     is_tabbed = not header[kind][-1].strip()
     leading = min(max(len(cells) - columns * len(names) - is_tabbed, 0), _LEADING_MAX)
     return header, _RowLayout(path, names, number + has_titles, leading, columns)
-
-
-def _text(path: Path) -> TextIOWrapper:
-    return opened_text(path)
 
 
 def _count(values: list[str], path: Path) -> int:

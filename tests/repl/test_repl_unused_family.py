@@ -5,13 +5,13 @@ from contextlib import closing
 import pytest
 from sessions import Stepped
 
+SCORE = "ergon: 1\ninstruments:\n  bell: {modules: {m: {CEL: {M: 2g, f: A3, t60: 50ms}}}}\n"
 UNUSED = "'piano' is an instrument of strings, which is not in use: type `use strings`"
 
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
-    text = "ergon: 1\ninstruments:\n  bell: {modules: {m: {CEL: {M: 2g, f: A3, t60: 50ms}}}}\n"
-    with closing(Stepped(text, tmp_path_factory.mktemp("session"))) as session:
+    with closing(Stepped(SCORE, tmp_path_factory.mktemp("session"))) as session:
         yield session
 
 
@@ -47,8 +47,7 @@ def test_use_of_instrument_names_its_family(session, word):
 
 @pytest.mark.parametrize("line", ["piano strikes bell.m every 1 impulse 1mNs", "piano = bell"])
 def test_new_name_of_unused_instrument_is_taken(tmp_path, line):
-    text = "ergon: 1\ninstruments:\n  bell: {modules: {m: {CEL: {M: 2g, f: A3, t60: 50ms}}}}\n"
-    with closing(Stepped(text, tmp_path)) as session:
+    with closing(Stepped(SCORE, tmp_path)) as session:
         session.ok(line)
 
 
