@@ -64,12 +64,12 @@ def admittance(
         if error.option not in _ARGUMENTS:
             raise
         raise Refused(f"{_ARGUMENTS[error.option]}: {error.reason}") from None
-    parts = " + ".join(admittance.parts)
+    part_names = " + ".join(admittance.parts)
     if admittance.n_laws:
         laws = plural(admittance.n_laws, "link")
-        console.warn(f"{parts}: the law of {laws} was linearised at rest")
+        console.warn(f"{part_names}: the law of {laws} was linearised at rest")
     if admittance.n_contacts:
-        console.warn(f"{parts}: {plural(admittance.n_contacts, 'contact')} counted as open")
+        console.warn(f"{part_names}: {plural(admittance.n_contacts, 'contact')} counted as open")
     _write(console, admittance, table, npz, svg, force)
     if console.json:
         _records(console, admittance)
@@ -80,7 +80,7 @@ def admittance(
 def _write(
     console: Console,
     admittance: Admittance,
-    table: str | None,
+    csv_target: str | None,
     npz: str | None,
     svg: str | None,
     force: bool,
@@ -89,50 +89,58 @@ def _write(
 
     from ergon.exchange.safe import file_group
 
-    with file_group(force=force, inputs=admittance.inputs) as files:
-        if table is not None:
+    with file_group(force=force, inputs=admittance.inputs) as output_files:
+        if csv_target is not None:
             out = io.StringIO()
             csv.writer(out, lineterminator="\n").writerows(_rows(admittance))
-            files.write(table, out.getvalue().encode())
+            output_files.write(csv_target, out.getvalue().encode())
         if npz is not None:
             np.savez(
-                files.open(Path(npz), binary=True),
+                output_files.open(Path(npz), binary=True),
                 frequency_hz=admittance.frequencies,
                 admittance=admittance.values,
                 forced=np.array(admittance.forced),
                 heard=np.array(admittance.observed),
             )
         if svg is not None:
-            files.write(svg, admittance.plot().svg.encode())
-    for path in (table, npz, svg):
+            output_files.write(svg, admittance.plot().svg.encode())
+    for path in (csv_target, npz, svg):
         if path is not None:
             console.say(f"wrote {path}")
 
 
-def _peaks(admittance: Admittance, row: int) -> str:
+def _peaks(admittance: Admittance, point_index: int) -> str:
     """The highest peaks of a point, from the lowest frequency on."""
     from ergon.notation.tables.notes import nearest_note
 
-    heading = f"velocity of {admittance.observed[row]} for a force at {admittance.forced}"
-    f, levels, phases = admittance.frequencies, admittance.decibels[row], admittance.phases[row]
-    all_peaks = admittance.peaks(row)
+    heading = f"velocity of {admittance.observed[point_index]} for a force at {admittance.forced}"
+    f, levels_db, phases = (
+        admittance.frequencies,
+        admittance.decibels[point_index],
+        admittance.phases[point_index],
+    )
+    all_peaks = admittance.peaks(point_index)
     peaks = sorted(all_peaks[:_SHOWN].tolist())
-    span = f"{f[0]:g} to {f[-1]:g} Hz, {len(f):,} frequencies"
-    if not admittance.values[row].any():
+    range_text = f"{f[0]:g} to {f[-1]:g} Hz, {len(f):,} frequencies"
+    if not admittance.values[point_index].any():
         return f"{heading}: no force from there reaches this point, so it does not move\n"
     if not peaks:
-        level_range = f"{levels[0]:.1f} dB at {f[0]:g} Hz, {levels[-1]:.1f} dB at {f[-1]:g} Hz"
-        return f"{heading}: no peak from {span}: {level_range}\n"
+        level_range = (
+            f"{levels_db[0]:.1f} dB at {f[0]:g} Hz, {levels_db[-1]:.1f} dB at {f[-1]:g} Hz"
+        )
+        return f"{heading}: no peak from {range_text}: {level_range}\n"
     peak_count = (
         f"the highest {_SHOWN} of {len(all_peaks):,} peaks" if all_peaks[_SHOWN:].size else ""
     )
-    rows = [("", "note", "cents", "frequency", "level", "phase")]
+    table_rows = [("", "note", "cents", "frequency", "level", "phase")]
     for number, i in enumerate(peaks, 1):
         note, cents = nearest_note(float(f[i]))
-        level = "no bound" if math.isinf(levels[i]) else f"{levels[i]:.1f} dB"
-        turned = "" if math.isinf(levels[i]) else f"{round(phases[i]):+d}°"
-        rows.append((str(number), note, f"{cents:+.1f}", f"{f[i]:.2f} Hz", level, turned))
-    return f"{heading}: {peak_count or 'peaks'} from {span}\n{columns(rows, right=True)}"
+        level = "no bound" if math.isinf(levels_db[i]) else f"{levels_db[i]:.1f} dB"
+        turned = "" if math.isinf(levels_db[i]) else f"{round(phases[i]):+d}°"
+        table_rows.append((str(number), note, f"{cents:+.1f}", f"{f[i]:.2f} Hz", level, turned))
+    return (
+        f"{heading}: {peak_count or 'peaks'} from {range_text}\n{columns(table_rows, right=True)}"
+    )
 
 
 def _records(console: Console, admittance: Admittance) -> None:
@@ -155,9 +163,9 @@ def _rows(admittance: Admittance) -> Iterator[Sequence[object]]:
         header += [f"{name} [dB]", f"{name} real", f"{name} imaginary"]
     yield header
     levels = admittance.decibels
-    for column, f in enumerate(admittance.frequencies.tolist()):
-        row: list[object] = [repr(f)]
+    for frequency_index, f in enumerate(admittance.frequencies.tolist()):
+        csv_row: list[object] = [repr(f)]
         for i in range(len(admittance.observed)):
-            value = complex(admittance.values[i, column])
-            row += [f"{levels[i, column]:.6f}", repr(value.real), repr(value.imag)]
-        yield row
+            value = complex(admittance.values[i, frequency_index])
+            csv_row += [f"{levels[i, frequency_index]:.6f}", repr(value.real), repr(value.imag)]
+        yield csv_row

@@ -150,24 +150,26 @@ def run(arguments: list[str]) -> int:
     return code
 
 
-def _outcome(arguments: list[str]) -> int:
-    debug = "--debug" in arguments or bool(os.environ.get("ERGON_DEBUG"))
-    arguments = [word for word in arguments if word != "--debug"]  # taken before or after a command
+def _outcome(argument_words: list[str]) -> int:
+    debug = "--debug" in argument_words or bool(os.environ.get("ERGON_DEBUG"))
+    argument_words = [
+        word for word in argument_words if word != "--debug"
+    ]  # taken before or after a command
     from ergon.cli.signals import Terminated, signals_as_exceptions
 
-    console = Console(json="--json" in arguments)
+    console = Console(json="--json" in argument_words)
     try:
         with signals_as_exceptions(is_unexpected):
-            invoke(arguments)
+            invoke(argument_words)
         return 0
-    except click.exceptions.Exit as end:
-        return end.exit_code
+    except click.exceptions.Exit as exit_error:
+        return exit_error.exit_code
     except (KeyboardInterrupt, click.exceptions.Abort):
         return INTERRUPTED
-    except Terminated as end:
-        return 128 + end.number
+    except Terminated as exit_error:
+        return 128 + exit_error.number
     except click.ClickException as error:
-        error = _with_example(error, arguments)
+        error = _with_example(error, argument_words)
         if console.json:
             console.outcome(Refused(error.format_message()))
         else:
@@ -194,15 +196,15 @@ def _with_example(error: click.ClickException, arguments: list[str]) -> click.Cl
     if isinstance(error, click.MissingParameter) and error.ctx is not None:
         rows = EXAMPLES.get(error.ctx.command_path.removeprefix(f"{ROOT} "))
         if rows:
-            sentence = error.format_message().rstrip(".")
-            return click.UsageError(f"{sentence}; for example: {rows[0][0]}", error.ctx)
+            error_sentence = error.format_message().rstrip(".")
+            return click.UsageError(f"{error_sentence}; for example: {rows[0][0]}", error.ctx)
     if isinstance(error, click.BadOptionUsage):
         params = _command_of(arguments).params
         option = next((param for param in params if error.option_name in param.opts), None)
         if option is not None:
             form = f"{error.option_name} {option.metavar or str(option.name).upper()}"
-            sentence = error.format_message().rstrip(".")
-            return click.UsageError(f"{sentence}; write {form}", error.ctx)
+            error_sentence = error.format_message().rstrip(".")
+            return click.UsageError(f"{error_sentence}; write {form}", error.ctx)
     if isinstance(error, click.NoSuchOption) and error.ctx is not None:
         names = (name for param in error.ctx.command.params for name in param.opts)
         if advice := habits.option_instead(error.option_name, names):
@@ -275,11 +277,11 @@ def _refused(error: ErgonError) -> Outcome:
 
 def _engine(error: BaseException, core: Any) -> Outcome:
     """The outcome for an error of the engine, whose message names the module as in the score."""
-    module = getattr(error, "module", None)
+    module_name = getattr(error, "module", None)
     sentence = str(error)
     if isinstance(error, core.DivergedError):
-        return Diverged(sentence, code="E401", module=module, frame=error.frame)
-    return Findings(sentence, code="E309", module=module)
+        return Diverged(sentence, code="E401", module=module_name, frame=error.frame)
+    return Findings(sentence, code="E309", module=module_name)
 
 
 assert Outcome.exit_code == INTERNAL

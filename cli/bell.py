@@ -57,9 +57,9 @@ def bell(
     for stroke in strokes:
         place, equals, file = stroke.partition("=")
         by_place.setdefault(place if equals else PLACE, []).append(Path(file if equals else stroke))
-    inputs = [file for place_files in by_place.values() for file in place_files]
+    input_files = [file for place_files in by_place.values() for file in place_files]
     if output is not None:
-        check_target(Path(output), force=force, inputs=inputs)
+        check_target(Path(output), force=force, inputs=input_files)
     bell_found = find_bell(by_place, BellOptions(modes=modes), report=console)
     bell_text = text(bell_found, form=form)
     if console.json:
@@ -67,19 +67,19 @@ def bell(
     else:
         console.data(_lines(bell_found))
     if output is not None:
-        write_text(output, bell_text, force=force, inputs=inputs)
+        write_text(output, bell_text, force=force, inputs=input_files)
         console.say(f"wrote {output}: `use: [{Path(output).name}]` has the instrument `bell`")
 
 
 def _lines(bell: Bell) -> str:
     import numpy as np
 
-    rows = [("", "frequency", "+-", "T60", "+-", *bell.places, "energy")]
+    table_rows = [("", "frequency", "+-", "T60", "+-", *bell.places, "energy")]
     order = np.argsort(-bell.energy)[:_SHOWN]
     for i in sorted(order):
         deviation = bell.deviation
         levels_db = 20.0 * np.log10(np.maximum(np.abs(bell.levels[i] * bell.listened[i]), 1e-10))
-        rows.append(
+        table_rows.append(
             (
                 str(i + 1),
                 f"{bell.f[i]:.3f} Hz",
@@ -90,9 +90,9 @@ def _lines(bell: Bell) -> str:
                 f"{100.0 * bell.energy[i]:.2g} %",
             )
         )
-    lines = table(rows, right=True).splitlines()
+    table_lines = table(table_rows, right=True).splitlines()
     if len(bell.f) > _SHOWN:
-        lines.append(f"and {plural(len(bell.f) - _SHOWN, 'mode')} that are softer")
+        table_lines.append(f"and {plural(len(bell.f) - _SHOWN, 'mode')} that are softer")
     for stroke in bell.strokes:
         residual_db = 10.0 * np.log10(max(1.0 - stroke.explained, 1e-12))
         contact = f", contact {1e3 * stroke.contact:.2g} ms" if stroke.contact else ""
@@ -107,8 +107,8 @@ def _lines(bell: Bell) -> str:
         explained_text = (
             f"{100.0 * stroke.explained:.2f} % of the energy explained, {residual_db:.1f} dB left"
         )
-        lines.append(f"{stroke.name} at {stroke.place}: {explained_text}; {impulse}{contact}")
-    return "\n".join(line.rstrip() for line in lines) + "\n"
+        table_lines.append(f"{stroke.name} at {stroke.place}: {explained_text}; {impulse}{contact}")
+    return "\n".join(line.rstrip() for line in table_lines) + "\n"
 
 
 def _records(console: Console, bell: Bell) -> None:

@@ -37,12 +37,12 @@ class PackedPath(click.ParamType):  # type: ignore[type-arg] # older clicks' is 
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """The path as text: the command checks it when it opens it. Raises PackError, OSError."""
-        text = str(value)
-        if not (self.opens and is_pack(text)) or ctx is None or ctx.resilient_parsing:
-            return text
+        path_text = str(value)
+        if not (self.opens and is_pack(path_text)) or ctx is None or ctx.resilient_parsing:
+            return path_text
         from ergon.api.packs import opened_pack
 
-        return str(ctx.with_resource(opened_pack(text)))
+        return str(ctx.with_resource(opened_pack(path_text)))
 
 
 class ScorePath(PackedPath):
@@ -52,16 +52,16 @@ class ScorePath(PackedPath):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """The path as text: the command checks it when it opens it. Raises PackError, OSError."""
-        text = super().convert(value, param, ctx)
-        if not text.replace("-", "").isalnum() or Path(text).exists():
-            return text
+        path_text = super().convert(value, param, ctx)
+        if not path_text.replace("-", "").isalnum() or Path(path_text).exists():
+            return path_text
         from ergon.notation.text.spelling import nearest
 
-        names = bundled()
-        if text not in names and text == "help" and ctx is not None:
+        bundled_paths = bundled()
+        if path_text not in bundled_paths and path_text == "help" and ctx is not None:
             self.fail(f"the help is shown by: {ctx.command_path} --help", param, ctx)
-        if text not in names and (suggestion := nearest(text, names)):
+        if path_text not in bundled_paths and (suggestion := nearest(path_text, bundled_paths)):
             self.fail(
-                f"there is no file {text}; did you mean {suggestion}, which ships?", param, ctx
+                f"there is no file {path_text}; did you mean {suggestion}, which ships?", param, ctx
             )
-        return str(names.get(text, text))
+        return str(bundled_paths.get(path_text, path_text))

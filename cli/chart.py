@@ -96,47 +96,51 @@ def chart(
             console.progress(f"charting {score_path}", total, piece.rate) as progress,
         ):
             scene, chart_metric = Score(piece), cast("Metric", metric)
-            result = measure(
+            measured_chart = measure(
                 scene, chosen_settings, seconds, chart_metric, progress.update, workers
             )
     except SilentPieceError as silence:
         raise Refused(f"{silence}; a larger --seconds computes more of the piece") from None
-    title, machine_text = piece.title or stem.name, machine()
+    chart_title, machine_text = piece.title or stem.name, machine()
     if on is not None:
         machine_text += (
             f", points by workers ({on}), costs scaled by a reference computation on both machines"
         )
-    _report(console, result)
-    table = chart_table.csv(result, title, machine_text)
-    laboratory.write(console, stem, table, lambda: draw(result, title, machine_text), force)
-    if result.reference is None:
+    _report(console, measured_chart)
+    table = chart_table.csv(measured_chart, chart_title, machine_text)
+    laboratory.write(
+        console, stem, table, lambda: draw(measured_chart, chart_title, machine_text), force
+    )
+    if measured_chart.reference is None:
         raise Findings("no method ran at two rates, so nothing can be compared; the table says why")
 
 
-def _budget(text: str | None) -> float | None:
+def _budget(budget_text: str | None) -> float | None:
     """The largest error that the planner may make [dB]."""
     from ergon.notation.tables.quantities import LEVEL, quantity
     from ergon.notation.text.errors import TextError
 
-    if text is None:
+    if budget_text is None:
         return None
     try:
-        db = quantity(text, LEVEL)
+        db = quantity(budget_text, LEVEL)
     except TextError as error:
         raise Refused(f"--error: {error}") from None
     if db >= 0.0:
-        raise Refused(f"--error: {text} is not below 0 dB; write a level such as -60dB")
+        raise Refused(f"--error: {budget_text} is not below 0 dB; write a level such as -60dB")
     return db
 
 
-def _report(console: Console, result: Chart) -> None:
+def _report(console: Console, measured_chart: Chart) -> None:
     from ergon.workshop.lab import chart_table
 
-    for doubt in result.doubts:
+    for doubt in measured_chart.doubts:
         console.warn(doubt)
     if console.json:
-        for point in result.points:
+        for point in measured_chart.points:
             console.record("point", **chart_table.fields(point))
-        console.record("reference", metric=result.metric, **chart_table.reference(result))
+        console.record(
+            "reference", metric=measured_chart.metric, **chart_table.reference(measured_chart)
+        )
     else:
-        console.data(chart_table.lines(result))
+        console.data(chart_table.lines(measured_chart))

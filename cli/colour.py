@@ -29,8 +29,8 @@ def style(name: str, text: str) -> str:
     return f"\x1b[{_STYLES[name]}m{text}\x1b[0m" if may_colour(sys.stderr) else text
 
 
-def linked_code(text: str, code: str) -> str:
+def linked_code(linked_text: str, code: str) -> str:
     """Text for stderr that a terminal links with the page on a mistake (escape sequence OSC 8)."""
     # Colours may be forced into a file or the log of a server, which show a link as rubbish.
     uri = mistake_page_uri(code) if may_colour(sys.stderr) and sys.stderr.isatty() else None
-    return f"\x1b]8;;{uri}\x1b\\{text}\x1b]8;;\x1b\\" if uri else text
+    return f"\x1b]8;;{uri}\x1b\\{linked_text}\x1b]8;;\x1b\\" if uri else linked_text

@@ -38,7 +38,7 @@ def compile_score(
     loaded = score.read(score_path, ReadOptions(trust=trust), console)
     stage = score.stage_recording(loaded, console, seed=seed)
     piece = score.piece_of(loaded)
-    form: Form = "json" if console.json else "csv"
+    output_form: Form = "json" if console.json else "csv"
     reaches = {name: key.reach for name, key in piece.keys.items()}
     names = Names(
         struck=stage.network.name_of,
@@ -48,11 +48,15 @@ def compile_score(
     # Under --json the records of a progress bar would mix with the rows.
     quiet = Console(quiet=console.quiet or console.json or output in (None, "-"))
     with (
-        open_for_writing(output or "-", binary=False, force=force, inputs=loaded.inputs) as file,
+        open_for_writing(
+            output or "-", binary=False, force=force, inputs=loaded.inputs
+        ) as output_file,
         quiet.progress("compiling", stage.n_analysed_frames, stage.rate) as progress,
     ):
-        header_text = header(form, title=piece.title, rate=stage.rate, score=score.digest(piece))
-        file.write(header_text.encode())
-        for text, frame in stream(stage.simulation, stage.n_analysed_frames, form, names):
-            file.write(text.encode())
+        header_text = header(
+            output_form, title=piece.title, rate=stage.rate, score=score.digest(piece)
+        )
+        output_file.write(header_text.encode())
+        for text, frame in stream(stage.simulation, stage.n_analysed_frames, output_form, names):
+            output_file.write(text.encode())
             progress.update(frame)

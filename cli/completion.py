@@ -93,21 +93,26 @@ def _bash() -> str:
 
 def _bash_values() -> str:
     """Shell cases for the word after an option: choices, names of the score, or files."""
-    lines: dict[str, str] = {}
+    case_lines: dict[str, str] = {}
     for parameters in _table().values():
-        for p in _options(parameters):
-            for word in p.opts:
-                if word in _VALUES:
-                    sections = ",".join(_VALUES[word])
-                    lines[word] = (
+        for option_parameter in _options(parameters):
+            for option_name in option_parameter.opts:
+                if option_name in _VALUES:
+                    sections = ",".join(_VALUES[option_name])
+                    case_lines[option_name] = (
                         f'COMPREPLY=($(compgen -W "$(_ergon_names {sections})" -- "$cur"))'
                     )
-                elif isinstance(p.type, click.Choice):
-                    choices = " ".join(map(str, p.type.choices))
-                    lines[word] = f'COMPREPLY=($(compgen -W "{choices}" -- "$cur"))'
-                elif isinstance(p.type, click.Path) or p.metavar == "FILE":
-                    lines[word] = 'COMPREPLY=($(compgen -f -- "$cur"))'
-    return "\n".join(f"    {word}) {action}; return ;;" for word, action in sorted(lines.items()))
+                elif isinstance(option_parameter.type, click.Choice):
+                    choices = " ".join(map(str, option_parameter.type.choices))
+                    case_lines[option_name] = f'COMPREPLY=($(compgen -W "{choices}" -- "$cur"))'
+                elif (
+                    isinstance(option_parameter.type, click.Path)
+                    or option_parameter.metavar == "FILE"
+                ):
+                    case_lines[option_name] = 'COMPREPLY=($(compgen -f -- "$cur"))'
+    return "\n".join(
+        f"    {word}) {action}; return ;;" for word, action in sorted(case_lines.items())
+    )
 
 
 def _zsh() -> str:
@@ -118,38 +123,50 @@ def _fish() -> str:
     from .app import COMMANDS
     from .lazy import row
 
-    lines = [_FISH]
-    for name in COMMANDS:
-        text = row(COMMANDS, name)[2]
-        lines.append(f"complete -c ergon -n __fish_use_subcommand -f -a {name} -d {_quoted(text)}")
-    for name, parameters in _table().items():
-        condition = f"-n '__fish_seen_subcommand_from {name}'"
-        for p in _options(parameters):
+    script_lines = [_FISH]
+    for command_name in COMMANDS:
+        text = row(COMMANDS, command_name)[2]
+        script_lines.append(
+            f"complete -c ergon -n __fish_use_subcommand -f -a {command_name} -d {_quoted(text)}"
+        )
+    for command_name, parameters in _table().items():
+        condition = f"-n '__fish_seen_subcommand_from {command_name}'"
+        for option_parameter in _options(parameters):
             flags = [
                 f"-l {word[2:]}" if word.startswith("--") else f"-s {word[1:]}"
-                for word in (*p.opts, *p.secondary_opts)
+                for word in (*option_parameter.opts, *option_parameter.secondary_opts)
             ]
-            line = f"complete -c ergon {condition} {' '.join(flags)} -d {_quoted(p.help or '')}"
-            value_words = next((_VALUES[word] for word in p.opts if word in _VALUES), None)
+            complete_line = (
+                f"complete -c ergon {condition} {' '.join(flags)} -d "
+                f"{_quoted(option_parameter.help or '')}"
+            )
+            value_words = next(
+                (_VALUES[word] for word in option_parameter.opts if word in _VALUES), None
+            )
             if value_words is not None:
-                line += f" -xa '(__ergon_names {','.join(value_words)})'"
-            elif isinstance(p.type, click.Choice):
-                line += f" -xa {_quoted(' '.join(map(str, p.type.choices)))}"
-            elif not p.is_flag:
-                line += " -r"
-            lines.append(line)
+                complete_line += f" -xa '(__ergon_names {','.join(value_words)})'"
+            elif isinstance(option_parameter.type, click.Choice):
+                complete_line += (
+                    f" -xa {_quoted(' '.join(map(str, option_parameter.type.choices)))}"
+                )
+            elif not option_parameter.is_flag:
+                complete_line += " -r"
+            script_lines.append(complete_line)
     plotted = ",".join(_PLOTTED)
-    lines.append(
+    script_lines.append(
         "complete -c ergon -n '__fish_seen_subcommand_from plot; and __ergon_score >/dev/null' "
         f"-a '(__ergon_names {plotted})'"
     )
-    for name, words in _groups().items():
-        lines.append(
-            f"complete -c ergon -n '__fish_seen_subcommand_from {name}' -f -a '{' '.join(words)}'"
+    for command_name, words in _groups().items():
+        script_lines.append(
+            f"complete -c ergon -n '__fish_seen_subcommand_from {command_name}' -f -a "
+            f"'{' '.join(words)}'"
         )
     shells = " ".join(SHELLS)
-    lines.append(f"complete -c ergon -n '__fish_seen_subcommand_from completion' -f -a '{shells}'")
-    return "\n".join(lines) + "\n"
+    script_lines.append(
+        f"complete -c ergon -n '__fish_seen_subcommand_from completion' -f -a '{shells}'"
+    )
+    return "\n".join(script_lines) + "\n"
 
 
 def _quoted(text: str) -> str:

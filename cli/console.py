@@ -100,17 +100,17 @@ class Console(Report):
         """
         from ergon.notation.text.errors import RENDERERS
 
-        form: Form = "json" if self.json else self.form
-        stream = sys.stdout if form in ("json", "github") else sys.stderr
+        output_form: Form = "json" if self.json else self.form
+        stream = sys.stdout if output_form in ("json", "github") else sys.stderr
         for diagnostic in diagnostics:
             if self.quiet and diagnostic.severity != "error":
                 continue
-            text = clean(RENDERERS[form](diagnostic, sources))
-            if form in ("full", "concise"):
+            report_text = clean(RENDERERS[output_form](diagnostic, sources))
+            if output_form in ("full", "concise"):
                 word = f"{diagnostic.severity}[{diagnostic.code}]"
                 link = linked_code(word, diagnostic.code)
-                text = text.replace(word, style(diagnostic.severity, link), 1)
-            print(_sayable(text) if form == "json" else text, file=stream)
+                report_text = report_text.replace(word, style(diagnostic.severity, link), 1)
+            print(_sayable(report_text) if output_form == "json" else report_text, file=stream)
         for severity, count in left_out.items():
             if count:
                 self.say(f"and {count:,} more {severity}" + ("s" if count > 1 else ""))
@@ -128,34 +128,36 @@ class Console(Report):
         return bar(clean(task), total, rate, self.quiet, self.record if self.json else None)
 
 
-def line(event: str, **fields: Any) -> str:
+def line(event: str, **record_fields: Any) -> str:
     """One JSON line; a number that JSON does not have (inf, nan) becomes null.
 
     Characters that stdout cannot encode are escaped as in JSON, and so are bytes of file names
     that are not text.
     """
-    fields = {name: _finite(value) for name, value in fields.items()}
-    return _sayable(json_text({"v": VERSION, "event": event, **fields}))
+    record_fields = {name: _finite(value) for name, value in record_fields.items()}
+    return _sayable(json_text({"v": VERSION, "event": event, **record_fields}))
 
 
-def _sayable(text: str) -> str:
+def _sayable(spoken_text: str) -> str:
     try:
-        text.encode(sys.stdout.encoding or "utf-8")
+        spoken_text.encode(sys.stdout.encoding or "utf-8")
     except UnicodeEncodeError:
-        escaped: str = json.dumps(json.loads(text))
+        escaped: str = json.dumps(json.loads(spoken_text))
         return escaped
-    return text
+    return spoken_text
 
 
-def _finite(value: Any) -> Any:
+def _finite(json_value: Any) -> Any:
     """The value with None for numbers that JSON does not have."""
-    if isinstance(value, float) and (value != value or value in (float("inf"), float("-inf"))):
+    if isinstance(json_value, float) and (
+        json_value != json_value or json_value in (float("inf"), float("-inf"))
+    ):
         return None
-    if isinstance(value, dict):
-        return {name: _finite(inner) for name, inner in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(inner) for inner in value]
-    return value
+    if isinstance(json_value, dict):
+        return {name: _finite(inner) for name, inner in json_value.items()}
+    if isinstance(json_value, (list, tuple)):
+        return [_finite(inner) for inner in json_value]
+    return json_value
 
 
 def plural(count: int, noun: str) -> str:

@@ -50,11 +50,11 @@ def demo(
 
     from .render import render_file
 
-    target = output or f"{path.stem}.wav"
+    output_path = output or f"{path.stem}.wav"
     console.say(f"score: {path}")
-    render_file(console, str(path), target, FileOptions(force=force))
-    if not no_audio and target != "-":
-        _play(console, target)
+    render_file(console, str(path), output_path, FileOptions(force=force))
+    if not no_audio and output_path != "-":
+        _play(console, output_path)
 
 
 def score_title(path: Path) -> str:
@@ -65,18 +65,18 @@ def score_title(path: Path) -> str:
     return ""
 
 
-def _chosen(scores: dict[str, Path], name: str | None) -> Path:
+def _chosen(scores: dict[str, Path], score_name: str | None) -> Path:
     from ergon.notation.text.spelling import nearest
 
     if not scores:
         raise Refused("this installation has no scores; install ergon again")
-    if name is None:
+    if score_name is None:
         return scores.get(_FIRST) or next(iter(scores.values()))
-    if name not in scores:
-        close = nearest(name, scores)
+    if score_name not in scores:
+        close = nearest(score_name, scores)
         hint = f"; did you mean '{close}'?" if close else ""
-        raise Refused(f"no score '{name}' ships with ergon{hint} (ergon demo --list)")
-    return scores[name]
+        raise Refused(f"no score '{score_name}' ships with ergon{hint} (ergon demo --list)")
+    return scores[score_name]
 
 
 def _play(console: Console, path: str) -> None:

@@ -57,18 +57,21 @@ def _named(console: Console) -> None:
     from ergon.live.hand_sources import uses_of
 
     try:
-        table = device_urls()
-        for name, text in table.items():
-            url, _ = resolve(text, {})
+        urls_by_name = device_urls()
+        for device_name, device_url in urls_by_name.items():
+            url, _ = resolve(device_url, {})
             tested = sorted(known_axes(url))
             if console.json:
                 uses = list(uses_of(url))
-                console.record("device", name=name, url=text, tested=tested, uses=uses)
+                console.record("device", name=device_name, url=device_url, tested=tested, uses=uses)
             else:
                 axes = ", ".join(map(str, tested))
                 test_state = f"axis {axes} tested" if tested else "not tested yet"
-                console.data(f"device  {name:12} {text}  {_words(uses_of(url))} ({test_state})\n")
-        if not table and not console.json:
+                console.data(
+                    f"device  {device_name:12} {device_url}  {_words(uses_of(url))} "
+                    f"({test_state})\n"
+                )
+        if not urls_by_name and not console.json:
             console.data(f"device  none has a name yet; write names into {config_path()}\n")
     except BoardError as error:
         raise Refused(str(error)) from None
@@ -79,17 +82,17 @@ def _ports(console: Console, probe: bool) -> None:
     from ergon.live.ports import ports
 
     for port in ports():
-        answers = _probed(port) if probe else {}
+        port_answers = _probed(port) if probe else {}
         if console.json:
             uses = sorted({use for url in port.urls for use in uses_of(url)})
             urls = list(port.urls)
             console.record(
-                "port", path=port.path, name=port.name, urls=urls, answers=answers, uses=uses
+                "port", path=port.path, name=port.name, urls=urls, answers=port_answers, uses=uses
             )
             continue
         console.data(f"port    {port.path:12} {port.name or 'unknown'}\n")
         for url in port.urls:
-            answer = f", {answers[url]}" if url in answers else ""
+            answer = f", {port_answers[url]}" if url in port_answers else ""
             console.data(f"{'':20} {url}  {_words(uses_of(url))}{answer}\n")
     if not console.json:
         service_line = (
@@ -102,13 +105,13 @@ def _hands(console: Console) -> None:
     """What moves keys without a force, and the meaning of the words."""
     from ergon.live.hand_sources import USES, hand_sources
 
-    for source in hand_sources():
+    for hand_source in hand_sources():
         if console.json:
-            uses, kind = list(source.uses), source.kind
-            console.record("hand", kind=kind, url=source.url, name=source.name, uses=uses)
+            uses, kind = list(hand_source.uses), hand_source.kind
+            console.record("hand", kind=kind, url=hand_source.url, name=hand_source.name, uses=uses)
         else:
-            line = f"{source.url}  {_words(source.uses)}: {source.name}"
-            console.data(f"hand    {source.kind:12} {line}\n")
+            line = f"{hand_source.url}  {_words(hand_source.uses)}: {hand_source.name}"
+            console.data(f"hand    {hand_source.kind:12} {line}\n")
     if not console.json:
         for use, meaning in USES.items():
             console.data(f"        {use:12} {meaning}\n")

@@ -18,12 +18,14 @@ _PERIOD = 1e-3  # [s]
 _TRAVEL_MIN = 0.05  # of the device's range; less may be a trembling finger
 
 
-def _travel(ctx: click.Context, parameter: click.Parameter, text: str | None) -> float | None:
+def _travel(
+    ctx: click.Context, parameter: click.Parameter, travel_text: str | None
+) -> float | None:
     from ergon.notation.tables.quantities import POSITION, quantity
     from ergon.notation.text.errors import TextError
 
     try:
-        return None if text is None else quantity(text, POSITION)
+        return None if travel_text is None else quantity(travel_text, POSITION)
     except TextError as error:
         raise click.BadParameter(error.message, ctx, parameter) from None
 
@@ -78,62 +80,72 @@ def calibrate(
         url, url_axis = resolve(device, {} if ":" in device else device_urls())
     except BoardError as error:
         raise Refused(str(error)) from None
-    number = url_axis if axis is None else axis
+    axis_index = url_axis if axis is None else axis
     try:
         open_device = _core.Device(url)
     except _core.EngineError as error:
         raise DeviceMissing(str(error)) from None
     try:
         console.say("let go of the key: it gets a small pulse to one side, then to the other")
-        calibrated = uncalibrated_axis(open_device, int(open_device.direction(number, _PERIOD)))
+        calibrated = uncalibrated_axis(open_device, int(open_device.direction(axis_index, _PERIOD)))
         if seconds > 0:
-            calibrated = _axis_with_ends(console, open_device, calibrated, number, seconds, travel)
+            calibrated = _axis_with_ends(
+                console, open_device, calibrated, axis_index, seconds, travel
+            )
         elif travel is not None:
             raise Refused("--travel needs the ends of the axis, which --seconds 0 does not measure")
     except _core.EngineError as error:
-        raise Refused(f"{axis_key(url, number)}: {error}") from None
+        raise Refused(f"{axis_key(url, axis_index)}: {error}") from None
     finally:
         open_device.close()
     calibrated = _with_options(calibrated, turned, force_max)
     try:
-        path = store_axis(url, number, calibrated)
+        path = store_axis(url, axis_index, calibrated)
     except BoardError as error:
         raise Refused(str(error)) from None
-    _say(console, axis_key(url, number), calibrated, open_device.unit, str(path))
+    _say(console, axis_key(url, axis_index), calibrated, open_device.unit, str(path))
 
 
 def _axis_with_ends(
-    console: Console, device: Device, axis: Axis, number: int, seconds: float, travel: float | None
+    console: Console,
+    device: Device,
+    axis: Axis,
+    number: int,
+    push_seconds: float,
+    travel: float | None,
 ) -> Axis:
     from ergon.live.calibration import axis_between_ends
 
-    console.say(f"move the key from end to end, for {seconds:g} s")
-    low, high = device.ends(seconds, _PERIOD)[number].tolist()
+    console.say(f"move the key from end to end, for {push_seconds:g} s")
+    low_end, high_end = device.ends(push_seconds, _PERIOD)[number].tolist()
     least, greatest = device.range
-    if high - low < _TRAVEL_MIN * (greatest - least):
+    if high_end - low_end < _TRAVEL_MIN * (greatest - least):
         raise Refused(
-            f"the key moved {high - low:.2g} {device.unit} in {seconds:g} s, too little to find "
+            f"the key moved {high_end - low_end:.2g} {device.unit} in {push_seconds:g} s, too "
+            "little to find "
             "its ends; --seconds 0 takes the ends that the device states"
         )
-    return axis_between_ends(axis, low, high, high - low if travel is None else travel)
+    return axis_between_ends(
+        axis, low_end, high_end, high_end - low_end if travel is None else travel
+    )
 
 
-def _with_options(axis: Axis, turned: bool, force_max: float | None) -> Axis:
+def _with_options(measured_axis: Axis, turned: bool, force_max: float | None) -> Axis:
     from dataclasses import replace
 
     if turned:
-        low, high = axis.range
-        axis = replace(axis, gain=-axis.gain, range=(-high, -low))
+        low, high = measured_axis.range
+        measured_axis = replace(measured_axis, gain=-measured_axis.gain, range=(-high, -low))
     if force_max is not None:
-        axis = replace(axis, force_max=min(force_max, axis.force_max))
-    return axis
+        measured_axis = replace(measured_axis, force_max=min(force_max, measured_axis.force_max))
+    return measured_axis
 
 
-def _say(console: Console, name: str, axis: Axis, unit: str, path: str) -> None:
+def _say(console: Console, device_name: str, axis: Axis, unit: str, path: str) -> None:
     if console.json:
         console.record(
             "calibrated",
-            axis=name,
+            axis=device_name,
             sign=axis.sign,
             zero=axis.zero,
             gain=axis.gain,
@@ -145,6 +157,6 @@ def _say(console: Console, name: str, axis: Axis, unit: str, path: str) -> None:
     low, high = axis.range
     direction = "as it should" if axis.sign > 0 else "the other way round, which is corrected"
     console.say(
-        f"{name}: a force moves it {direction}; {low:.4g} to {high:.4g} {unit}, "
+        f"{device_name}: a force moves it {direction}; {low:.4g} to {high:.4g} {unit}, "
         f"{axis.force_max:g} N at most; kept in {path}"
     )

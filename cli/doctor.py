@@ -97,14 +97,14 @@ def doctor(
     if not ticks:
         for finding in _findings(audio, no_audio, seconds):
             _tell(console, finding)
-    missing = []
+    missing_parts = []
     for url in _urls(devices):
         try:
             _device(console, url, seconds, ticks)
         except DeviceMissing as error:
-            missing.append(error.message)
-    if missing:
-        raise DeviceMissing("; ".join(missing))
+            missing_parts.append(error.message)
+    if missing_parts:
+        raise DeviceMissing("; ".join(missing_parts))
 
 
 def _safety(console: Console) -> None:
@@ -112,17 +112,17 @@ def _safety(console: Console) -> None:
 
     rows = faults.measure_faults()
     exceeding = []
-    for row in rows:
+    for table_row in rows:
         if not console.json:
-            console.data(f"{row.fault}  (bound: {faults.bounds_text(row)})\n")
-        for cell in row.cells:
-            if cell.exceeds:
-                exceeding.append(f"{row.fault}, {cell.device}")
+            console.data(f"{table_row.fault}  (bound: {faults.bounds_text(table_row)})\n")
+        for table_cell in table_row.cells:
+            if table_cell.exceeds:
+                exceeding.append(f"{table_row.fault}, {table_cell.device}")
             if console.json:
-                console.record("fault", fault=row.fault, **asdict(cell))
+                console.record("fault", fault=table_row.fault, **asdict(table_cell))
             else:
-                mark = "  EXCEEDS ITS BOUND" if cell.exceeds else ""
-                console.data(f"    {cell.device:9}  {cell.said}{mark}\n")
+                mark = "  EXCEEDS ITS BOUND" if table_cell.exceeds else ""
+                console.data(f"    {table_cell.device:9}  {table_cell.said}{mark}\n")
     if exceeding:
         raise Findings(
             "a force lasts longer, is greater or grows faster than its "
@@ -140,17 +140,17 @@ def _hands(console: Console, addresses: tuple[str, ...], seconds: float) -> None
         raise DeviceMissing("; ".join(missing))
 
 
-def _findings(audio: str, no_audio: bool, seconds: float) -> Iterator[Finding]:
+def _findings(audio: str, no_audio: bool, test_seconds: float) -> Iterator[Finding]:
     from ergon import _core
     from ergon.exchange import machine_speed
     from ergon.live import fitness
 
     yield fitness.describe_machine()
-    speed = fitness.measure_speed(min(seconds, 1.0))
+    speed = fitness.measure_speed(min(test_seconds, 1.0))
     machine_speed.store_correction(float(str(speed.numbers["correction"])))
     yield speed
     yield fitness.describe_laws()
-    checkup = _core.checkup(seconds, fitness.TICK_SECONDS)
+    checkup = _core.checkup(test_seconds, fitness.TICK_SECONDS)
     yield from fitness.describe_thread(checkup)
     yield fitness.measure_wakeups(checkup)
     if not no_audio:

@@ -52,8 +52,8 @@ def emulate(console: Console, device: api.DeviceName, **arguments: Any) -> None:
     api.emulate(device, api.EmulationOptions(**arguments), tell)
 
 
-def _over(console: Console, periods: int, packets: int, positions: str) -> None:
+def _over(console: Console, periods: int, packets: int, position_hash: str) -> None:
     if console.json:
-        console.record("over", periods=periods, packets=packets, positions=positions)
+        console.record("over", periods=periods, packets=packets, positions=position_hash)
     else:
-        console.say(f"{periods:,} periods, {packets:,} packets, positions {positions}")
+        console.say(f"{periods:,} periods, {packets:,} packets, positions {position_hash}")

@@ -110,9 +110,9 @@ EXAMPLES: Mapping[str, tuple[Example, ...]] = {
 
 def section(name: str) -> str | None:
     """The lines of `--help` with the examples of a command; None if it has none."""
-    rows = EXAMPLES.get(name)
-    if rows is None:
+    example_rows = EXAMPLES.get(name)
+    if example_rows is None:
         return None
-    width = max(len(line) for line, _ in rows)
-    lines = (f"  {line:{width}}  {meaning}".rstrip() for line, meaning in rows)
+    width = max(len(line) for line, _ in example_rows)
+    lines = (f"  {line:{width}}  {meaning}".rstrip() for line, meaning in example_rows)
     return "\n".join(["\b", "Examples:", *lines])

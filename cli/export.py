@@ -149,9 +149,9 @@ def _write(
     paths = {output / f"{part.part}{ending}": part for part in exported}
     inputs = {file for part in exported for file in part.inputs}
     with file_group(force=force, inputs=inputs) as files:
-        for path, part in paths.items():
-            files.write(path, part.text.encode())
-    for path, part in paths.items():
-        for warning in part.warnings:
-            console.warn(f"{part.part}: {warning}")
+        for path, exported_part in paths.items():
+            files.write(path, exported_part.text.encode())
+    for path, exported_part in paths.items():
+        for warning in exported_part.warnings:
+            console.warn(f"{exported_part.part}: {warning}")
         console.wrote(path)

@@ -27,7 +27,12 @@ _AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a pie
 
 
 def export_daw(
-    console: Console, score_path: str, output: Path, file_options: FileOptions, *, is_rendered: bool
+    console: Console,
+    score_path: str,
+    output_folder: Path,
+    file_options: FileOptions,
+    *,
+    is_rendered: bool,
 ) -> None:
     """Write `tempo.mid`, `marks.csv` and, if it `is_rendered`, `mix.wav`, `stems/` and
     `project.rpp`.
@@ -39,12 +44,14 @@ def export_daw(
 
     loaded = score.read(score_path, file_options, console)
     prepared = (
-        prepare(loaded, str(output / "mix.wav"), file_options, console) if is_rendered else None
+        prepare(loaded, str(output_folder / "mix.wav"), file_options, console)
+        if is_rendered
+        else None
     )
     stage = (prepared or score.stage_piece(loaded, None, console)).stage
     piece, end = stage.piece, stage.n_analysed_frames / stage.rate
-    tempo_path, marks_path = output / "tempo.mid", output / "marks.csv"
-    project_path = output / "project.rpp"
+    tempo_path, marks_path = output_folder / "tempo.mid", output_folder / "marks.csv"
+    project_path = output_folder / "project.rpp"
     paths = [tempo_path, marks_path, *([project_path] if is_rendered else [])]
     for path in paths:
         check_target(path, force=file_options.force, inputs=loaded.inputs)
@@ -52,10 +59,10 @@ def export_daw(
         (name, score.where(piece, instant), instant) for name, instant in score.mark_instants(piece)
     ]
     clock = _clock(piece, end)
-    files = {marks_path: markers_csv(marks).encode()}
+    file_bytes = {marks_path: markers_csv(marks).encode()}
     try:
         midi_bytes = tempo_file(*clock, piece.title, _note_tracks(stage))
-        files = {tempo_path: midi_bytes, **files}
+        file_bytes = {tempo_path: midi_bytes, **file_bytes}
     except ValueError as error:
         left_out = " and ".join(str(path) for path in paths if path != marks_path)
         verb = "are" if is_rendered else "is"
@@ -63,10 +70,10 @@ def export_daw(
     completed = None
     # What is small is on the disk before the sound, and gets its names after it: all or nothing.
     with file_group(force=file_options.force, inputs=loaded.inputs) as small:
-        for path, content in files.items():
+        for path, content in file_bytes.items():
             small.write(path, content)
         project_file = None
-        if prepared is not None and tempo_path in files:
+        if prepared is not None and tempo_path in file_bytes:
             # Its stems and its length are known after the sound, but its room is taken before.
             project_file = small.open(project_path, binary=True)
             project_file.write(b" " * _project_room(clock, stage))
@@ -74,11 +81,11 @@ def export_daw(
         if prepared is not None:
             completed = write(prepared, console)
         if project_file is not None and completed is not None:
-            files[project_path] = _project(clock, piece.title, completed, output)
+            file_bytes[project_path] = _project(clock, piece.title, completed, output_folder)
             project_file.seek(0)
-            project_file.write(files[project_path])
+            project_file.write(file_bytes[project_path])
             project_file.truncate()
-    for path in files:
+    for path in file_bytes:
         console.wrote(path)
     if completed is not None:
         print_rendered(console, completed)
@@ -86,17 +93,17 @@ def export_daw(
 
 
 def _clock(
-    piece: Piece, end: float
+    piece: Piece, end_seconds: float
 ) -> tuple[Callable[[float], float], float, list[Meter], list[Marker]]:
-    """Tempo, meters and marks of a piece, up to `end` [s], or up to the last change of tempo within
-    an hour after that.
+    """Tempo, meters and marks of a piece, up to `end_seconds` [s], or up to the last change of
+    tempo within an hour after that.
     """
     from ergon.exchange.midi import Marker, Meter
 
     tempo = piece.tempo_map
     ramps = [tempo.after(beat, entry.over) for beat, entry in tempo.placed if entry.over]
-    last_beat = max([tempo.beats(end), *ramps, *(beat for beat, _ in tempo.placed)])
-    length = min(last_beat, tempo.beats(end + _AFTER))  # a ramp may last for years
+    last_beat = max([tempo.beats(end_seconds), *ramps, *(beat for beat, _ in tempo.placed)])
+    length = min(last_beat, tempo.beats(end_seconds + _AFTER))  # a ramp may last for years
     meters = [Meter(beat, meter.beats, meter.unit) for beat, _, meter in tempo.bars.changes()]
     marks = [Marker(name, beats) for name, beats in score.marks_of(piece)]
     return tempo.seconds, length, meters, marks
@@ -141,23 +148,23 @@ def _note_tracks(stage: Stage) -> list[NoteTrack]:
     from ergon.scores.staging.struck_notes import struck_notes
 
     tempo = stage.piece.tempo_map
-    notes: dict[str, list[Note]] = {}
+    notes_by_instrument: dict[str, list[Note]] = {}
     drums: dict[str, int] = {}  # by instrument: its key
-    for note in struck_notes(stage):
-        if note.pitch is None:
-            key = drums.setdefault(note.instrument, _FIRST_DRUM + len(drums))
+    for struck_note in struck_notes(stage):
+        if struck_note.pitch is None:
+            midi_key = drums.setdefault(struck_note.instrument, _FIRST_DRUM + len(drums))
         else:
-            key = round(69.0 + 12.0 * log2(note.pitch / 440.0))
-        notes.setdefault(note.instrument, []).append(
+            midi_key = round(69.0 + 12.0 * log2(struck_note.pitch / 440.0))
+        notes_by_instrument.setdefault(struck_note.instrument, []).append(
             Note(
-                tempo.beats(note.begin),
-                tempo.beats(note.end),
-                min(127, max(0, key)),
-                max(1, round(127.0 * note.strength)),
+                tempo.beats(struck_note.begin),
+                tempo.beats(struck_note.end),
+                min(127, max(0, midi_key)),
+                max(1, round(127.0 * struck_note.strength)),
             )
         )
     channels = cycle(_CHANNELS)
     return [
         NoteTrack(name, _DRUMS if name in drums else next(channels), part_notes)
-        for name, part_notes in notes.items()
+        for name, part_notes in notes_by_instrument.items()
     ]

@@ -94,14 +94,14 @@ def _obj(path: Path) -> Content:
     from ergon.notation.text.values import Place
 
     collector = Collector()
-    text = decoded(_data(path), str(path), collector)
+    obj_text = decoded(_data(path), str(path), collector)
     mesh = None
-    if text is not None:
-        reader = Reader(Document(str(path), text, None), "the mesh", collector)
+    if obj_text is not None:
+        reader = Reader(Document(str(path), obj_text, None), "the mesh", collector)
         mesh = reader.mesh(Place(str(path), 1, 1))
     if mesh is None:
         raise Refused("; ".join(f"{path}: {mistake.message}" for mistake in collector.finish()))
-    lines = (line.split() for line in (text or "").splitlines())
+    lines = (line.split() for line in (obj_text or "").splitlines())
     kinds = Counter(words[0] for words in lines if words and not words[0].startswith("#"))
     other_kinds = [kind for kind in kinds if kind not in ("v", "f", "l")]
     passed_over = [f"{plural(kinds[kind], 'line')} of {kind}" for kind in sorted(other_kinds)]
@@ -109,13 +109,13 @@ def _obj(path: Path) -> Content:
 
 
 def _counts(mesh: object) -> dict[str, object]:
-    points, edges, faces = (getattr(mesh, name) for name in ("points", "edges", "faces"))
-    axes = zip(*points, strict=True)
+    mesh_points, mesh_edges, faces = (getattr(mesh, name) for name in ("points", "edges", "faces"))
+    axes = zip(*mesh_points, strict=True)
     size = " × ".join(f"{max(axis) - min(axis):.4g}" for axis in axes)
-    bodies = _n_bodies(len(points), edges)
+    bodies = _n_bodies(len(mesh_points), mesh_edges)
     return {
-        "points": len(points),
-        "edges": len(edges),
+        "points": len(mesh_points),
+        "edges": len(mesh_edges),
         "triangles": len(faces),
         "bodies": bodies,
         "size in units of the file": size,
@@ -145,17 +145,19 @@ def _gltf(path: Path) -> Content:
     from ergon.instruments.space import gltf_file
     from ergon.instruments.space.mesh import MeshFileError
 
-    data, is_binary = _data(path), path.suffix.lower() == ".glb"
+    file_bytes, is_binary = _data(path), path.suffix.lower() == ".glb"
     try:
-        mesh = gltf_file.read_binary(data) if is_binary else gltf_file.read(data)
+        mesh = gltf_file.read_binary(file_bytes) if is_binary else gltf_file.read(file_bytes)
     except (MeshFileError, UnicodeDecodeError) as error:
         raise Refused(f"{path}: {error}") from None
-    size = int.from_bytes(data[12:16], "little")
-    root = json.loads(data[20 : 20 + size] if is_binary else data)
+    size = int.from_bytes(file_bytes[12:16], "little")
+    gltf_root = json.loads(file_bytes[20 : 20 + size] if is_binary else file_bytes)
     passed_over = [
-        plural(len(root[name]), name.removesuffix("s")) for name in _GLTF_OTHERS if root.get(name)
+        plural(len(gltf_root[name]), name.removesuffix("s"))
+        for name in _GLTF_OTHERS
+        if gltf_root.get(name)
     ]
-    passed_over += [f"extension {name}" for name in root.get("extensionsUsed", [])]
+    passed_over += [f"extension {name}" for name in gltf_root.get("extensionsUsed", [])]
     return Content("mesh (glTF 2)", _counts(mesh), passed_over)
 
 
@@ -165,28 +167,28 @@ def _gltf(path: Path) -> Content:
 def _scala(path: Path) -> Content:
     from ergon.notation.tables.scala import ScalaError, decoded, parse_key_map, parse_scale
 
-    text = decoded(_data(path))
-    comments = sum(line.startswith("!") for line in text.splitlines())
+    scala_text = decoded(_data(path))
+    comments = sum(line.startswith("!") for line in scala_text.splitlines())
     passed_over = [plural(comments, "comment")] if comments else []
     try:
         if path.suffix.lower() == ".scl":
-            scale = parse_scale(text)
-            read = {
+            scale = parse_scale(scala_text)
+            figures_read = {
                 "title": scale.title or "none",
                 "degrees": len(scale.ratios),
                 "repeats after": f"{scale.ratios[-1]:.9g}",
             }
-            return Content("scale (Scala)", read, passed_over)
-        keys = parse_key_map(text)
+            return Content("scale (Scala)", figures_read, passed_over)
+        mapped_keys = parse_key_map(scala_text)
     except ScalaError as error:
         raise Refused(f"{path}:{error.line}: {error.message}") from None
-    read = {
-        "keys": f"{keys.low} to {keys.high}",
-        "size of the map": len(keys.degrees),
-        "middle key": keys.middle,
-        "reference": f"key {keys.reference} at {keys.frequency:g} Hz",
+    figures_read = {
+        "keys": f"{mapped_keys.low} to {mapped_keys.high}",
+        "size of the map": len(mapped_keys.degrees),
+        "middle key": mapped_keys.middle,
+        "reference": f"key {mapped_keys.reference} at {mapped_keys.frequency:g} Hz",
     }
-    return Content("keyboard map (Scala)", read, passed_over)
+    return Content("keyboard map (Scala)", figures_read, passed_over)
 
 
 # --- heads and rooms ----------------------------------------------------------------------------
@@ -224,20 +226,20 @@ def _musicxml(path: Path) -> Content:
 def _layout(path: Path) -> Content | None:
     from ergon.exchange.layout_files import FORMS, LayoutFileError
 
-    data = _data(path)
-    if path.suffix.lower() == ".json" and b"LoudspeakerLayout" not in data:
+    file_bytes = _data(path)
+    if path.suffix.lower() == ".json" and b"LoudspeakerLayout" not in file_bytes:
         return None
     endings = {form.ending: form for form in FORMS.values()}
-    form = endings[path.suffix.lower().replace(".yml", ".yaml")]
+    layout_form = endings[path.suffix.lower().replace(".yml", ".yaml")]
     try:
-        layout = form.read(data)
+        layout = layout_form.read(file_bytes)
     except LayoutFileError as error:
         if path.suffix.lower() == ".xml":
             return _model(path)
         raise Refused(f"{path}: {error}") from None
     passed_over = [*layout.left_out, "names"]
     read = {"loudspeakers": len(layout.speakers), "outputs": _numbers(layout.outputs)}
-    return Content(f"loudspeakers ({form.name})", read, passed_over)
+    return Content(f"loudspeakers ({layout_form.name})", read, passed_over)
 
 
 def _yaml(path: Path) -> Content | None:

@@ -53,13 +53,15 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
         raise Refused(f"{path}: a pack is not changed; `ergon unpack {path}` writes its files")
     is_stdin = path == "-"
     size_limit = MAX_BYTES + 1
-    data = sys.stdin.buffer.read(size_limit) if is_stdin else read_bounded(Path(path), MAX_BYTES)
-    if len(data) > MAX_BYTES:
+    source_bytes = (
+        sys.stdin.buffer.read(size_limit) if is_stdin else read_bounded(Path(path), MAX_BYTES)
+    )
+    if len(source_bytes) > MAX_BYTES:
         raise Refused(
             f"{path}: the file is larger than {MAX_BYTES >> 20} MB, the most that a score may have"
         )
     try:
-        text_before = data.decode("utf-8")
+        text_before = source_bytes.decode("utf-8")
         formatted_text = formatted(text_before)
     except UnicodeDecodeError:
         raise Refused(f"{path}: the file is not text in UTF-8") from None

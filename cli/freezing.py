@@ -19,7 +19,7 @@ def freeze_parts(
     console: Console,
     path: str,
     parts: str,
-    output: str | None,
+    output_path: str | None,
     file_options: FileOptions,
     *,
     dry: bool,
@@ -29,14 +29,14 @@ def freeze_parts(
         if getattr(file_options, name) is not None:
             option = f"--{name.strip('_')}"
             raise Refused(f"--freeze writes whole parts as they are, and excludes {option}")
-    if output == "-":
+    if output_path == "-":
         raise Refused("--freeze writes a folder; -o - is stdout")
-    names = list(dict.fromkeys(filter(None, parts.replace(",", " ").split())))
-    if not names:
+    part_names = list(dict.fromkeys(filter(None, parts.replace(",", " ").split())))
+    if not part_names:
         raise Refused("--freeze: name an instrument, or several with commas between them")
     shared = {field.name: getattr(file_options, field.name) for field in fields(FreezeOptions)}
     options = FreezeOptions(**shared)
-    prepared = prepare(path, names, output, options, console)
+    prepared = prepare(path, part_names, output_path, options, console)
     if not dry:
         write(prepared, options, console)
     _say(console, prepared, dry=dry)

@@ -98,23 +98,27 @@ def option_instead(name: str, options: Iterable[str]) -> str | None:
     return advice if not meant.startswith("-") or meant in set(options) else None
 
 
-def instead(words: list[str]) -> str | None:
-    """The line that does what `words` most likely mean; None for others."""
-    file = next(iter(words[1:2] if words[0] == "convert" else words[:1]), "")
+def instead(command_words: list[str]) -> str | None:
+    """The line that does what `command_words` most likely mean; None for others."""
+    file = next(
+        iter(command_words[1:2] if command_words[0] == "convert" else command_words[:1]), ""
+    )
     if advice := FILES_INSTEAD.get(Path(file).suffix.lower()):
         return advice.format(file=file, stem=Path(file).stem)
-    line = INSTEAD.get(words[0])
-    further_words = "".join(f" {word}" for word in words[1:])
+    line = INSTEAD.get(command_words[0])
+    further_words = "".join(f" {word}" for word in command_words[1:])
     return None if line is None else line.format(rest=further_words)
 
 
-def reordered(words: list[str], commands: Iterable[str]) -> str | None:
+def reordered(command_words: list[str], commands: Iterable[str]) -> str | None:
     """The line with its command first, where options or a score precede it; else None."""
     command_names = set(commands)
-    place = next((i for i, word in enumerate(words) if word in command_names), None)
+    place = next((i for i, word in enumerate(command_words) if word in command_names), None)
     if not place:
         return None
-    return " ".join(["ergon", words[place], *words[place + 1 :], *words[:place]])
+    return " ".join(
+        ["ergon", command_words[place], *command_words[place + 1 :], *command_words[:place]]
+    )
 
 
 def single_dash(words: Iterable[str], options: Iterable[str]) -> str | None:

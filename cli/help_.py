@@ -29,14 +29,16 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
     Where a page is called as a command, `ergon help view.md` shows the page. Without a topic, all
     commands and pages are listed.
     """
-    root = ctx.find_root()
+    root_context = ctx.find_root()
     if not " ".join(words).strip():
-        click.echo(root.get_help())
-        click.echo(f"\nPages (ergon help PAGE):\n{_listed(manual.pages(), _commands(root))}")
+        click.echo(root_context.get_help())
+        click.echo(
+            f"\nPages (ergon help PAGE):\n{_listed(manual.pages(), _commands(root_context))}"
+        )
         return
     pages = manual.pages()
     topic = " ".join(words)
-    command = _command(root, words)
+    command = _command(root_context, words)
     if command is not None:
         click.echo(command.get_help())
         if topic in pages:
@@ -49,14 +51,14 @@ def help_command(ctx: click.Context, words: tuple[str, ...]) -> None:
         return
     matches = manual.matches(topic, pages) if len(topic) <= _TOPIC_MAX else []
     if not matches:
-        raise Refused(_unknown(topic, pages, root))
+        raise Refused(_unknown(topic, pages, root_context))
     (page, _), *other_matches = matches
     other_lines = "\n".join(
-        f"  ergon help {_page_topic(other_page, root):24} {heading}"
+        f"  ergon help {_page_topic(other_page, root_context):24} {heading}"
         for other_page, heading in other_matches[:_OTHERS_MAX]
     )
     others_heading = f" Others about {clean(topic)}:" if other_lines else ""
-    introduction = f"The page {_page_topic(page, root)}.{others_heading}\n{other_lines}"
+    introduction = f"The page {_page_topic(page, root_context)}.{others_heading}\n{other_lines}"
     _show(f"{introduction.rstrip()}\n\n{page.text}")
 
 
@@ -90,14 +92,14 @@ def _titled(words: str, pages: dict[str, manual.Page]) -> str | None:
 def _command(root: click.Context, words: tuple[str, ...]) -> click.Context | None:
     """The context of a command that words name (`take trim`); None if they do not."""
     context, command = root, root.command
-    for word in words:
+    for command_word in words:
         if not isinstance(command, click.Group):
             return None
-        subcommand = command.get_command(context, word)
+        subcommand = command.get_command(context, command_word)
         if subcommand is None:
             return None
         command = subcommand
-        context = click.Context(command, parent=context, info_name=word)
+        context = click.Context(command, parent=context, info_name=command_word)
     return context
 
 
@@ -106,12 +108,12 @@ def _page_topic(page: manual.Page, root: click.Context) -> str:
     return f"{page.name}.md" if _command(root, (page.name,)) else page.name
 
 
-def _show(text: str) -> None:
-    text = clean(text)
+def _show(page_text: str) -> None:
+    page_text = clean(page_text)
     if sys.stdout.isatty():
-        click.echo_via_pager(text)
+        click.echo_via_pager(page_text)
     else:
-        click.echo(text, nl=False)
+        click.echo(page_text, nl=False)
 
 
 def _listed(pages: dict[str, manual.Page], commands: list[str]) -> str:

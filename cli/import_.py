@@ -62,40 +62,42 @@ def import_command(
     from ergon.exchange.safe import check_target, write_text
     from ergon.workshop.api.model import ModelOptions, import_model
 
-    target = output or f"{Path(model).stem}.yaml"
-    check_stdout(target, is_json=console.json)
-    files = _pairs("--feed", inputs)
-    read_files = [Path(model), *(Path(file) for file in files.values() if file != "osc")]
-    check_target(Path(target), force=force, inputs=read_files)
+    output_path = output or f"{Path(model).stem}.yaml"
+    check_stdout(output_path, is_json=console.json)
+    feed_files = _pairs("--feed", inputs)
+    read_files = [Path(model), *(Path(file) for file in feed_files.values() if file != "osc")]
+    check_target(Path(output_path), force=force, inputs=read_files)
     model_options = ModelOptions(
-        dialect=dialect, laws=laws, values=_pairs("--set", values), inputs=files
+        dialect=dialect, laws=laws, values=_pairs("--set", values), inputs=feed_files
     )
-    score_folder = Path() if target == "-" else Path(target).parent
+    score_folder = Path() if output_path == "-" else Path(output_path).parent
     imported = import_model(model, model_options, beside=score_folder)
-    write_text(target, imported.text, force=force, inputs=read_files)
+    write_text(output_path, imported.text, force=force, inputs=read_files)
     if console.json:
         fields = {
             "dialect": imported.dialect,
             "statements": imported.n_statements,
             "unfed": imported.unfed,
         }
-        console.record("wrote", file=target, **fields)
+        console.record("wrote", file=output_path, **fields)
         return
-    if target != "-":
-        console.say(f"wrote {target}: {imported.n_statements:,} statements of {imported.dialect}")
+    if output_path != "-":
+        console.say(
+            f"wrote {output_path}: {imported.n_statements:,} statements of {imported.dialect}"
+        )
     if imported.unfed:
         names, feed = ", ".join(imported.unfed), f"--feed {imported.unfed[0]}=FILE.wav"
         stay = "stays" if len(imported.unfed) == 1 else "stay"
         console.say(f"{names} {stay} at 0; {feed} feeds {imported.unfed[0]}")
 
 
-def _pairs(option: str, texts: tuple[str, ...]) -> dict[str, str]:
-    pairs: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not (name and equals and value):
-            raise Refused(f"{option} {text}: write NAME=VALUE")
-        if name in pairs:
-            raise Refused(f"{option} {text}: {name} is given twice")
-        pairs[name] = value
-    return pairs
+def _pairs(option_name: str, texts: tuple[str, ...]) -> dict[str, str]:
+    value_by_name: dict[str, str] = {}
+    for pair_text in texts:
+        pair_name, equals, pair_value = pair_text.partition("=")
+        if not (pair_name and equals and pair_value):
+            raise Refused(f"{option_name} {pair_text}: write NAME=VALUE")
+        if pair_name in value_by_name:
+            raise Refused(f"{option_name} {pair_text}: {pair_name} is given twice")
+        value_by_name[pair_name] = pair_value
+    return value_by_name

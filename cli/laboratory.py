@@ -22,7 +22,7 @@ FORMS = ("csv", "svg", "png")
 
 
 def stem(
-    output: str | None, source: str, noun: str, force: bool, inputs: Sequence[Path] = ()
+    output_text: str | None, source_name: str, noun: str, force: bool, inputs: Sequence[Path] = ()
 ) -> Path:
     """NAME for the files NAME.csv, NAME.svg and NAME.png, after checking that all may be written.
 
@@ -31,11 +31,11 @@ def stem(
     from ergon.exchange.safe import check_target
     from ergon.workshop.lab.pictures import targets
 
-    if output is None:
-        base = "score" if source == STDIN else Path(source).stem
+    if output_text is None:
+        base = "score" if source_name == STDIN else Path(source_name).stem
         stem_path = Path(f"{base}-{noun}")
     else:
-        stem_path = Path(output)
+        stem_path = Path(output_text)
         if stem_path.suffix[1:] in FORMS:  # one of the three was named: all of them are meant
             stem_path = stem_path.with_suffix("")
     for path in targets(stem_path):
@@ -43,19 +43,21 @@ def stem(
     return stem_path
 
 
-def words(text: str | None, allowed_words: Sequence[str], option: str) -> tuple[str, ...]:
+def words(list_text: str | None, allowed_words: Sequence[str], option: str) -> tuple[str, ...]:
     """The words of a list `a,b`, each of which must be known; without a text, all known words."""
-    if text is None:
+    if list_text is None:
         return tuple(allowed_words)
     from ergon.notation.text.spelling import nearest
 
-    names = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
-    for word in names:
-        if word not in allowed_words:
-            close = nearest(word, allowed_words)
+    chosen_words = tuple(dict.fromkeys(word.strip() for word in list_text.split(",")))
+    for chosen_word in chosen_words:
+        if chosen_word not in allowed_words:
+            close = nearest(chosen_word, allowed_words)
             hint = f"; did you mean '{close}'?" if close else ""
-            raise Refused(f"{option}: there is no '{word}' ({', '.join(allowed_words)}){hint}")
-    return names
+            raise Refused(
+                f"{option}: there is no '{chosen_word}' ({', '.join(allowed_words)}){hint}"
+            )
+    return chosen_words
 
 
 @contextmanager
@@ -87,16 +89,16 @@ def write(
     from ergon.exchange.safe import file_group
     from ergon.workshop.lab.pictures import MatplotlibMissingError, pictures, targets
 
-    csv, missing = targets(stem)[0], None
-    contents = {csv: table.encode()}
+    csv, missing_library = targets(stem)[0], None
+    content_by_path = {csv: table.encode()}
     try:
-        contents |= pictures(draw, stem)
+        content_by_path |= pictures(draw, stem)
     except MatplotlibMissingError as error:
-        missing = error
+        missing_library = error
     with file_group(force=force) as files:
-        for path, content in contents.items():
+        for path, content in content_by_path.items():
             files.write(path, content)
-    for path in contents:
+    for path in content_by_path:
         console.say(f"wrote {path}")
-    if missing is not None:
-        raise Refused(f"{missing}; {csv} is written")
+    if missing_library is not None:
+        raise Refused(f"{missing_library}; {csv} is written")

@@ -32,18 +32,18 @@ def check(console: Console, name: str) -> None:
     from ergon.space.quality import holes, is_open_above, is_symmetric, qualities
 
     layout = read_layout(name, console)
-    places = layout.speakers
-    results, gaps = qualities(places), holes(places)
-    symmetric, is_open = is_symmetric(places), is_open_above(places)
+    speaker_places = layout.speakers
+    place_qualities, gaps = qualities(speaker_places), holes(speaker_places)
+    symmetric, is_open = is_symmetric(speaker_places), is_open_above(speaker_places)
     if console.json:
-        for row in results:
+        for row in place_qualities:
             _record(console, row)
         console.record(
             "layout",
             file=str(layout.path),
-            loudspeakers=len(places),
+            loudspeakers=len(speaker_places),
             symmetric=symmetric,
-            surround=len(results) > 1,
+            surround=len(place_qualities) > 1,
             open_above=is_open,
             holes=[
                 {"between": [layout.channels[a] + 1, layout.channels[b] + 1], "angle_deg": angle}
@@ -52,15 +52,15 @@ def check(console: Console, name: str) -> None:
         )
         return
     title = f", {layout.title}" if layout.title else ""
-    console.data(f"{len(places)} loudspeakers{title}\n\n")
-    console.data(table([_HEAD, *map(_row, results)]))
+    console.data(f"{len(speaker_places)} loudspeakers{title}\n\n")
+    console.data(table([_HEAD, *map(_row, place_qualities)]))
     sides = "the sides mirror each other" if symmetric else "the sides do not mirror each other"
     console.data(f"\n{sides}\n")
     for a, b, angle in gaps:
         console.data(
             f"a hole of {angle:.0f}° between {_where(layout, a)} and {_where(layout, b)}\n"
         )
-    if len(results) == 1:
+    if len(place_qualities) == 1:
         console.data(
             "they do not surround the middle of the room, so sounds cannot be panned between them\n"
         )
@@ -99,8 +99,10 @@ def _record(console: Console, quality: Quality) -> None:
     )
 
 
-def _where(layout: Layout, index: int) -> str:
+def _where(layout: Layout, speaker_index: int) -> str:
     from ergon.space.directions import angles
 
-    azimuth, elevation, _ = angles(layout.speakers[index])
-    return f"{layout.channels[index] + 1} (azimuth {azimuth:.0f}°, elevation {elevation:.0f}°)"
+    azimuth, elevation, _ = angles(layout.speakers[speaker_index])
+    return (
+        f"{layout.channels[speaker_index] + 1} (azimuth {azimuth:.0f}°, elevation {elevation:.0f}°)"
+    )

@@ -55,13 +55,13 @@ def export(console: Console, name: str, output: str | None, form: str | None, fo
     if output == "-" and form is None:
         raise Refused(f"-o - needs --form, one of {', '.join(FORMS)}")
     path = Path(output)
-    kind = form_of(path, form)
+    layout_form = form_of(path, form)
     layout = read_layout(name, console)
     speakers = [angles(place) for place in layout.speakers]
     outputs = [channel + 1 for channel in layout.channels]
-    text = KNOWN[kind].write(speakers, outputs, layout.title or layout.path.stem)
+    text = KNOWN[layout_form].write(speakers, outputs, layout.title or layout.path.stem)
     write_text(output, text, force=force, inputs=(layout.path,))
     if console.json:
-        console.record("wrote", file=output, form=kind, loudspeakers=len(speakers))
+        console.record("wrote", file=output, form=layout_form, loudspeakers=len(speakers))
     elif output != "-":
-        console.say(f"wrote {output}: {len(speakers)} loudspeakers for {kind}")
+        console.say(f"wrote {output}: {len(speakers)} loudspeakers for {layout_form}")

@@ -42,26 +42,26 @@ def import_layout(
     from ergon.exchange.safe import write_text
 
     path = Path(file)
-    target = output or f"{path.stem}-layout.yaml"
-    check_stdout(target, is_json=console.json)
-    kind = form_of(path, form)
+    output_path = output or f"{path.stem}-layout.yaml"
+    check_stdout(output_path, is_json=console.json)
+    layout_form = form_of(path, form)
     radius_metres = None if radius is None else _metres(radius)
-    data = read_bounded(path, FILE_BYTES_MAX)
-    if len(data) > FILE_BYTES_MAX:
+    layout_bytes = read_bounded(path, FILE_BYTES_MAX)
+    if len(layout_bytes) > FILE_BYTES_MAX:
         raise Refused(f"{file} is larger than {FILE_BYTES_MAX >> 20} MB")
     try:
-        layout = FORMS[kind].read(data)
+        layout = FORMS[layout_form].read(layout_bytes)
     except LayoutFileError as error:
         raise Refused(f"{file}: {error}") from None
     speakers = layout.speakers
     for note in layout.notes():
         console.warn(f"{file}: {note}")
     text = as_yaml(speakers, path.stem, radius_metres, layout.outputs)
-    write_text(target, text, force=force, inputs=(path,))
+    write_text(output_path, text, force=force, inputs=(path,))
     if console.json:
-        console.record("wrote", file=target, form=kind, loudspeakers=len(speakers))
-    elif target != "-":
-        console.say(f"wrote {target}: {len(speakers)} loudspeakers")
+        console.record("wrote", file=output_path, form=layout_form, loudspeakers=len(speakers))
+    elif output_path != "-":
+        console.say(f"wrote {output_path}: {len(speakers)} loudspeakers")
 
 
 def _metres(text: str) -> float:

@@ -67,18 +67,18 @@ def noise(
     if not rate.is_integer():
         raise Refused(f"--rate: a file has whole frames a second, not {rate:g}")
     rate = int(rate)
-    sound = pink_noise_burst(seconds, rate, ratio)
+    noise_frames = pink_noise_burst(seconds, rate, ratio)
     if output is not None:
-        _write(console, layout, output, sound, rate, force=force)
+        _write(console, layout, output, noise_frames, rate, force=force)
     else:
-        _play(console, layout, audio or "auto", sound, rate)
+        _play(console, layout, audio or "auto", noise_frames, rate)
 
 
 def _write(
     console: Console,
     layout: Layout,
-    output: str,
-    sound: NDArray[np.float64],
+    output_path: str,
+    noise_frames: NDArray[np.float64],
     rate: int,
     *,
     force: bool,
@@ -87,43 +87,45 @@ def _write(
 
     from ergon import _core
     from ergon.api.layouts import chunks_of_layout
-    from ergon.exchange import sound as files
+    from ergon.exchange import sound as sound_files
     from ergon.exchange.safe import open_for_writing
     from ergon.exchange.wave_header import Stamp, WaveFormat
 
     n_speakers, n_channels, gap = len(layout.speakers), layout.n_channels, int(_GAP * rate)
-    n_each = len(sound) + gap
+    n_each = len(noise_frames) + gap
     format = WaveFormat(rate, n_channels, 24)
     title = f"noise, {layout.title or layout.path.stem}"
     stamp = Stamp(title, chunks=chunks_of_layout(layout, n_channels, title))
-    files.check_format(output, format)
-    with open_for_writing(output, binary=True, force=force, inputs=(layout.path,)) as file:
-        writer = files.writer(output, file, format, n_speakers * n_each, stamp)
+    sound_files.check_format(output_path, format)
+    with open_for_writing(output_path, binary=True, force=force, inputs=(layout.path,)) as file:
+        writer = sound_files.writer(output_path, file, format, n_speakers * n_each, stamp)
         for channel in sorted(layout.channels):
             frames = np.zeros((n_each, n_channels))
-            frames[: len(sound), channel] = sound
+            frames[: len(noise_frames), channel] = noise_frames
             writer.write(_core.pcm(frames, 1.0, 24))
         writer.close()
-    length = n_speakers * n_each / rate
+    total_seconds = n_speakers * n_each / rate
     if console.json:
-        console.record("wrote", file=output, channels=n_channels, seconds=length)
+        console.record("wrote", file=output_path, channels=n_channels, seconds=total_seconds)
     else:
-        console.say(f"wrote {output}: {plural(n_channels, 'channel')}, {as_seconds(length)}")
+        console.say(
+            f"wrote {output_path}: {plural(n_channels, 'channel')}, {as_seconds(total_seconds)}"
+        )
 
 
 def _play(
-    console: Console, layout: Layout, audio: str, sound: NDArray[np.float64], rate: int
+    console: Console, layout: Layout, audio: str, noise_frames: NDArray[np.float64], rate: int
 ) -> None:
     import numpy as np
 
     from ergon import _core
     from ergon.space.directions import angles
 
-    for channel, place in sorted(zip(layout.channels, layout.speakers, strict=True)):
+    for channel_index, place in sorted(zip(layout.channels, layout.speakers, strict=True)):
         azimuth, elevation, _ = angles(place)
-        console.say(f"{channel + 1}: azimuth {azimuth:.0f}°, elevation {elevation:.0f}°")
-        frames = np.zeros((len(sound) + int(_GAP * rate), layout.n_channels), np.float32)
-        frames[: len(sound), channel] = sound
+        console.say(f"{channel_index + 1}: azimuth {azimuth:.0f}°, elevation {elevation:.0f}°")
+        frames = np.zeros((len(noise_frames) + int(_GAP * rate), layout.n_channels), np.float32)
+        frames[: len(noise_frames), channel_index] = noise_frames
         try:
             _core.play_frames(frames, rate, audio)
         except _core.EngineError as error:
@@ -136,9 +138,9 @@ def _ratio(level: str) -> float:
     from ergon.notation.text.errors import TextError
 
     try:
-        ratio = gain(level)
+        amplitude_ratio = gain(level)
     except TextError as error:
         raise Refused(f"--level: {error.message}") from None
-    if ratio > 0.5:
+    if amplitude_ratio > 0.5:
         raise Refused("--level: noise louder than -6dB would clip; write -20dB")
-    return ratio
+    return amplitude_ratio

@@ -83,24 +83,27 @@ class LazyGroup(click.Group):
         """Resolve a command as click does, with the nearest name in the message (in all versions of
         click), or what to type instead.
         """
-        name = args[0]
-        if name not in self.table and not name.startswith("-"):
+        command_name = args[0]
+        if command_name not in self.table and not command_name.startswith("-"):
             raise click.UsageError(self._unknown(args), ctx)
-        resolved, command, words = super().resolve_command(ctx, args)
+        resolved, command, command_words = super().resolve_command(ctx, args)
         if command is not None and not isinstance(command, click.Group):
             names = (word for option in command.params for word in option.opts)
-            if meant := habits.single_dash(words, names):
+            if meant := habits.single_dash(command_words, names):
                 raise click.UsageError(f"{meant[1:]} is written with two dashes: {meant}", ctx)
-            words = renamed.respelt(self.path_of(name), words)
-        return resolved, command, words
+            command_words = renamed.respelt(self.path_of(command_name), command_words)
+        return resolved, command, command_words
 
-    def _misplaced(self, words: list[str], error: click.NoSuchOption) -> str:
-        if line := habits.reordered(words, self.table):
+    def _misplaced(self, command_words: list[str], error: click.NoSuchOption) -> str:
+        if line := habits.reordered(command_words, self.table):
             return f"the command comes first: {line}"
-        if typed := habits.instead(words[:1]):
-            return f"No such option '{words[0]}'. Use: {typed}"
-        if words[0] in habits.BEHIND:
-            return f"{words[0]} follows a command, such as: ergon check piece.yaml {words[0]}"
+        if typed := habits.instead(command_words[:1]):
+            return f"No such option '{command_words[0]}'. Use: {typed}"
+        if command_words[0] in habits.BEHIND:
+            return (
+                f"{command_words[0]} follows a command, such as: ergon check piece.yaml "
+                f"{command_words[0]}"
+            )
         return f"{error.format_message()} {_ALL}."
 
     def _unknown(self, args: list[str]) -> str:
@@ -108,23 +111,23 @@ class LazyGroup(click.Group):
 
         from . import manual
 
-        name = args[0]
+        command_name = args[0]
         is_root = self.name == ROOT
-        if is_root and name.endswith((".yaml", ".yml")):
+        if is_root and command_name.endswith((".yaml", ".yml")):
             line = habits.reordered(args, self.table) or " ".join(["ergon render", *args])
             return f"a command comes first: {line}"
-        sentence = f"No such command '{name}'."
+        error_sentence = f"No such command '{command_name}'."
         if is_root and (typed := habits.instead(args)):
-            return f"{sentence} Use: {typed}"
-        if not is_root and self.invoke_without_command and name in habits.LISTING:
-            return f"{sentence} Use: {ROOT} {self.name}"
-        if close := nearest(name, self.table):
-            return f"{sentence} Did you mean '{close}'?"
+            return f"{error_sentence} Use: {typed}"
+        if not is_root and self.invoke_without_command and command_name in habits.LISTING:
+            return f"{error_sentence} Use: {ROOT} {self.name}"
+        if close := nearest(command_name, self.table):
+            return f"{error_sentence} Did you mean '{close}'?"
         if not is_root:
-            return f"{sentence} `ergon {self.name} -h` lists those that there are."
-        if manual.matches(name, manual.pages()):
-            return f"{sentence} `ergon help {name}` opens a page about it; {_ALL}."
-        return f"{sentence} {_ALL}."
+            return f"{error_sentence} `ergon {self.name} -h` lists those that there are."
+        if manual.matches(command_name, manual.pages()):
+            return f"{error_sentence} `ergon help {command_name}` opens a page about it; {_ALL}."
+        return f"{error_sentence} {_ALL}."
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands in `--help`, from the table alone."""

@@ -32,14 +32,14 @@ class Page:
 
 def pages() -> dict[str, Page]:
     """All pages by name, in the order of their names."""
-    result: dict[str, Page] = {}
+    pages_by_name: dict[str, Page] = {}
     for folder in _FOLDERS:
         for path in sorted((MANUAL / folder).glob("*.md")):
             name = path.stem if folder in ("", "errors") else f"{folder}/{path.stem}"
             if path.stem == "README":
                 name = folder or "start"
-            result[name] = Page(name, path)
-    return result
+            pages_by_name[name] = Page(name, path)
+    return pages_by_name
 
 
 def matches(topic: str, pages_by_topic: dict[str, Page]) -> list[tuple[Page, str]]:

@@ -22,22 +22,22 @@ _BYTES_MAX = 1 << 20  # of a calibration
 _FAR = 3.0  # standard deviations: a larger difference is not chance
 
 
-def calibration(file: str) -> Calibration:
+def calibration(calibration_path: str) -> Calibration:
     """Read a calibration that ergon metrology has written. Raises Refused if it is not one."""
     from ergon.workshop.metrology.calibration_file import read
     from ergon.workshop.metrology.gesture import MeasurementError
 
     try:
-        data = read_bounded(Path(file), _BYTES_MAX)
+        data = read_bounded(Path(calibration_path), _BYTES_MAX)
         if len(data) > _BYTES_MAX:
-            raise Refused(f"{file}: this file is larger than a calibration may be")
+            raise Refused(f"{calibration_path}: this file is larger than a calibration may be")
         return read(data.decode())
     except OSError as error:
-        raise Refused(f"{file}: {error.strerror or error}") from None
+        raise Refused(f"{calibration_path}: {error.strerror or error}") from None
     except UnicodeDecodeError:
-        raise Refused(f"{file}: this file is not text") from None
+        raise Refused(f"{calibration_path}: this file is not text") from None
     except MeasurementError as error:
-        raise Refused(f"{file}: {error}") from None
+        raise Refused(f"{calibration_path}: {error}") from None
 
 
 @click.command()
@@ -77,13 +77,13 @@ def compare(console: Console, first_path: str, other: str) -> None:
 
 def _called(difference: Difference) -> str:
     """The name of a figure; with both numbers of its mode if the files number it differently."""
-    name, second_name = difference.names
-    if name == second_name or difference.other is None:
-        return name
+    figure_name, second_name = difference.names
+    if figure_name == second_name or difference.other is None:
+        return figure_name
     return (
         second_name
         if difference.first is None
-        else f"{name.partition('.')[0]}/{second_name.removeprefix('mode')}"
+        else f"{figure_name.partition('.')[0]}/{second_name.removeprefix('mode')}"
     )
 
 
@@ -154,23 +154,24 @@ def log(console: Console, files: tuple[str, ...]) -> None:
             f"{'date':12}{'M [g]':>10}{'K [N/m]':>10}{'Z [Ns/m]':>10}{'dry [mN]':>10}"
             f"{'moves [um]':>12}{'modes [Hz]':>16}   file\n"
         )
-    for calibration_read, file in calibrations:
+    for calibration_read, calibration_path in calibrations:
         moves = replay_difference(calibrations[0][0].row, calibration_read.row)
-        values = calibration_read.figures
+        figure_values = calibration_read.figures
         if console.json:
             console.record(
                 "calibration",
-                file=file,
+                file=calibration_path,
                 date=calibration_read.date,
-                figures=values,
+                figures=figure_values,
                 replay_difference_m=moves,
             )
             continue
         modes = " ".join(f"{f:.5g}" for _, f, _ in calibration_read.modes) or "none"
         console.data(
-            f"{calibration_read.date or '?':12}{values['M'] * 1e3:10.5g}"
-            f"{values['K']:10.5g}{values['Z']:10.4g}"
-            f"{values.get('dry', 0.0) * 1e3:10.4g}{moves * 1e6:12.4g}{modes:>16}   {file}\n"
+            f"{calibration_read.date or '?':12}{figure_values['M'] * 1e3:10.5g}"
+            f"{figure_values['K']:10.5g}{figure_values['Z']:10.4g}"
+            f"{figure_values.get('dry', 0.0) * 1e3:10.4g}{moves * 1e6:12.4g}{modes:>16}   "
+            f"{calibration_path}\n"
         )
 
 
@@ -191,30 +192,33 @@ def weigh(console: Console, plain: str, loaded: str, mass: float) -> None:
     from ergon.workshop.metrology.gesture import MeasurementError
 
     try:
-        results = gains(calibration(plain), calibration(loaded), mass)
+        measured_gains = gains(calibration(plain), calibration(loaded), mass)
     except MeasurementError as error:
         raise Refused(str(error)) from None
     if console.json:
-        names = {"mass": "mass_gain", "position": "position_gain", "force": "force_gain"}
-        changes: dict[str, float | None] = {}
+        column_names = {"mass": "mass_gain", "position": "position_gain", "force": "force_gain"}
+        gain_changes: dict[str, float | None] = {}
         for name in ("mass", "position", "force", "M", "K", "Z"):
-            gain = results.get(name)
-            changes[names.get(name, name)] = None if gain is None else gain.value
-            changes[f"{names.get(name, name)}_deviation"] = None if gain is None else gain.deviation
-        console.record("gains", **changes)
+            gain = measured_gains.get(name)
+            gain_changes[column_names.get(name, name)] = None if gain is None else gain.value
+            gain_changes[f"{column_names.get(name, name)}_deviation"] = (
+                None if gain is None else gain.deviation
+            )
+        console.record("gains", **gain_changes)
         return
     console.data(
-        f"true over found: {_with(results['mass'])}; so M is {_with(results['M'], 1e3)} g, "
-        f"K {_with(results['K'])} N/m, Z {_with(results['Z'])} Ns/m\n"
+        f"true over found: {_with(measured_gains['mass'])}; so M is "
+        f"{_with(measured_gains['M'], 1e3)} g, "
+        f"K {_with(measured_gains['K'])} N/m, Z {_with(measured_gains['Z'])} Ns/m\n"
     )
-    if "position" not in results:
+    if "position" not in measured_gains:
         console.say(
             "the key does not sink under the mass, so the gains of sensor and motor are not known "
             "apart from each other"
         )
     else:
-        console.data(f"the sensor reads {_with(results['position'])} m for a metre\n")
-        console.data(f"the motor gives {_with(results['force'])} N for a newton\n")
+        console.data(f"the sensor reads {_with(measured_gains['position'])} m for a metre\n")
+        console.data(f"the motor gives {_with(measured_gains['force'])} N for a newton\n")
 
 
 def _with(gain: Gain, times: float = 1.0) -> str:

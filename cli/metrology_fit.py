@@ -85,7 +85,7 @@ def report(
     gestures: list[Gesture],
     held_out: Gesture | None,
     takes: list[Path],
-    output: Path | None,
+    output_path: Path | None,
     *,
     force: bool,
     dry: bool,
@@ -97,20 +97,22 @@ def report(
     from ergon.workshop.metrology import stages
     from ergon.workshop.metrology.gesture import MeasurementError, sensor_step
 
-    step = sensor_step(gestures if held_out is None else [*gestures, held_out])
+    position_step = sensor_step(gestures if held_out is None else [*gestures, held_out])
     if not console.json:
-        parts = "" if step is None else f"{'of step':>9}"
+        parts = "" if position_step is None else f"{'of step':>9}"
         header = f"{'':14}{'fit rms':>10}{parts}{'replay':>10}{parts}{'BIC':>12}"
         console.data(f"{header}   what was added\n")
     try:
-        measured = stages.measure(gestures, held_out, lambda stage: _say(console, stage, step))
+        measured = stages.measure(
+            gestures, held_out, lambda stage: _say(console, stage, position_step)
+        )
     except MeasurementError as error:
         raise Refused(str(error)) from None
-    _sum_up(console, measured, step)
-    if output is not None:
+    _sum_up(console, measured, position_step)
+    if output_path is not None:
         shown = gestures[-1] if held_out is None else held_out
-        drawn = _picture(measured, shown, output.stem)
-        texts = {output: _calibration(measured, takes), output.with_suffix(".svg"): drawn}
+        drawn = _picture(measured, shown, output_path.stem)
+        texts = {output_path: _calibration(measured, takes), output_path.with_suffix(".svg"): drawn}
         write_texts(console, texts, force=force, dry=dry)
     if measured.noise is not None and measured.fit.rms > _BAD * measured.noise:
         raise Findings(
@@ -143,15 +145,17 @@ def gesture(console: Console, path: Path, hand: str | None, force_step: float) -
     from ergon.workshop.metrology.gesture import MeasurementError, gesture_from_recording
 
     take = read(console, path)
-    names = take.names
-    if hand is None and len(names) > 1:
-        raise Refused(f"{path}: this take has several hands ({', '.join(names)}); choose by --hand")
-    if hand is not None and hand not in names:
-        raise Refused(f"{path}: there is no hand {hand!r}; the take has {', '.join(names)}")
+    hand_names = take.names
+    if hand is None and len(hand_names) > 1:
+        raise Refused(
+            f"{path}: this take has several hands ({', '.join(hand_names)}); choose by --hand"
+        )
+    if hand is not None and hand not in hand_names:
+        raise Refused(f"{path}: there is no hand {hand!r}; the take has {', '.join(hand_names)}")
     is_of_wire = read_description(take).get("sent") == "wire"
     if not is_of_wire:
         console.say(f"{path}: an older take: its forces are those before the wire rounded them")
-    number = 0 if hand is None else names.index(hand)
+    number = 0 if hand is None else hand_names.index(hand)
     try:
         return gesture_from_recording(
             take, number, loses_requests=is_of_wire, force_step=force_step
@@ -160,8 +164,8 @@ def gesture(console: Console, path: Path, hand: str | None, force_step: float) -
         raise Refused(f"{path}: {error}") from None
 
 
-def _say(console: Console, stage: Stage, step: float | None) -> None:
-    """A row of the table; `step` [m] is the sensor's."""
+def _say(console: Console, stage: Stage, position_step: float | None) -> None:
+    """A row of the table; `position_step` [m] is the sensor's."""
     from ergon.workshop.metrology.mode_search import SCORE_MIN
 
     fit = stage.fit
@@ -188,7 +192,7 @@ def _say(console: Console, stage: Stage, step: float | None) -> None:
     elif not stage.is_accepted:
         verdict += ", not kept"
     stopping_reason, off = (
-        f"{x * 1e6:7.4g} um" + ("" if step is None else f"{x / step:9.3g}")
+        f"{x * 1e6:7.4g} um" + ("" if position_step is None else f"{x / position_step:9.3g}")
         for x in (fit.rms, stage.replay)
     )
     console.data(f"{name:14}{stopping_reason}{off}{fit.bic:12,.0f}   {verdict}\n")
@@ -210,8 +214,8 @@ def _added_part(stage: Stage) -> str:
     from ergon.workshop.metrology.calibration_file import t60
     from ergon.workshop.metrology.parameters import INDEX, mode_indices, n_modes
 
-    row = stage.fit.row
-    figures = {name: float(row[index]) for name, index in INDEX.items()}
+    fitted_row = stage.fit.row
+    figures = {name: float(fitted_row[index]) for name, index in INDEX.items()}
     match stage.name:
         case "M K Z":
             return (
@@ -226,20 +230,26 @@ def _added_part(stage: Stage) -> str:
             return f"{figures['static_dry'] * 1e3:.4g} mN, {figures['static_speed'] * 1e3:.3g} mm/s"
         case "delay":
             return f"{figures['delay'] * 1e3:.4g} ms"
-    if not n_modes(row):
+    if not n_modes(fitted_row):
         return "none"
-    mass, frequency, ratio = (float(row[index]) for index in mode_indices(n_modes(row) - 1))
+    mass, frequency, ratio = (
+        float(fitted_row[index]) for index in mode_indices(n_modes(fitted_row) - 1)
+    )
     return f"{mass * 1e3:.3g} g at {frequency:.4g} Hz, t60 {t60(frequency, ratio):.3g} s"
 
 
-def _sum_up(console: Console, measured: Measured, step: float | None) -> None:
+def _sum_up(console: Console, measured: Measured, position_step: float | None) -> None:
     noise = measured.noise
     if console.json:
         console.record(
-            "measured", rms_m=measured.fit.rms, replay_m=measured.replay, noise_m=noise, step_m=step
+            "measured",
+            rms_m=measured.fit.rms,
+            replay_m=measured.replay,
+            noise_m=noise,
+            step_m=position_step,
         )
         return
-    step_text = "" if step is None else f"; its step is {step * 1e6:.3g} um"
+    step_text = "" if position_step is None else f"; its step is {position_step * 1e6:.3g} um"
     if noise is None:
         console.say(
             "no take begins with a still key for 50 ticks, so the sensor's noise is not known"
@@ -270,17 +280,19 @@ def _calibration(measured: Measured, takes: list[Path]) -> str:
     return text(measured, digests, date.today().isoformat())
 
 
-def write_texts(console: Console, texts: Mapping[Path, str], *, force: bool, dry: bool) -> None:
+def write_texts(
+    console: Console, text_by_path: Mapping[Path, str], *, force: bool, dry: bool
+) -> None:
     """Write text files, all or none, or only say that they would be written."""
     from ergon.exchange.safe import file_group
 
     if not dry:
         with file_group(force=force) as files:
-            for path, content in texts.items():
+            for path, content in text_by_path.items():
                 files.write(path, content.encode())
-    event = "would write" if dry else "wrote"
-    for path in texts:
+    event_name = "would write" if dry else "wrote"
+    for path in text_by_path:
         if console.json:
-            console.record(event.replace(" ", "_"), file=str(path))
+            console.record(event_name.replace(" ", "_"), file=str(path))
         else:
-            console.say(f"{event} {path}")
+            console.say(f"{event_name} {path}")

@@ -85,14 +85,16 @@ def measure(
         check_target(path, force=force)
         check_target(path.with_suffix(".svg"), force=force)
     score_forces = metrology_score.path(console, score, key)
-    axis, url = open_axis(device, force_max=force_max, force_step=force_step, gated=not no_gate)
-    recorder = Recorder(path, take_header(url, axis.number))
+    device_axis, url = open_axis(
+        device, force_max=force_max, force_step=force_step, gated=not no_gate
+    )
+    recorder = Recorder(path, take_header(url, device_axis.number))
     try:
         try:
-            ladder = _climbed(console, axis, seed)
+            ladder = _climbed(console, device_axis, seed)
             takes = _taken(console, ladder, seconds, recorder, seed, score_forces)
         finally:
-            axis.device.close()
+            device_axis.device.close()
     except MeasurementError as error:
         recorder.tell(console)
         raise Refused(f"{device}: {error}") from None
@@ -127,7 +129,7 @@ def open_axis(
     from ergon.workshop.metrology.ladder import Axis
 
     try:
-        url, number = resolve(device, {} if ":" in device else device_urls())
+        url, axis_index = resolve(device, {} if ":" in device else device_urls())
         calibrated: dict[int, Known] = known_axes(url)
     except BoardError as error:
         raise Refused(str(error)) from None
@@ -135,10 +137,11 @@ def open_axis(
         open_device = _core.Device(url, [axis.for_core(i) for i, axis in calibrated.items()])
     except _core.EngineError as error:
         raise DeviceMissing(str(error)) from None
-    if open_device.unit != "m" or number >= open_device.axes:
+    if open_device.unit != "m" or axis_index >= open_device.axes:
         open_device.close()
         raise Refused(
-            f"{url}: axis {number} does not exist: the device has {open_device.axes}, counted from "
+            f"{url}: axis {axis_index} does not exist: the device has {open_device.axes}, counted "
+            "from "
             "0"
             if open_device.unit == "m"
             else f"{url}: the axis rotates (its unit is rad), and the model of a key is in metres"
@@ -147,7 +150,7 @@ def open_axis(
     return (
         Axis(
             open_device,
-            number,
+            axis_index,
             force_step=force_step,
             tells_touch=not url.startswith("haply:"),
             is_gated=gated,
@@ -190,16 +193,16 @@ class Recorder:
 
         if self.path is None:
             return None
-        number = 0
+        take_number = 0
         while True:
-            number += 1
-            file = self.path.with_name(
-                f"{self.path.stem}.{kind}{'' if number == 1 else f'-{number}'}.take"
+            take_number += 1
+            take_path = self.path.with_name(
+                f"{self.path.stem}.{kind}{'' if take_number == 1 else f'-{take_number}'}.take"
             )
-            if not file.exists():
+            if not take_path.exists():
                 break
-        self.paths.append(file)
-        return _core.RecordTarget(file, [("key", "")], self.about)
+        self.paths.append(take_path)
+        return _core.RecordTarget(take_path, [("key", "")], self.about)
 
     def tell(self, console: Console) -> None:
         """Name the takes that were kept, after a measurement that ended early."""
@@ -249,14 +252,16 @@ def _taken(
 
     read_takes: list[Take] = []
     phrases = []
-    for kind in takes.KINDS:
-        length = takes.held_out_duration(score_forces) if kind == "held-out" else seconds
-        each = takes.record(ladder, kind, length, recorder.target, seed, score_forces)
-        lasted = sum(len(take.gesture.force) / take.gesture.rate for take in each)
-        phrases.append(f"{kind} {lasted:.0f} s")
+    for take_kind in takes.KINDS:
+        length = takes.held_out_duration(score_forces) if take_kind == "held-out" else seconds
+        recorded_take = takes.record(ladder, take_kind, length, recorder.target, seed, score_forces)
+        lasted = sum(len(take.gesture.force) / take.gesture.rate for take in recorded_take)
+        phrases.append(f"{take_kind} {lasted:.0f} s")
         # Only the longest part of the held-out take judges the model; the others are left out.
         read_takes += (
-            [max(each, key=lambda take: len(take.gesture.force))] if kind == "held-out" else each
+            [max(recorded_take, key=lambda take: len(take.gesture.force))]
+            if take_kind == "held-out"
+            else recorded_take
         )
     console.say(f"takes: {', '.join(phrases)}")
     return read_takes

@@ -86,17 +86,19 @@ def replay(
         if is_take
         else _pushed(console, real, path, force_step=force_step, gated=not no_gate)
     )
-    result = comparison.replay(measured_key.row, measured)
+    motion_comparison = comparison.replay(measured_key.row, measured)
     if not console.json:
-        console.data(_drawn(result, width))
-    _print_residuals(console, result, sensor_noise([measured]), sensor_step([measured]))
+        console.data(_drawn(motion_comparison, width))
+    _print_residuals(console, motion_comparison, sensor_noise([measured]), sensor_step([measured]))
     if output is not None:
         from ergon.workshop.metrology.picture import picture
 
         title = f"{real} and {file}"
-        write_texts(console, {Path(output): picture(result, title)}, force=force, dry=dry)
+        write_texts(
+            console, {Path(output): picture(motion_comparison, title)}, force=force, dry=dry
+        )
     if view or view_at is not None:
-        _show(console, result, view_at)
+        _show(console, motion_comparison, view_at)
 
 
 def _pushed(
@@ -109,16 +111,20 @@ def _pushed(
 
     from .metrology_measure import open_axis
 
-    axis, _ = open_axis(device, force_step=force_step, gated=gated)
+    device_axis, _ = open_axis(device, force_step=force_step, gated=gated)
     console.say("let go of the key: it is pushed now, gently at first")
     try:
         takes = record(
-            climb(axis), "held-out", held_out_duration(path), lambda kind, part: None, path=path
+            climb(device_axis),
+            "held-out",
+            held_out_duration(path),
+            lambda kind, part: None,
+            path=path,
         )
     except MeasurementError as error:
         raise Refused(f"{device}: {error}") from None
     finally:
-        axis.device.close()
+        device_axis.device.close()
     return max((take.gesture for take in takes), key=lambda measured: len(measured.force))
 
 
@@ -147,42 +153,50 @@ def _show(console: Console, result: Replay, address: str | None) -> None:
 
 
 def _print_residuals(
-    console: Console, result: Replay, noise: float | None, step: float | None
+    console: Console, motion_comparison: Replay, noise: float | None, position_step: float | None
 ) -> None:
     import numpy as np
 
-    step_head = "" if step is None else f"{'of step':>9}"
+    step_head = "" if position_step is None else f"{'of step':>9}"
     if not console.json:
         console.data(
             f"\n{'s':>5}{'real':>12}{'residual':>14}{step_head}{'at most':>12}{step_head}\n"
         )
-    seconds = result.t.astype(int)
-    measured_position = result.gesture.position[result.gesture.counts]
+    seconds = motion_comparison.t.astype(int)
+    measured_position = motion_comparison.gesture.position[motion_comparison.gesture.counts]
     for second in np.unique(seconds):
         inside = seconds == second
-        residual = result.residual[inside]
+        residual = motion_comparison.residual[inside]
         moved = float(np.ptp(measured_position[inside]))
         rms, largest = float(np.sqrt(np.mean(residual**2))), float(np.abs(residual).max())
         if console.json:
             console.record("second", s=int(second), real_m=moved, rms_m=rms, most_m=largest)
         else:
-            errors = f"{_residual_text(rms, 11, step)}{_residual_text(largest, 9, step)}"
-            columns = f"{moved * 1e3:9.3g} mm{errors}"
-            console.data(f"{second:5d}{columns}\n")
+            errors = (
+                f"{_residual_text(rms, 11, position_step)}"
+                f"{_residual_text(largest, 9, position_step)}"
+            )
+            residual_columns = f"{moved * 1e3:9.3g} mm{errors}"
+            console.data(f"{second:5d}{residual_columns}\n")
     if console.json:
         console.record(
-            "replay", rms_m=result.rms, most_m=result.residual_max, noise_m=noise, step_m=step
+            "replay",
+            rms_m=motion_comparison.rms,
+            most_m=motion_comparison.residual_max,
+            noise_m=noise,
+            step_m=position_step,
         )
         return
-    columns = (
-        f"{_residual_text(result.rms, 11, step)}{_residual_text(result.residual_max, 9, step)}"
+    residual_columns = (
+        f"{_residual_text(motion_comparison.rms, 11, position_step)}"
+        f"{_residual_text(motion_comparison.residual_max, 9, position_step)}"
     )
-    console.data(f"{'all':>5}{'':12}{columns}\n")
+    console.data(f"{'all':>5}{'':12}{residual_columns}\n")
     if noise is not None:
         # Real and model are compared as the sensor reads them: an exact model leaves the sensor's
         # noise.
-        beyond = max(result.rms**2 - noise**2, 0.0) ** 0.5
-        step_share = "" if step is None else f" ({beyond / step:.3g} of its step)"
+        beyond = max(motion_comparison.rms**2 - noise**2, 0.0) ** 0.5
+        step_share = "" if position_step is None else f" ({beyond / position_step:.3g} of its step)"
         console.say(
             f"the sensor's noise is {noise * 1e6:.3g} um; beyond it the model is off by "
             f"{beyond * 1e6:.3g} um{step_share}"

@@ -27,13 +27,13 @@ chosen = options.several(
 )
 
 
-def path(console: Console, score: str | None, key: str | None) -> Floats | None:
+def path(console: Console, score: str | None, key_name: str | None) -> Floats | None:
     """The path of the key in the score, by ticks (n,) [m], from its first movement on.
 
     None without a score. Raises Refused if the score plays nothing on the key.
     """
     if score is None:
-        if key is not None:
+        if key_name is not None:
             raise Refused("--key names a key of a score; write --score too")
         return None
     import numpy as np
@@ -47,31 +47,31 @@ def path(console: Console, score: str | None, key: str | None) -> Floats | None:
 
     loaded = scores.read(score, ReadOptions(), console)
     piece = scores.piece_of(loaded)
-    name = _key(piece, key)
-    frames = max(1, round(piece.rate / TICK_RATE))
+    moved_key = _key(piece, key_name)
+    tick_frames = max(1, round(piece.rate / TICK_RATE))
     for player in piece.players.values():
-        if player.key != name:
+        if player.key != moved_key:
             continue
         with scores.staging(lambda: loaded, console):
-            path = standin(piece, player, frames, Collector())
+            path = standin(piece, player, tick_frames, Collector())
         moving = np.flatnonzero(np.abs(path - path[0]) > _STILL)
         if moving.size:
             path = path[max(0, int(moving[0]) - 1) :]
-            t = np.arange(len(path)) * (frames / piece.rate)
+            t = np.arange(len(path)) * (tick_frames / piece.rate)
             seconds = min(HELD_OUT, max(float(t[-1]), _LEAST))
             # Resampled to the ticks of a measurement; after its end the path keeps its last
             # position.
             return np.interp(np.arange(round(seconds * TICK_RATE)) / TICK_RATE, t, path)
-    raise Refused(f"{score}: nothing moves the key {name}")
+    raise Refused(f"{score}: nothing moves the key {moved_key}")
 
 
-def _key(piece: Piece, key: str | None) -> str:
+def _key(piece: Piece, key_name: str | None) -> str:
     played = list(dict.fromkeys(player.key for player in piece.players.values()))
-    if key is None and len(played) == 1:
+    if key_name is None and len(played) == 1:
         return played[0]
     player_list = f"its players have {', '.join(played)}" if played else "it has no players"
-    if key is None:
+    if key_name is None:
         raise Refused(f"choose a key of the score by --key: {player_list}")
-    if key not in played:
-        raise Refused(f"--key: no player of the score has the key '{key}'; {player_list}")
-    return key
+    if key_name not in played:
+        raise Refused(f"--key: no player of the score has the key '{key_name}'; {player_list}")
+    return key_name

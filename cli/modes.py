@@ -65,20 +65,20 @@ def modes(
             raise
         raise Refused(f"PART: {error.reason}") from None
     inputs = part_modes[0].inputs if part_modes else (Path(score_path),)
-    with file_group(force=force, inputs=inputs) as files:
+    with file_group(force=force, inputs=inputs) as output_files:
         if table is not None:
-            files.write(table, _csv(part_modes, shapes).encode())
+            output_files.write(table, _csv(part_modes, shapes).encode())
         if svg is not None:
             name = Path(score_path).name
             picture = _shapes(part_modes, name) if shapes else stave_picture(part_modes, name).svg
-            files.write(svg, picture.encode())
-    for part in part_modes:
+            output_files.write(svg, picture.encode())
+    for modes_of_part in part_modes:
         if console.json:
-            _records(console, part, shapes)
+            _records(console, modes_of_part, shapes)
         else:
-            _warn(console, part)
+            _warn(console, modes_of_part)
             if table is None and svg is None:
-                console.data(_lines(part))
+                console.data(_lines(modes_of_part))
     for path in (table, svg):
         if path is not None:
             console.say(f"wrote {path}")
@@ -89,63 +89,72 @@ def _shapes(part_modes: Sequence[PartModes], name: str) -> str:
 
     from ergon.view.structure import Shape, shapes
 
-    parts = []
-    for part in part_modes:
-        x, y = part.places[:, 0].tolist(), part.places[:, 1].tolist()
+    shape_tables = []
+    for modes_of_part in part_modes:
+        x, y = modes_of_part.places[:, 0].tolist(), modes_of_part.places[:, 1].tolist()
         drawn = []
-        for shape, words in zip(part.shapes, mode_words(part), strict=True):
+        for shape, words in zip(modes_of_part.shapes, mode_words(modes_of_part), strict=True):
             # With uneven damping, masses do not swing in phase: this is the instant of most motion.
             turned = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
             drawn.append(Shape(words, x, y, turned.real.tolist()))
-        if part.masses:
-            parts.append((part.part, drawn))
-    return shapes(parts, title=f"Shapes of the modes of {name}")
+        if modes_of_part.masses:
+            shape_tables.append((modes_of_part.part, drawn))
+    return shapes(shape_tables, title=f"Shapes of the modes of {name}")
 
 
-def _warn(console: Console, part: PartModes) -> None:
-    if part.n_laws:
-        laws = plural(part.n_laws, "link")
-        console.warn(f"{part.part}: the law of {laws} was linearised at rest")
-    if part.n_contacts:
-        console.warn(f"{part.part}: {plural(part.n_contacts, 'contact')} counted as open")
-    if not part.is_certified:
+def _warn(console: Console, modes_of_part: PartModes) -> None:
+    if modes_of_part.n_laws:
+        laws = plural(modes_of_part.n_laws, "link")
+        console.warn(f"{modes_of_part.part}: the law of {laws} was linearised at rest")
+    if modes_of_part.n_contacts:
+        console.warn(
+            f"{modes_of_part.part}: {plural(modes_of_part.n_contacts, 'contact')} counted as open"
+        )
+    if not modes_of_part.is_certified:
         reason = "the search ended before all were known"
-        console.warn(f"{part.part}: modes may be missing or listed twice: {reason}")
+        console.warn(f"{modes_of_part.part}: modes may be missing or listed twice: {reason}")
 
 
-def _lines(part: PartModes) -> str:
-    masses = "1 mass" if len(part.masses) == 1 else f"{len(part.masses):,} masses"
-    heading = f"{part.part}: {plural(len(part.poles), 'mode')} of {masses}"
-    if not len(part.poles):
-        reason = "none of its modes is in this range" if part.masses else "nothing in it moves"
-        return f"{part.part}: no modes: {reason}\n"
-    return f"{heading}\n{columns(mode_rows(part), right=True)}"
+def _lines(modes_of_part: PartModes) -> str:
+    masses = "1 mass" if len(modes_of_part.masses) == 1 else f"{len(modes_of_part.masses):,} masses"
+    heading = f"{modes_of_part.part}: {plural(len(modes_of_part.poles), 'mode')} of {masses}"
+    if not len(modes_of_part.poles):
+        reason = (
+            "none of its modes is in this range" if modes_of_part.masses else "nothing in it moves"
+        )
+        return f"{modes_of_part.part}: no modes: {reason}\n"
+    return f"{heading}\n{columns(mode_rows(modes_of_part), right=True)}"
 
 
-def _records(console: Console, part: PartModes, shapes: bool) -> None:
-    for i, (f, t60) in enumerate(zip(part.frequencies, part.t60, strict=True)):
-        note, cents = part.notes[i]
-        fields: dict[str, object] = {
-            "part": part.part,
+def _records(console: Console, modes_of_part: PartModes, shapes: bool) -> None:
+    for i, (f, t60) in enumerate(zip(modes_of_part.frequencies, modes_of_part.t60, strict=True)):
+        note_name, cents = modes_of_part.notes[i]
+        record_fields: dict[str, object] = {
+            "part": modes_of_part.part,
             "mode": i + 1,
-            "note": note or None,
-            "cents": cents if note else None,
+            "note": note_name or None,
+            "cents": cents if note_name else None,
             "frequency_hz": float(f),
             "t60_s": None if math.isinf(t60) else float(t60),
-            "levels_db": {point: _finite(float(part.levels(point)[i])) for point in part.points},
+            "levels_db": {
+                point: _finite(float(modes_of_part.levels(point)[i]))
+                for point in modes_of_part.points
+            },
         }
         if shapes:
-            fields["masses"] = list(part.masses)
-            fields["shape"] = [[float(x.real), float(x.imag)] for x in part.shapes[i]]
-        console.record("mode", **fields)
+            record_fields["masses"] = list(modes_of_part.masses)
+            record_fields["shape"] = [
+                [float(x.real), float(x.imag)] for x in modes_of_part.shapes[i]
+            ]
+        console.record("mode", **record_fields)
     console.record(
         "modes",
-        part=part.part,
-        modes=len(part.poles),
-        masses=len(part.masses),
-        certified=part.is_certified,
-        laws_at_rest=part.n_laws,
-        open_contacts=part.n_contacts,
+        part=modes_of_part.part,
+        modes=len(modes_of_part.poles),
+        masses=len(modes_of_part.masses),
+        certified=modes_of_part.is_certified,
+        laws_at_rest=modes_of_part.n_laws,
+        open_contacts=modes_of_part.n_contacts,
     )
 
 
@@ -161,16 +170,20 @@ def _csv(part_modes: Sequence[PartModes], shapes: bool) -> str:
 
 
 def _mode_rows(part_modes: Sequence[PartModes]) -> Iterator[Sequence[object]]:
-    points = list(dict.fromkeys(point for part in part_modes for point in part.points))
+    point_names = list(dict.fromkeys(point for part in part_modes for point in part.points))
     header = ("part", "mode", "note", "cents", "frequency_hz", "t60_s")
-    yield (*header, *(f"{point} [dB]" for point in points))
-    for part in part_modes:
-        levels = {point: part.levels(point) for point in part.points}
-        for i, (f, t60) in enumerate(zip(part.frequencies, part.t60, strict=True)):
-            note, cents = part.notes[i]
-            level_texts = (f"{levels[point][i]:.3f}" if point in levels else "" for point in points)
+    yield (*header, *(f"{point} [dB]" for point in point_names))
+    for modes_of_part in part_modes:
+        levels = {point: modes_of_part.levels(point) for point in modes_of_part.points}
+        for i, (f, t60) in enumerate(
+            zip(modes_of_part.frequencies, modes_of_part.t60, strict=True)
+        ):
+            note, cents = modes_of_part.notes[i]
+            level_texts = (
+                f"{levels[point][i]:.3f}" if point in levels else "" for point in point_names
+            )
             yield (
-                part.part,
+                modes_of_part.part,
                 i + 1,
                 note,
                 f"{cents:.6f}",
@@ -182,9 +195,11 @@ def _mode_rows(part_modes: Sequence[PartModes]) -> Iterator[Sequence[object]]:
 
 def _shape_rows(part_modes: Sequence[PartModes]) -> Iterator[Sequence[object]]:
     yield "part", "mode", "frequency_hz", "mass", "x_m", "y_m", "real", "imaginary"
-    for part in part_modes:
-        for i, f in enumerate(part.frequencies):
-            for name, place, x in zip(part.masses, part.places, part.shapes[i], strict=True):
+    for modes_of_part in part_modes:
+        for i, f in enumerate(modes_of_part.frequencies):
+            for name, place, x in zip(
+                modes_of_part.masses, modes_of_part.places, modes_of_part.shapes[i], strict=True
+            ):
                 place_texts = (repr(float(place[0])), repr(float(place[1])))
                 moves = (repr(float(x.real)), repr(float(x.imag)))
-                yield part.part, i + 1, repr(float(f)), name, *place_texts, *moves
+                yield modes_of_part.part, i + 1, repr(float(f)), name, *place_texts, *moves

@@ -62,23 +62,23 @@ def export(
 
     if output is None:
         raise Refused("name the file to write, by -o x.npz, x.csv or x.gltf")
-    form = ".csv" if output == "-" else Path(output).suffix.lower()
-    if form not in _FORMS:
+    file_ending = ".csv" if output == "-" else Path(output).suffix.lower()
+    if file_ending not in _FORMS:
         raise Refused(f"{output}: a motion file is exported as {', '.join(_FORMS)}")
-    if exaggeration is not None and form != ".gltf":
+    if exaggeration is not None and file_ending != ".gltf":
         raise Refused("--exaggeration is for glTF; npz and CSV hold metres")
     motion = read(Path(file))
-    inputs = (Path(file),)
+    input_files = (Path(file),)
     try:
         frame_instants = instants(motion, fps)
-        points = sum(points_of_parts(read_manifest(motion), motion.names))
+        point_count = sum(points_of_parts(read_manifest(motion), motion.names))
         if dry:
-            check_target(Path(output), force=force, inputs=inputs)
+            check_target(Path(output), force=force, inputs=input_files)
         else:
             with open_for_writing(
-                output, binary=form == ".npz", force=force, inputs=inputs
+                output, binary=file_ending == ".npz", force=force, inputs=input_files
             ) as output_file:
-                _write(output_file, motion, form, frame_instants, exaggeration)
+                _write(output_file, motion, file_ending, frame_instants, exaggeration)
     except NotMotionError as error:
         raise Refused(f"{file}: {error}") from None
     if output == "-":
@@ -86,27 +86,27 @@ def export(
     n_instants = len(frame_instants)
     if console.json:
         console.record(
-            "would_write" if dry else "wrote", file=output, points=points, instants=n_instants
+            "would_write" if dry else "wrote", file=output, points=point_count, instants=n_instants
         )
     else:
         verb = "would write" if dry else "wrote"
         length = seconds(motion.duration)
-        console.say(f"{verb} {output}: {points:,} points at {n_instants:,} instants, {length}")
+        console.say(f"{verb} {output}: {point_count:,} points at {n_instants:,} instants, {length}")
 
 
 def _write(
     output_file: BinaryIO,
     motion: Motion,
-    form: str,
+    file_ending: str,
     frame_instants: NDArray[np.float64],
     exaggeration: float | None,
 ) -> None:
     from ergon.exchange.gltf import gltf
     from ergon.exchange.motion import csv_rows, write_npz
 
-    if form == ".npz":
+    if file_ending == ".npz":
         write_npz(output_file, motion, frame_instants)
-    elif form == ".gltf":
+    elif file_ending == ".gltf":
         output_file.write(gltf(motion, frame_instants, exaggeration).encode())
     else:
         for text in csv_rows(motion, frame_instants):

@@ -41,62 +41,62 @@ def motion(console: Console, path: Path) -> None:
     archive = read(path)
     try:
         manifest = read_manifest(archive)
-        points = points_of_parts(manifest, archive.names)
+        points_by_part = points_of_parts(manifest, archive.names)
     except NotMotionError as error:
         raise Refused(f"{path}: {error}") from None
-    sizes: dict[int, int] = {}
+    chunk_sizes: dict[int, int] = {}
     for chunk in archive.chunks():
-        sizes[chunk.kind] = sizes.get(chunk.kind, 0) + chunk.size
-    counts = {
-        "flights": sizes.get(_FLIGHTS, 0) // 12,
-        "ergons": sizes.get(_ERGONS, 0) // 20,
-        "contacts": sizes.get(_CONTACTS, 0) // 12,
+        chunk_sizes[chunk.kind] = chunk_sizes.get(chunk.kind, 0) + chunk.size
+    chunk_counts = {
+        "flights": chunk_sizes.get(_FLIGHTS, 0) // 12,
+        "ergons": chunk_sizes.get(_ERGONS, 0) // 20,
+        "contacts": chunk_sizes.get(_CONTACTS, 0) // 12,
     }
-    state = "whole" if archive.is_whole else "cut" if archive.is_cut else "damaged"
-    size = path.stat().st_size
+    file_state = "whole" if archive.is_whole else "cut" if archive.is_cut else "damaged"
+    file_bytes = path.stat().st_size
     if console.json:
         console.record(
             "motion",
             file=str(path),
-            state=state,
+            state=file_state,
             title=manifest.get("title"),
             score_sha256=manifest.get("score_sha256"),
             plan_sha256=manifest.get("plan_sha256"),
             seed=manifest.get("seed"),
             duration_s=archive.duration,
             fps=manifest["fps"],
-            points=sum(points),
+            points=sum(points_by_part),
             coordinates=len(archive.names),
             modes=manifest["modes"],
-            bytes=size,
+            bytes=file_bytes,
             bound=manifest.get("bound"),
-            **counts,
+            **chunk_counts,
             parts=manifest["parts"],
         )
         return
-    lines = [
+    info_lines = [
         f"{path}: {seconds(archive.duration)} at {manifest['fps']:g} frames a second, "
-        f"{plural(sum(points), 'point')}, {octets(size)}, {state}"
+        f"{plural(sum(points_by_part), 'point')}, {octets(file_bytes)}, {file_state}"
     ]
     if manifest.get("title"):
-        lines.append(f"title:   {manifest['title']}")
+        info_lines.append(f"title:   {manifest['title']}")
     for name in ("score", "plan"):
         if manifest.get(f"{name}_sha256"):
-            lines.append(f"{name + ':':8} sha256 {manifest[f'{name}_sha256']}")
-    lines.append("holds:   " + ", ".join(f"{n:,} {name}" for name, n in counts.items()))
+            info_lines.append(f"{name + ':':8} sha256 {manifest[f'{name}_sha256']}")
+    info_lines.append("holds:   " + ", ".join(f"{n:,} {name}" for name, n in chunk_counts.items()))
     if bound := _bound(manifest):
-        lines.append(f"bound:   {bound}")
-    for part, count in zip(manifest["parts"], points, strict=True):
-        if not count and part["count"]:
+        info_lines.append(f"bound:   {bound}")
+    for part_manifest, point_count in zip(manifest["parts"], points_by_part, strict=True):
+        if not point_count and part_manifest["count"]:
             continue  # its coordinates are those of points in another part
-        reason_text = f" ({part['why']})" if part["why"] else ""
-        modes = part["modes"]
+        reason_text = f" ({part_manifest['why']})" if part_manifest["why"] else ""
+        modes = part_manifest["modes"]
         mode_count = f", {modes['count']:,} of {modes.get('of')} modes" if modes else ""
-        lines.append(
-            f"  {part['name']}: {plural(count, 'point')}, "
-            f"{_WORDS[part['kind']]}{reason_text}{mode_count}"
+        info_lines.append(
+            f"  {part_manifest['name']}: {plural(point_count, 'point')}, "
+            f"{_WORDS[part_manifest['kind']]}{reason_text}{mode_count}"
         )
-    console.data("\n".join(lines) + "\n")
+    console.data("\n".join(info_lines) + "\n")
 
 
 def _bound(manifest: dict[str, Any]) -> str | None:
@@ -110,13 +110,15 @@ def _bound(manifest: dict[str, Any]) -> str | None:
         )
     except (KeyError, TypeError, ValueError):
         return None
-    kinds = {part["kind"] for part in manifest["parts"]}
-    words = []
-    if "sampled" in kinds:
-        words.append(
+    part_kinds = {part["kind"] for part in manifest["parts"]}
+    bound_words = []
+    if "sampled" in part_kinds:
+        bound_words.append(
             f"sampled points are right within {100 * amplitude_error:g} % of their own amplitude, "
             f"and at rest within {1e6 * rest_error:g} µm"
         )
-    if kinds & {"free", "modal"}:
-        words.append(f"oscillations are right within {100 * flight_error:g} % of their amplitude")
-    return "; ".join(words) or None
+    if part_kinds & {"free", "modal"}:
+        bound_words.append(
+            f"oscillations are right within {100 * flight_error:g} % of their amplitude"
+        )
+    return "; ".join(bound_words) or None

@@ -21,24 +21,24 @@ def musicxml(path: Path) -> tuple[dict[str, object], list[str]]:
     except TakeError as error:
         raise Refused(error.message) from None
 
-    def notes_of(part: XmlPart) -> str:
-        if not part.notes:
+    def notes_of(score_part: XmlPart) -> str:
+        if not score_part.notes:
             return "no notes"
-        by_height = sorted(part.notes, key=lambda note: note.key)
+        by_height = sorted(score_part.notes, key=lambda note: note.key)
         low, high = by_height[0].word, by_height[-1].word
         reach = low if low == high else f"{low} to {high}"
-        strengths = [note.strength for note in part.notes if note.strength is not None]
+        strengths = [note.strength for note in score_part.notes if note.strength is not None]
         levels = f", strengths {min(strengths):.2g} to {max(strengths):.2g}" if strengths else ""
-        return f"{plural(len(part.notes), 'note')}, {reach}{levels}"
+        return f"{plural(len(score_part.notes), 'note')}, {reach}{levels}"
 
-    parts = {f"part {part.label}": notes_of(part) for part in score.parts[:_PARTS_MAX]}
-    if n_unlisted_parts := len(score.parts) - len(parts):
-        parts["and"] = plural(n_unlisted_parts, "more part")
+    notes_by_part = {f"part {part.label}": notes_of(part) for part in score.parts[:_PARTS_MAX]}
+    if n_unlisted_parts := len(score.parts) - len(notes_by_part):
+        notes_by_part["and"] = plural(n_unlisted_parts, "more part")
     tempos = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in score.tempos]
     read: dict[str, object] = {
         "title": score.title or "none",
         "length": f"{score.length:g} quarters, {plural(score.n_measures, 'bar')} as played",
-        **parts,
+        **notes_by_part,
         "tempo": changes(tempos, "120 bpm, for the file says none"),
         "meter": changes(score.meters, "4/4, for the file says none"),
     }

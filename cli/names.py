@@ -22,14 +22,14 @@ def names_in(text: str) -> dict[str, list[str]]:
     names_by_section: dict[str, list[str]] = {section: [] for section in SECTIONS}
     section_names: list[str] | None = None
     indent = 0
-    for line in text.splitlines():
-        section_match = _SECTION.match(line)
+    for score_line in text.splitlines():
+        section_match = _SECTION.match(score_line)
         if section_match is not None:
             section_names, indent = names_by_section.get(section_match[1]), 0
             if section_names is not None and section_match[2].startswith("{"):
                 section_names.extend(_top_level(section_match[2]))
             continue
-        entry_match = _ENTRY.match(line) if section_names is not None else None
+        entry_match = _ENTRY.match(score_line) if section_names is not None else None
         if entry_match is None or section_names is None:
             continue
         indent = indent or len(entry_match[1])
@@ -49,11 +49,11 @@ def names_of(path: str, sections: tuple[str, ...]) -> list[str]:
 
 def _top_level(line: str) -> list[str]:
     """Keys of a map in braces on one line, without those of maps inside it."""
-    names, depth = [], 0
+    key_names, depth = [], 0
     for match in re.finditer(r"[{}]|,|[^{},]+", line):
         word = match[0]
         depth += (word == "{") - (word == "}")
         key = re.match(r"\s*([^\W\d][\w-]*):", word)
         if depth == 1 and key is not None:
-            names.append(key[1])
-    return names
+            key_names.append(key[1])
+    return key_names

@@ -44,12 +44,12 @@ def new(console: Console, words: tuple[str, ...], template: str) -> None:
         raise Refused(
             f"'{folder.name}' cannot name a piece; a name has letters, digits, - and _{meant}"
         )
-    files = contents(template, folder.name)
+    folder_files = contents(template, folder.name)
     with new_folder(folder) as new_path:
-        for path, text in files.items():
+        for path, text in folder_files.items():
             (new_path / path).parent.mkdir(exist_ok=True)
             (new_path / path).write_bytes(text.encode())
-    for path in files:
+    for path in folder_files:
         if console.json:
             console.record("wrote", file=str(folder / path))
         else:
@@ -61,13 +61,13 @@ def contents(template: str, name: str) -> dict[str, str]:
     """The files of a new piece and their texts."""
     from .schema import schema_text
 
-    source = _TEMPLATES / template
-    title = name.replace("-", " ").replace("_", " ").capitalize()
+    template_folder = _TEMPLATES / template
+    piece_title = name.replace("-", " ").replace("_", " ").capitalize()
     contents_by_path = {}
-    for path in sorted(source.rglob("*.yaml")):
-        text = path.read_text(encoding="utf-8").replace(_TITLE, f"title: {title}", 1)
-        contents_by_path[str(path.relative_to(source))] = text
-    contents_by_path["README.md"] = _README.format(title=title)
+    for path in sorted(template_folder.rglob("*.yaml")):
+        text = path.read_text(encoding="utf-8").replace(_TITLE, f"title: {piece_title}", 1)
+        contents_by_path[str(path.relative_to(template_folder))] = text
+    contents_by_path["README.md"] = _README.format(title=piece_title)
     contents_by_path[SCHEMA] = schema_text()
     return contents_by_path
 

@@ -68,12 +68,12 @@ class Number(click.FloatRange):
         if self.dimension is not None and isinstance(value, str) and _HAS_UNIT.search(value):
             value = _quantity(value, self.dimension, param, ctx)
         try:
-            number: float = super().convert(value, param, ctx)
+            written_number: float = super().convert(value, param, ctx)
         except click.BadParameter as error:
             raise self._with_units(error, param, ctx) from None
-        if not math.isfinite(number):
+        if not math.isfinite(written_number):
             self.fail(f"{value} is not a number that can be used here.", param, ctx)
-        return number
+        return written_number
 
     def _with_units(
         self, error: click.BadParameter, param: click.Parameter | None, ctx: click.Context | None
@@ -120,13 +120,14 @@ class Quantities(click.ParamType):  # type: ignore[type-arg] # older clicks' is 
         """The SI values."""
         if isinstance(value, tuple):
             return value
-        words = str(value).split()
-        if len(words) != len(self.parts):
+        value_words = str(value).split()
+        if len(value_words) != len(self.parts):
             self.fail(
                 f"'{value}' is not {len(self.parts)} numbers, such as '{self.example}'", param, ctx
             )
         return tuple(
-            part.convert(word, param, ctx) for part, word in zip(self.parts, words, strict=True)
+            part.convert(word, param, ctx)
+            for part, word in zip(self.parts, value_words, strict=True)
         )
 
 
@@ -180,12 +181,12 @@ def declared(options: Any, names: str = "") -> Callable[[F], F]:
     return several(*(_option(fields[name]) for name in names.split() or fields))
 
 
-def _option(field: dataclasses.Field[Any]) -> Callable[[F], F]:
-    option: kinds.Option = field.metadata["option"]
-    flag = f"--{field.name.strip('_').replace('_', '-')}"
+def _option(option_field: dataclasses.Field[Any]) -> Callable[[F], F]:
+    option_kind: kinds.Option = option_field.metadata["option"]
+    flag = f"--{option_field.name.strip('_').replace('_', '-')}"
     flags = (_SHORT[flag], flag) if flag in _SHORT else (flag,)
     click_arguments: dict[str, Any] = {}
-    match option.accepts:
+    match option_kind.accepts:
         case kinds.Switch():
             flags = (f"{flag}/--no{flag[1:]}",)
         case kinds.Text(if_alone=str() as value):
@@ -195,19 +196,19 @@ def _option(field: dataclasses.Field[Any]) -> Callable[[F], F]:
             click_arguments = {
                 "callback": lambda _context, _parameter, text: by_text.get(text, text)
             }
-    if field.default is False:
+    if option_field.default is False:
         click_arguments["is_flag"] = True
     else:
-        is_several = field.default == ()
-        default = None if is_several else field.default
+        is_several = option_field.default == ()
+        default = None if is_several else option_field.default
         click_arguments |= {
             "multiple": is_several,
             "default": default,
-            "type": _type(option.accepts),
+            "type": _type(option_kind.accepts),
         }
-        click_arguments |= {"metavar": option.metavar, "show_default": option.shown}
-        click_arguments["required"] = option.is_required
-    return click.option(*flags, field.name, help=option.help, **click_arguments)
+        click_arguments |= {"metavar": option_kind.metavar, "show_default": option_kind.shown}
+        click_arguments["required"] = option_kind.is_required
+    return click.option(*flags, option_field.name, help=option_kind.help, **click_arguments)
 
 
 _SHORT = {"--force": "-f"}

@@ -29,12 +29,12 @@ def pack(console: Console, score_path: str, output: str | None, force: bool, tru
 
     check_stdout(output, is_json=console.json)
     packed = packs.pack(score_path, output, ReadOptions(trust=trust), force=force, report=console)
-    files = packed.pack.files
+    packed_files = packed.pack.files
     if console.json:
-        fields = {"bytes": packed.size, "score": packed.pack.score, "files": sorted(files)}
+        fields = {"bytes": packed.size, "score": packed.pack.score, "files": sorted(packed_files)}
         console.record("packed", file=packed.path, **fields)
         return
-    for name, data in sorted(files.items()):
+    for name, data in sorted(packed_files.items()):
         console.detail(f"{name}: {octets(len(data))}")
     if packed.path != "-":
-        console.say(f"{packed.path}: {plural(len(files), 'file')}, {octets(packed.size)}")
+        console.say(f"{packed.path}: {plural(len(packed_files), 'file')}, {octets(packed.size)}")

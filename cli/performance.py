@@ -118,12 +118,12 @@ class ShownPerformance:
 
         performance, console = self._performance, self._console
         self._tell(performance.events())
-        sound = performance.sound_events()
+        sound_events = performance.sound_events()
         status = performance.status()
-        for _, sentence in sound[self._sound_events :]:
+        for _, sentence in sound_events[self._sound_events :]:
             for _, line in self._notices.shown(status.frame, "sound", sentence):
                 self._say(line)
-        self._sound_events = len(sound)
+        self._sound_events = len(sound_events)
         self._say_at(self._notices.due(status.frame))
         self._remark()
         recording = performance.recording_trouble()
@@ -187,7 +187,7 @@ class ShownPerformance:
 
         self._clear()
         late, seconds, n_gaps = status.late, status.frame / self._stage.rate, gaps_of(status)
-        fields = {
+        record_fields = {
             "frames": status.frame,
             "late_ticks": late,
             "ticks": status.ticks,
@@ -196,11 +196,11 @@ class ShownPerformance:
             "missed": status.missed,
         }
         if sound_input.live:
-            fields["input_gaps"] = sound_input.gaps
+            record_fields["input_gaps"] = sound_input.gaps
         if self._osc is not None and (ignored := self._osc.malformed):
             self._console.warn(f"{ignored} datagrams were not valid OSC and were ignored")
         if self._console.json:
-            self._console.record("played", **fields)
+            self._console.record("played", **record_fields)
         else:
             gaps = f", {n_gaps} gaps" if n_gaps else ""
             self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")

@@ -67,18 +67,18 @@ def plan(
     from ergon.exchange import machine_speed
 
     accuracy_plan = make_plan(score_path, AccuracyOptions(**arguments), report=console)
-    shares = None
+    worker_shares = None
     if on is not None:
         from ergon.api.cluster import count_of
 
-        shares = accuracy_plan.shares(count_of(on, console))
-    rows, seen_rows = list(accuracy_plan.rows), list(accuracy_plan.seen)
+        worker_shares = accuracy_plan.shares(count_of(on, console))
+    part_rows, seen_rows = list(accuracy_plan.rows), list(accuracy_plan.seen)
     if why is not None:
-        rows, seen_rows = _rows_of([*rows, *seen_rows], why), []
+        part_rows, seen_rows = _rows_of([*part_rows, *seen_rows], why), []
     if output is not None:
         accuracy_plan.write(output, force=force)
     if console.json:
-        for row in rows:
+        for row in part_rows:
             console.record("plan_row", **_fields(row), only_seen=row in accuracy_plan.seen)
         for row in seen_rows:
             console.record("plan_row", **_fields(row), only_seen=True)
@@ -93,23 +93,23 @@ def plan(
             kept=accuracy_plan.is_kept,
             highest_modes=dict(accuracy_plan.highest_modes),
         )
-        if shares is not None:
-            dearest = shares.dearest
+        if worker_shares is not None:
+            dearest = worker_shares.dearest
             console.record(
                 "shares",
-                workers=list(shares.loads),
-                home=shares.home,
-                longest=shares.longest,
-                bound=shares.bound,
+                workers=list(worker_shares.loads),
+                home=worker_shares.home,
+                longest=worker_shares.longest,
+                bound=worker_shares.bound,
                 dearest=None if dearest is None else list(dearest.parts),
                 dearest_cost=None if dearest is None else dearest.cost,
             )
     elif why is not None:
-        console.data("".join(f"{sentence}\n" for row in rows for sentence in _why(row)))
+        console.data("".join(f"{sentence}\n" for row in part_rows for sentence in _why(row)))
     elif output != "-":
-        shared = "" if shares is None else _shares_text(shares)
+        shared = "" if worker_shares is None else _shares_text(worker_shares)
         console.data(
-            _table(rows)
+            _table(part_rows)
             + _seen(seen_rows)
             + _highest(accuracy_plan)
             + _summary(accuracy_plan)
@@ -117,34 +117,42 @@ def plan(
         )
 
 
-def _shares_text(shares: Shares) -> str:
+def _shares_text(worker_shares: Shares) -> str:
     """The loads of the processes, and what bounds the time."""
-    if shares.dearest is None:
+    if worker_shares.dearest is None:
         return "nothing to share: banks, and what costs less than its sound, are computed here\n"
-    faster = shares.total / shares.longest
-    text = f"on {plural(shares.count, 'worker')}: "
-    text += ", ".join(f"{load:.2g}" for load in shares.loads[:_LOADS])
-    text += f"{', …' if shares.count > _LOADS else ''}; here {shares.home:.2g}, and the mix; "
-    text += f"{faster:.1f} times as fast as one, "
-    if shares.home > shares.dearest.cost:
-        return f"{text}never more than {shares.bound:.1f} times: the rest is computed here\n"
-    part_names = " + ".join(shares.dearest.parts[:_LARGEST_PARTS])
-    ellipsis = ", …" if len(shares.dearest.parts) > _LARGEST_PARTS else ""
-    text += f"never more than {shares.bound:.1f} times: {part_names}{ellipsis} cannot be split "
-    return f"{text}(cost {shares.dearest.cost:.2g})\n"
+    faster = worker_shares.total / worker_shares.longest
+    loads_text = f"on {plural(worker_shares.count, 'worker')}: "
+    loads_text += ", ".join(f"{load:.2g}" for load in worker_shares.loads[:_LOADS])
+    loads_text += (
+        f"{', …' if worker_shares.count > _LOADS else ''}; here {worker_shares.home:.2g}, and the "
+        "mix; "
+    )
+    loads_text += f"{faster:.1f} times as fast as one, "
+    if worker_shares.home > worker_shares.dearest.cost:
+        return (
+            f"{loads_text}never more than {worker_shares.bound:.1f} times: the rest is computed "
+            "here\n"
+        )
+    part_names = " + ".join(worker_shares.dearest.parts[:_LARGEST_PARTS])
+    ellipsis = ", …" if len(worker_shares.dearest.parts) > _LARGEST_PARTS else ""
+    loads_text += (
+        f"never more than {worker_shares.bound:.1f} times: {part_names}{ellipsis} cannot be split "
+    )
+    return f"{loads_text}(cost {worker_shares.dearest.cost:.2g})\n"
 
 
-def _rows_of(rows: list[PlanRow], module: str) -> list[PlanRow]:
+def _rows_of(plan_rows: list[PlanRow], module: str) -> list[PlanRow]:
     """The rows of a part, or of the part of a module."""
-    part = module.partition(".")[0]
-    part_rows = [row for row in rows if part in row.parts]
+    part_name = module.partition(".")[0]
+    part_rows = [row for row in plan_rows if part_name in row.parts]
     if not part_rows:
         from ergon.notation.text.spelling import nearest
 
-        part_names = sorted({name for row in rows for name in row.parts})
-        close = nearest(part, part_names)
+        part_names = sorted({name for row in plan_rows for name in row.parts})
+        close = nearest(part_name, part_names)
         hint = f"; did you mean '{close}'?" if close else f"; there are {', '.join(part_names)}"
-        raise Refused(f"--why: no part is called '{part}'{hint}")
+        raise Refused(f"--why: no part is called '{part_name}'{hint}")
     return part_rows
 
 
@@ -153,40 +161,40 @@ def _contact_steps(row: PlanRow) -> int:
     return row.contact_substeps * row.contact_order // 4
 
 
-def _fields(row: PlanRow) -> dict[str, object]:
+def _fields(plan_row: PlanRow) -> dict[str, object]:
     return {
-        "parts": row.parts,
-        "n_mat": row.n_mat,
-        "n_lia": row.n_lia,
-        "what": row.what,
-        "modes": None if row.modes is None else row.modes[0],
-        "modes_of": None if row.modes is None else row.modes[1],
-        "left_out_db": row.left_out_db,
-        "times": row.oversampling,
-        "in_frames": row.every,
-        "contact_steps": _contact_steps(row),
-        "contact_order": row.contact_order,
-        "error_db": row.error_db,
-        "error_over_s": row.error_s,
-        "spectral_db": row.spectral_db,
-        "cents": None if row.audible is None else row.audible.cents,
-        "t60_percent": None if row.audible is None else 100 * row.audible.t60,
-        "third_octave_db": None if row.audible is None else row.audible.third_octave_db,
-        "first_stroke_s": None if row.audible is None else row.audible.first_stroke_s,
-        "later_stroke_s": None if row.audible is None else row.audible.later_stroke_s,
-        "stroke_db": None if row.audible is None else row.audible.stroke_db,
-        "cost": row.cost,
-        "certificate": row.guarantee,
-        "because": row.because,
-        "every": row.macrostep,
-        "radius": row.radius,
-        "preserved": row.preserved,
-        "offered": row.offered,
-        "stays": row.stays,
-        "cut_short": row.cut_short,
-        "diverges": row.diverges,
-        "harder_at_s": row.harder_at,
-        "unchecked_from_s": row.unchecked_from,
+        "parts": plan_row.parts,
+        "n_mat": plan_row.n_mat,
+        "n_lia": plan_row.n_lia,
+        "what": plan_row.what,
+        "modes": None if plan_row.modes is None else plan_row.modes[0],
+        "modes_of": None if plan_row.modes is None else plan_row.modes[1],
+        "left_out_db": plan_row.left_out_db,
+        "times": plan_row.oversampling,
+        "in_frames": plan_row.every,
+        "contact_steps": _contact_steps(plan_row),
+        "contact_order": plan_row.contact_order,
+        "error_db": plan_row.error_db,
+        "error_over_s": plan_row.error_s,
+        "spectral_db": plan_row.spectral_db,
+        "cents": None if plan_row.audible is None else plan_row.audible.cents,
+        "t60_percent": None if plan_row.audible is None else 100 * plan_row.audible.t60,
+        "third_octave_db": None if plan_row.audible is None else plan_row.audible.third_octave_db,
+        "first_stroke_s": None if plan_row.audible is None else plan_row.audible.first_stroke_s,
+        "later_stroke_s": None if plan_row.audible is None else plan_row.audible.later_stroke_s,
+        "stroke_db": None if plan_row.audible is None else plan_row.audible.stroke_db,
+        "cost": plan_row.cost,
+        "certificate": plan_row.guarantee,
+        "because": plan_row.because,
+        "every": plan_row.macrostep,
+        "radius": plan_row.radius,
+        "preserved": plan_row.preserved,
+        "offered": plan_row.offered,
+        "stays": plan_row.stays,
+        "cut_short": plan_row.cut_short,
+        "diverges": plan_row.diverges,
+        "harder_at_s": plan_row.harder_at,
+        "unchecked_from_s": plan_row.unchecked_from,
     }
 
 
@@ -196,38 +204,46 @@ def _table(rows: list[PlanRow]) -> str:
     return table([line[i] for i in columns] for line in (_HEAD, *(_line(row) for row in rows)))
 
 
-def _line(row: PlanRow) -> tuple[str, ...]:
+def _line(plan_row: PlanRow) -> tuple[str, ...]:
     from ergon.scores.staging.planning import needs_trial
 
-    computed = _HOW[row.what]
-    if row.modes is not None:
-        n_used, n_total = row.modes
-        computed = plural(n_used, _mode(row)) + ("" if n_used == n_total else f" of {n_total:,}")
-    if row.macrostep is not None and row.what != "e4":
-        computed += f", once in {plural(row.macrostep, 'frame')}"
-    if row.every > 1:
-        steps = "once" if row.oversampling == 1 else f"{row.oversampling} times"
-        computed += f", {steps} in {plural(row.every, 'frame')}"
-    elif row.oversampling > 1:
-        computed += f" ×{row.oversampling}"
-    if row.contact_substeps > 1:
-        order = f" of order {row.contact_order}" if row.contact_order == 2 else ""
-        computed += f", contacts ×{_contact_steps(row)}{order}"
-    is_left_out = row.what in ("unheard", "still")
-    error = "" if is_left_out else "exact" if row.error_db is None else f"{row.error_db:.0f} dB"
-    if needs_trial(row) and row.error_db is None:
-        error = "diverges" if row.diverges else "not measured"
-    if row.preserved:
+    computed = _HOW[plan_row.what]
+    if plan_row.modes is not None:
+        n_used, n_total = plan_row.modes
+        computed = plural(n_used, _mode(plan_row)) + (
+            "" if n_used == n_total else f" of {n_total:,}"
+        )
+    if plan_row.macrostep is not None and plan_row.what != "e4":
+        computed += f", once in {plural(plan_row.macrostep, 'frame')}"
+    if plan_row.every > 1:
+        steps = "once" if plan_row.oversampling == 1 else f"{plan_row.oversampling} times"
+        computed += f", {steps} in {plural(plan_row.every, 'frame')}"
+    elif plan_row.oversampling > 1:
+        computed += f" ×{plan_row.oversampling}"
+    if plan_row.contact_substeps > 1:
+        order = f" of order {plan_row.contact_order}" if plan_row.contact_order == 2 else ""
+        computed += f", contacts ×{_contact_steps(plan_row)}{order}"
+    is_left_out = plan_row.what in ("unheard", "still")
+    error = (
+        ""
+        if is_left_out
+        else "exact"
+        if plan_row.error_db is None
+        else f"{plan_row.error_db:.0f} dB"
+    )
+    if needs_trial(plan_row) and plan_row.error_db is None:
+        error = "diverges" if plan_row.diverges else "not measured"
+    if plan_row.preserved:
         error += ", preserved"
-    if row.cut_short:
+    if plan_row.cut_short:
         error += ", planning ended"
-    if row.spectral_db is not None:
-        error += f" over {row.error_s:.2g} s, then {row.spectral_db:.1f} dB by spectrum"
-    elif row.harder_at is not None:
-        error += f" over {row.error_s:.2g} s, then played harder"
-    elif row.unchecked_from is not None and not row.preserved:
-        error += f" over {row.unchecked_from:.2g} s"
-    by_ear = row.audible
+    if plan_row.spectral_db is not None:
+        error += f" over {plan_row.error_s:.2g} s, then {plan_row.spectral_db:.1f} dB by spectrum"
+    elif plan_row.harder_at is not None:
+        error += f" over {plan_row.error_s:.2g} s, then played harder"
+    elif plan_row.unchecked_from is not None and not plan_row.preserved:
+        error += f" over {plan_row.unchecked_from:.2g} s"
+    by_ear = plan_row.audible
     audible = (
         ""
         if by_ear is None
@@ -235,14 +251,14 @@ def _line(row: PlanRow) -> tuple[str, ...]:
         f"{1e3 * max(by_ear.first_stroke_s, by_ear.later_stroke_s):.1f} ms"
     )
     return (
-        " + ".join(row.parts),
-        f"{row.n_mat + row.n_lia:,}",
+        " + ".join(plan_row.parts),
+        f"{plan_row.n_mat + plan_row.n_lia:,}",
         computed,
         error,
         audible,
-        "" if is_left_out else f"{row.cost:.2g}",
-        row.guarantee or "",
-        "" if row.left_out_db is None else f"{row.left_out_db:.0f} dB",
+        "" if is_left_out else f"{plan_row.cost:.2g}",
+        plan_row.guarantee or "",
+        "" if plan_row.left_out_db is None else f"{plan_row.left_out_db:.0f} dB",
     )
 
 
@@ -263,13 +279,15 @@ def _summary(accuracy_plan: Plan) -> str:
     from ergon.exchange import machine_speed
 
     cost, correction = accuracy_plan.cost, machine_speed.read_correction()
-    times = f"{1 / cost:.3g} × real time on one core by the table" if cost > 0 else "nothing to do"
+    speed_text = (
+        f"{1 / cost:.3g} × real time on one core by the table" if cost > 0 else "nothing to do"
+    )
     if correction is not None and cost > 0:
-        times += f", {1 / (cost * correction):.3g} × on this machine by `ergon doctor`"
+        speed_text += f", {1 / (cost * correction):.3g} × on this machine by `ergon doctor`"
     planned = f"planned in {accuracy_plan.seconds:.2g} s"
     if accuracy_plan.is_kept:
         planned += " (from the cache)"
-    return f"\ncost {cost:.3g}: {times}; {planned}; plan sha256 {accuracy_plan.hash[:12]}\n"
+    return f"\ncost {cost:.3g}: {speed_text}; {planned}; plan sha256 {accuracy_plan.hash[:12]}\n"
 
 
 def _mode(row: PlanRow) -> str:
@@ -281,73 +299,88 @@ def _often(row: PlanRow) -> str:
     return f"{times} a frame" if row.every == 1 else f"{times} in {plural(row.every, 'frame')}"
 
 
-def _why(row: PlanRow) -> list[str]:
+def _why(plan_row: PlanRow) -> list[str]:
     """How a part is computed, and why, in sentences."""
-    name = " + ".join(row.parts)
-    lines = [f"{name}: {plural(row.n_mat, 'MAT')} and {plural(row.n_lia, 'LIA')}."]
-    if row.what == "oscillators":
-        lines.append(
+    name = " + ".join(plan_row.parts)
+    reason_lines = [f"{name}: {plural(plan_row.n_mat, 'MAT')} and {plural(plan_row.n_lia, 'LIA')}."]
+    if plan_row.what == "oscillators":
+        reason_lines.append(
             "  Nothing ties its masses to each other: each runs exactly, by its own poles."
         )
-    elif row.what == "unheard":
-        lines.append("  No output listens to it, nor to anything that it can move: it is left out.")
-    elif row.what == "still":
-        lines.append("  Nothing ever moves it: what is heard of it is a constant.")
-    elif row.modes is not None:
-        n_used, n_total = row.modes
-        used_modes = f"{plural(n_used, _mode(row))} of {n_total:,}"
-        lines.append(f"  It is linear: {used_modes} are computed, each exactly.")
-        if row.left_out_db is not None:
-            lines.append(
-                f"  The others together would be {-row.left_out_db:.0f} dB below the rest."
+    elif plan_row.what == "unheard":
+        reason_lines.append(
+            "  No output listens to it, nor to anything that it can move: it is left out."
+        )
+    elif plan_row.what == "still":
+        reason_lines.append("  Nothing ever moves it: what is heard of it is a constant.")
+    elif plan_row.modes is not None:
+        n_used, n_total = plan_row.modes
+        used_modes = f"{plural(n_used, _mode(plan_row))} of {n_total:,}"
+        reason_lines.append(f"  It is linear: {used_modes} are computed, each exactly.")
+        if plan_row.left_out_db is not None:
+            reason_lines.append(
+                f"  The others together would be {-plan_row.left_out_db:.0f} dB below the rest."
             )
-    elif row.macrostep is not None:
-        if row.what == "e4":
-            lines.append(
+    elif plan_row.macrostep is not None:
+        if plan_row.what == "e4":
+            reason_lines.append(
                 "  Its springs act by their exact flow (E4), and its rate changes no sound."
             )
         else:
-            often = f"once in {plural(row.macrostep, 'frame')}"
-            lines.append(f"  Its springs pull {often}, by the CA scheme at that rate.")
-        if row.offered:
-            lines.append("  The planner chose this by itself: it costs less.")
-        if row.radius is not None:
-            lines.append(f"  Nothing grows from frame to frame: |λ| is at most {row.radius:.9g}.")
-    elif row.what == "stepped":
-        lines.append(f"  It is stepped module by module by the CA scheme, {_often(row)}.")
+            often = f"once in {plural(plan_row.macrostep, 'frame')}"
+            reason_lines.append(f"  Its springs pull {often}, by the CA scheme at that rate.")
+        if plan_row.offered:
+            reason_lines.append("  The planner chose this by itself: it costs less.")
+        if plan_row.radius is not None:
+            reason_lines.append(
+                f"  Nothing grows from frame to frame: |λ| is at most {plan_row.radius:.9g}."
+            )
+    elif plan_row.what == "stepped":
+        reason_lines.append(
+            f"  It is stepped module by module by the CA scheme, {_often(plan_row)}."
+        )
     else:
-        lines.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row)}.")
-    if row.because is not None:
-        lines.append(f"  It is not computed by modes: {row.because}.")
-    if row.stays is not None:
-        lines.append(f"  The rate that it asks for is not used for {row.stays}.")
-    if row.contact_substeps > 1:
-        lines.append("  Closed contacts, and single laws, are computed between frames,")
-        steps = plural(_contact_steps(row), "step")
-        lines.append(f"  {steps} a frame or more, of order {row.contact_order}.")
-    if row.error_db is not None and row.error_s is not None:
-        span_text = f"over the first {row.error_s:.2g} s"
-        lines.append(f"  A pilot measured an error of {row.error_db:.0f} dB {span_text}.")
-    if row.audible is not None:
+        reason_lines.append(
+            f"  It is stepped as one mesh by {_HOW[plan_row.what]}, {_often(plan_row)}."
+        )
+    if plan_row.because is not None:
+        reason_lines.append(f"  It is not computed by modes: {plan_row.because}.")
+    if plan_row.stays is not None:
+        reason_lines.append(f"  The rate that it asks for is not used for {plan_row.stays}.")
+    if plan_row.contact_substeps > 1:
+        reason_lines.append("  Closed contacts, and single laws, are computed between frames,")
+        steps = plural(_contact_steps(plan_row), "step")
+        reason_lines.append(f"  {steps} a frame or more, of order {plan_row.contact_order}.")
+    if plan_row.error_db is not None and plan_row.error_s is not None:
+        span_text = f"over the first {plan_row.error_s:.2g} s"
+        reason_lines.append(
+            f"  A pilot measured an error of {plan_row.error_db:.0f} dB {span_text}."
+        )
+    if plan_row.audible is not None:
         from ergon.scores.staging.planning import error_text
 
-        lines.append(f"  Of that {error_text(row.audible)}.")
-    if row.harder_at is not None:
-        lines.append(
-            f"  From {row.harder_at:.3g} s on it is played harder than while that was measured."
+        reason_lines.append(f"  Of that {error_text(plan_row.audible)}.")
+    if plan_row.harder_at is not None:
+        reason_lines.append(
+            f"  From {plan_row.harder_at:.3g} s on it is played harder than while that was "
+            "measured."
         )
-    if row.cut_short:
-        lines.append("  Planning ended there: its trials had done all the work that they may.")
-    if row.diverges:
-        lines.append("  Its motion diverged in a trial: a render stops there.")
-    if row.spectral_db is not None:
-        lines.append("  After that it is chaotic: no two methods give the same waveform;")
-        lines.append(f"  its third octaves are right to {row.spectral_db:.1f} dB, in the mean.")
-    if row.guarantee is not None:
-        lines.append(
-            f"  It cannot diverge: {row.guarantee}."
-            if row.guarantee == "proved"
-            else f"  Stability: {row.guarantee}."
+    if plan_row.cut_short:
+        reason_lines.append(
+            "  Planning ended there: its trials had done all the work that they may."
         )
-        lines.append(f"  It costs {row.cost:.2g} of a core at real time.")
-    return lines
+    if plan_row.diverges:
+        reason_lines.append("  Its motion diverged in a trial: a render stops there.")
+    if plan_row.spectral_db is not None:
+        reason_lines.append("  After that it is chaotic: no two methods give the same waveform;")
+        reason_lines.append(
+            f"  its third octaves are right to {plan_row.spectral_db:.1f} dB, in the mean."
+        )
+    if plan_row.guarantee is not None:
+        reason_lines.append(
+            f"  It cannot diverge: {plan_row.guarantee}."
+            if plan_row.guarantee == "proved"
+            else f"  Stability: {plan_row.guarantee}."
+        )
+        reason_lines.append(f"  It costs {plan_row.cost:.2g} of a core at real time.")
+    return reason_lines

@@ -51,11 +51,14 @@ def play_watched(console: Console, path: str, play_options: PlayOptions, *, stri
 
 
 def follow(
-    session: SessionProtocol, say: Callable[[str], None], start: str | None, looks: Iterator[None]
+    session: SessionProtocol,
+    say: Callable[[str], None],
+    start_position: str | None,
+    looks: Iterator[None],
 ) -> None:
     """Play a session from a position, print its messages at each look, and close it."""
     try:
-        reply = session.submit("play" if start is None else f"play from {start}")
+        reply = session.submit("play" if start_position is None else f"play from {start_position}")
         if not reply.taken:
             raise Refused(f"--from: {reply.text}")
         say("a saved version plays on from the next bar; Ctrl-C ends")

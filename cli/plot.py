@@ -67,17 +67,17 @@ def plot(
     if name == NOTES:
         _notes(console, loaded, svg, width, height, force)
         return
-    curves, title = drawn_curves(loaded, name, key, console)
+    curves, plot_title = drawn_curves(loaded, name, key, console)
     if console.json:
         for curve in curves:
             values = [None if x != x else x for x in curve.x]
-            console.record("curve", name=curve.name, title=title, t_s=curve.t, x_mm=values)
+            console.record("curve", name=curve.name, title=plot_title, t_s=curve.t, x_mm=values)
     elif svg is None:
-        console.data(f"{title}\n{_text(curves, width, height, 'position [mm]')}")
+        console.data(f"{plot_title}\n{_text(curves, width, height, 'position [mm]')}")
     if svg is not None:
         from ergon.view.svg import plot as draw
 
-        picture = draw(curves, title=title, x_label="position [mm]")
+        picture = draw(curves, title=plot_title, x_label="position [mm]")
         _write(console, svg, picture, force, loaded.inputs)
 
 
@@ -88,21 +88,21 @@ def _notes(
     from ergon.view.curve import Curve
     from ergon.view.roll import heights, picture
 
-    notes, bars, title = struck_bars(loaded, console)
+    note_bars, bar_lines, plot_title = struck_bars(loaded, console)
     if console.json:
-        for note in notes:
+        for note in note_bars:
             console.record("note", **asdict(note))
     if svg is not None:
-        _write(console, svg, picture(bars, title=title), force, loaded.inputs)
+        _write(console, svg, picture(bar_lines, title=plot_title), force, loaded.inputs)
     elif not console.json:
-        keys, lanes = heights(bars)
-        t = [instant for note in notes for instant in (note.begin, note.end, note.end)]
+        keys, lanes = heights(bar_lines)
+        t = [instant for note in note_bars for instant in (note.begin, note.end, note.end)]
         x = [height_of for key in keys for height_of in (key, key, nan)]
-        label = "time [s]; upwards keys of MIDI, 60 is C4"
+        axis_label = "time [s]; upwards keys of MIDI, 60 is C4"
         if lanes:
-            label += "; without a pitch: "
-            label += ", ".join(f"{name} at {key:g}" for name, key in lanes.items())
-        console.data(f"{title}\n{_text([Curve(NOTES, t, x)], width, height, label)}")
+            axis_label += "; without a pitch: "
+            axis_label += ", ".join(f"{name} at {key:g}" for name, key in lanes.items())
+        console.data(f"{plot_title}\n{_text([Curve(NOTES, t, x)], width, height, axis_label)}")
 
 
 def _sound(
@@ -138,9 +138,11 @@ def _text(curves: Sequence[Curve], width: int | None, height: int, label: str) -
     return draw(curves, width=columns, height=height, x_label=label)
 
 
-def _write(console: Console, target: str, text: str, force: bool, inputs: Sequence[Path]) -> None:
+def _write(
+    console: Console, output_target: str, text: str, force: bool, inputs: Sequence[Path]
+) -> None:
     from ergon.exchange.safe import write_text
 
-    write_text(target, text, force=force, inputs=inputs)
-    if target != "-":
-        console.say(f"wrote {target}")
+    write_text(output_target, text, force=force, inputs=inputs)
+    if output_target != "-":
+        console.say(f"wrote {output_target}")

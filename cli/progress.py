@@ -38,7 +38,7 @@ class _Records(Progress):
 
 
 class _Bar(Progress):
-    def __init__(self, task: str, total: int, rate: float) -> None:
+    def __init__(self, task: str, total_steps: int, rate: float) -> None:
         # Imported here, as rich takes as long to import as the rest of the command line.
         from rich.console import Console
         from rich.progress import BarColumn, TaskProgressColumn, TextColumn
@@ -52,8 +52,8 @@ class _Bar(Progress):
         ]
         console = Console(file=sys.stderr, no_color=not may_colour(sys.stderr))
         self._rich = Rich(*columns, console=console, transient=True, auto_refresh=False)
-        self._task = self._rich.add_task(task, total=total, speed="")
-        self._total, self._rate = total, rate
+        self._task = self._rich.add_task(task, total=total_steps, speed="")
+        self._total, self._rate = total_steps, rate
         self._start = self._last = time.monotonic()
 
     def __enter__(self) -> Self:
@@ -84,16 +84,19 @@ def _estimate(n_done: int, total: int, rate: float, elapsed: float) -> tuple[flo
     return n_done / rate / elapsed if rate else nan, elapsed * (total - n_done) / n_done
 
 
-def bar(task: str, total: int, rate: float, quiet: bool, record: Record | None) -> Progress:
-    """A progress for `total` frames at `rate` [Hz], or, with rate 0, for `total` items of any kind.
+def bar(
+    task: str, total_steps: int, rate: float, quiet: bool, record_line: Record | None
+) -> Progress:
+    """A progress for `total_steps` frames at `rate` [Hz], or, with rate 0, for `total_steps` items
+    of any kind.
 
-    `record` writes JSON records for another program.
+    `record_line` writes JSON records for another program.
     """
     if quiet:
         return Progress()
-    if record is not None:
-        return _Records(record, task, total, rate)
-    return _Bar(task, total, rate) if _can_redraw() else Progress()
+    if record_line is not None:
+        return _Records(record_line, task, total_steps, rate)
+    return _Bar(task, total_steps, rate) if _can_redraw() else Progress()
 
 
 @contextmanager
@@ -102,11 +105,11 @@ def waiting(task: str, quiet: bool) -> Iterator[None]:
     if quiet or not _can_redraw():
         yield
         return
-    ended, start = threading.Event(), time.monotonic()
+    ended, start_time = threading.Event(), time.monotonic()
 
     def show() -> None:
         while not ended.wait(_WAIT_INTERVAL):
-            sys.stderr.write(f"\r{task}: {time.monotonic() - start:.0f} s\x1b[K")
+            sys.stderr.write(f"\r{task}: {time.monotonic() - start_time:.0f} s\x1b[K")
             sys.stderr.flush()
 
     thread = threading.Thread(target=show, daemon=True)
@@ -116,7 +119,7 @@ def waiting(task: str, quiet: bool) -> Iterator[None]:
     finally:
         ended.set()
         thread.join()
-        if time.monotonic() - start >= _WAIT_INTERVAL:
+        if time.monotonic() - start_time >= _WAIT_INTERVAL:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()
 

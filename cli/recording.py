@@ -39,13 +39,13 @@ def read_quietly(path: Path, span: tuple[int, int] | None = None) -> Recording:
         raise Refused(f"{path}: {error.strerror or error}") from None
 
 
-def target(output: str, source: Path) -> Path:
+def target(output_text: str, source: Path) -> Path:
     """The path to write a recording to, after checking its ending."""
     from ergon.exchange.safe import check_target
 
-    path = Path(output)
+    path = Path(output_text)
     if path.suffix.lower() != SUFFIX:
-        raise Refused(f"{output}: the name of a recording ends in {SUFFIX}")
+        raise Refused(f"{output_text}: the name of a recording ends in {SUFFIX}")
     check_target(path, force=True, inputs=(source,))
     return path
 
@@ -64,11 +64,11 @@ def write(console: Console, recording: Recording, path: Path, *, force: bool, dr
 
 def say(console: Console, path: Path, recording: Recording, *, dry: bool) -> None:
     """Say what was written, or would be."""
-    event = "would write" if dry else "wrote"
+    event_name = "would write" if dry else "wrote"
     n_ticks = len(recording.ticks())
     if console.json:
         console.record(
-            event.replace(" ", "_"),
+            event_name.replace(" ", "_"),
             file=str(path),
             ticks=n_ticks,
             duration_s=recording.duration,
@@ -76,4 +76,4 @@ def say(console: Console, path: Path, recording: Recording, *, dry: bool) -> Non
         )
     else:
         names = ", ".join(recording.names)[:NAMES_MAX]
-        console.say(f"{event} {path}: {names}, {recording.duration:.3f} s, {n_ticks:,} ticks")
+        console.say(f"{event_name} {path}: {names}, {recording.duration:.3f} s, {n_ticks:,} ticks")

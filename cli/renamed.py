@@ -20,23 +20,23 @@ RENAMED: Mapping[str, Mapping[str, str]] = {
 }
 
 
-def respelt(command: str, words: Sequence[str]) -> list[str]:
+def respelt(command: str, command_words: Sequence[str]) -> list[str]:
     """The words behind a command with the present spellings; a warning names each that changed."""
     spellings = RENAMED.get(command, {})
-    result: list[str] = []
-    for place, word in enumerate(words):
-        if word == "--":
-            return [*result, *words[place:]]
-        option, equals, value = word.partition("=")
-        present = spellings.get(option)
+    respelt_words: list[str] = []
+    for place, command_word in enumerate(command_words):
+        if command_word == "--":
+            return [*respelt_words, *command_words[place:]]
+        option_name, equals, value = command_word.partition("=")
+        present = spellings.get(option_name)
         if present is not None:
-            _console(words).warn(
-                f"{option} of `ergon {command}` is written {present} now; "
+            _console(command_words).warn(
+                f"{option_name} of `ergon {command}` is written {present} now; "
                 f"version {UNTIL_VERSION} takes {present} alone"
             )
-            word = f"{present}{equals}{value}"
-        result.append(word)
-    return result
+            command_word = f"{present}{equals}{value}"
+        respelt_words.append(command_word)
+    return respelt_words
 
 
 def _console(words: Sequence[str]) -> Console:

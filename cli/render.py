@@ -169,19 +169,19 @@ def _tell(console: Console, completed: Completed) -> None:
     print_finer_steps(console, completed.reports)
 
 
-def _watch(console: Console, path: str, output: str | None, file_options: FileOptions) -> None:
+def _watch(console: Console, path: str, output_path: str | None, file_options: FileOptions) -> None:
     from .app import explain
     from .watch import changes
 
-    if path == score.STDIN or output == "-":
+    if path == score.STDIN or output_path == "-":
         raise Refused("--watch needs files: neither the score nor the WAV file can be -")
-    files = {Path(path)}
+    watched_files = {Path(path)}
     is_first = True
-    for _ in changes(files):
+    for _ in changes(watched_files):
         try:
             loaded = score.read(path, file_options, console)
-            files |= {Path(name) for name in loaded.files}
-            _render(console, path, loaded, output, file_options, dry=False)
+            watched_files |= {Path(name) for name in loaded.files}
+            _render(console, path, loaded, output_path, file_options, dry=False)
         except Exception as error:
             outcome: Outcome = explain(error)
             if (

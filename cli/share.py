@@ -57,21 +57,27 @@ def share(
 
     from ergon.api.share import check_estimate, share_file
 
-    source = Path(path)
-    target = Path(output or f"{source.stem}.html")
+    source_path = Path(path)
+    output_path = Path(output or f"{source_path.stem}.html")
     with TemporaryDirectory(prefix="ergon-share-") as folder:
-        check = partial(check_estimate, path=target, limit_mb=limit)
+        check = partial(check_estimate, path=output_path, limit_mb=limit)
         shown = shown_of(
-            console, source, Path(folder), sound=sound, trust=trust, check=check, until=until
+            console,
+            source_path,
+            Path(folder),
+            sound_path=sound,
+            trust=trust,
+            check=check,
+            until=until,
         )
         shared = share_file(
             shown,
-            target,
+            output_path,
             Path(folder),
             console,
             limit_mb=limit,
             force=force,
-            inputs=tuple(file for file in (source, sound) if file is not None),
+            inputs=tuple(file for file in (source_path, sound) if file is not None),
             words=("strobe",) if strobe else (),
         )
     if console.json:

@@ -39,21 +39,21 @@ def signals_as_exceptions(
     over: list[bool] = []  # has an item once no signal is to come again
     watched: list[weakref.finalize[[int], Terminated]] = []
 
-    def interrupt(number: int, frame: FrameType | None) -> None:
+    def interrupt(signal_number: int, frame: FrameType | None) -> None:
         if over:  # one that came again too late
             return
         if _is_rescued(frame):  # an exception raised there is dropped too
-            _again(number, over)
+            _again(signal_number, over)
             return
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-        arrived.append(number)
+        arrived.append(signal_number)
         raise KeyboardInterrupt
 
-    def terminate(number: int, frame: FrameType | None) -> None:
+    def terminate(signal_number: int, frame: FrameType | None) -> None:
         if over:
             return
-        arrived.append(number)
-        raise watch(Terminated(number))
+        arrived.append(signal_number)
+        raise watch(Terminated(signal_number))
 
     def watch(error: Terminated) -> Terminated:
         # Code that looks for an attribute, as during an import, may swallow any exception: let the
@@ -126,15 +126,15 @@ def until_interrupted() -> None:
             signal.set_wakeup_fd(wakeup_before)
 
 
-def _again(number: int, over: list[bool]) -> None:
+def _again(signal_number: int, over: list[bool]) -> None:
     """Send a signal again later from a thread: here its exception would be dropped as well."""
 
     def come() -> None:
         time.sleep(_AGAIN)
-        _sending.append(number)
+        _sending.append(signal_number)
         try:
             if not over:
-                _interrupt(number)
+                _interrupt(signal_number)
         finally:
             _sending.pop()
 
@@ -142,13 +142,13 @@ def _again(number: int, over: list[bool]) -> None:
     _thread.start_new_thread(come, ())
 
 
-def _interrupt(number: int) -> None:
+def _interrupt(signal_number: int) -> None:
     """Send a signal to the main thread, and wake it."""
     main_thread = threading.main_thread().ident
     if hasattr(signal, "pthread_kill") and main_thread is not None:
-        signal.pthread_kill(main_thread, number)
+        signal.pthread_kill(main_thread, signal_number)
     else:
-        _thread.interrupt_main(signal.Signals(number))
+        _thread.interrupt_main(signal.Signals(signal_number))
 
 
 class _Rescue:
@@ -169,12 +169,12 @@ class _Rescue:
             _again(signal.SIGINT, self.over)
 
 
-def _is_rescued(frame: FrameType | None) -> bool:
+def _is_rescued(signal_frame: FrameType | None) -> bool:
     """Whether a signal came while `_Rescue` was handling a dropped exception."""
-    while frame is not None:
-        if frame.f_code is _Rescue.__call__.__code__:
+    while signal_frame is not None:
+        if signal_frame.f_code is _Rescue.__call__.__code__:
             return True
-        frame = frame.f_back
+        signal_frame = signal_frame.f_back
     return False
 
 

@@ -98,24 +98,24 @@ def _keys(console: Console, piece: Piece, fidelities: Sequence[GestureFidelity])
             )
             continue
         times = f" ×{fidelity.times}" if fidelity.times > 1 else ""
-        words = f"{fidelity.player} {fidelity.name}{times} on {fidelity.key}: "
+        gesture_words = f"{fidelity.player} {fidelity.name}{times} on {fidelity.key}: "
         if fidelity.is_layer:
-            words += "a layer, added to the gesture that runs"
+            gesture_words += "a layer, added to the gesture that runs"
         elif fidelity.n_ergons == 0:
-            words += "ended by the next gesture before its first ergon"
+            gesture_words += "ended by the next gesture before its first ergon"
         elif instant_text is None:
-            words += "followed exactly"
+            gesture_words += "followed exactly"
         else:
-            words += (
+            gesture_words += (
                 f"followed within {metres(fidelity.rms)} rms, worst {metres(fidelity.worst)} at "
                 f"{instant_text}"
             )
-            words += f", pushed by {fidelity.pushed_by}" if fidelity.pushed_by else ""
+            gesture_words += f", pushed by {fidelity.pushed_by}" if fidelity.pushed_by else ""
         if fidelity.missed:
-            words += f"; {plural(fidelity.missed, 'step')} needed more than the force limit"
+            gesture_words += f"; {plural(fidelity.missed, 'step')} needed more than the force limit"
         if fidelity.first_points_missed:
-            words += f"; first point missed {plural(fidelity.first_points_missed, 'time')}"
-        console.data(words + "\n")
+            gesture_words += f"; first point missed {plural(fidelity.first_points_missed, 'time')}"
+        console.data(gesture_words + "\n")
         console.detail(
             f"  {plural(fidelity.n_ergons, 'ergon')}, the strongest {fidelity.strongest:.3g} m/s; "
             f"free key from {metres(fidelity.low)} to {metres(fidelity.high)}"

@@ -112,7 +112,7 @@ def stability(
     inputs = () if loaded is None else loaded.inputs
     stem = laboratory.stem(output, score_path or method, "stability", force, inputs)
     survey_settings = (method, seconds, accurate, metric_name)
-    maps, title = _maps(loaded, Path(score_path or "").stem, map_names, survey_settings)
+    maps, plot_title = _maps(loaded, Path(score_path or "").stem, map_names, survey_settings)
     total = sum(drawn_map.n_spots for drawn_map in maps.values())
     with laboratory.workers(on, score_path, loaded, trust, console) as workers:
         surveyors = None if workers is None else workers.surveyors(*survey_settings)
@@ -123,8 +123,8 @@ def stability(
             console.record("spot", **record)
     else:
         console.data(map_table.lines(surveys))
-    table = map_table.csv(surveys, f"{method}, {title}")
-    laboratory.write(console, stem, table, lambda: draw(surveys, title), force)
+    table = map_table.csv(surveys, f"{method}, {plot_title}")
+    laboratory.write(console, stem, table, lambda: draw(surveys, plot_title), force)
 
 
 def _maps(
@@ -136,11 +136,11 @@ def _maps(
     from ergon.workshop.lab import map_catalogue
 
     piece = None if loaded is None else score.piece_of(loaded)
-    method, seconds, accurate, metric = survey_settings
-    available_maps = map_catalogue.maps(method, piece, seconds, accurate, metric)
+    method_names, seconds, accurate, metric = survey_settings
+    available_maps = map_catalogue.maps(method_names, piece, seconds, accurate, metric)
     names = laboratory.words(map_names, tuple(available_maps), "--maps")
     condition = "it makes no energy" if metric == "energy" else "its sound is right"
-    title = f"where {method} is stable, and where {condition}"
+    title = f"where {method_names} is stable, and where {condition}"
     if piece is not None:
         title = f"{piece.title or score_name}: {title}"
     return {name: available_maps[name] for name in names}, title

@@ -74,69 +74,75 @@ def stats(
         console.data("\n".join(_lines(part) for part in part_stats))
 
 
-def _lines(part: PartStats) -> str:
-    fixed_points = plural(part.n_held, "fixed point")
-    if not part.n_masses:
-        return f"{part.part}: {fixed_points}; nothing in it moves\n"
-    masses = "1 mass" if part.n_masses == 1 else f"{part.n_masses:,} masses"
-    mass_range = _range(part.masses, _kilograms)
-    text = (
-        f"{part.part}: {masses} of {mass_range}, {_kilograms(part.mass)} in all; {fixed_points}\n"
+def _lines(part_stats: PartStats) -> str:
+    fixed_points = plural(part_stats.n_held, "fixed point")
+    if not part_stats.n_masses:
+        return f"{part_stats.part}: {fixed_points}; nothing in it moves\n"
+    masses = "1 mass" if part_stats.n_masses == 1 else f"{part_stats.n_masses:,} masses"
+    mass_range = _range(part_stats.masses, _kilograms)
+    stats_text = (
+        f"{part_stats.part}: {masses} of {mass_range}, {_kilograms(part_stats.mass)} in all; "
+        f"{fixed_points}\n"
     )
-    for name, mass in part.mode_masses.items():
-        text += (
+    for name, mass in part_stats.mode_masses.items():
+        stats_text += (
             f"{name}: M = {_kilograms(mass)} for each mode at level 1; the masses listed are those "
             "of the equivalent network\n"
         )
-    if part.links:
-        rows = [("links", "count", "stiffness", "damping")]
-        for link in part.links:
+    if part_stats.links:
+        table_rows = [("links", "count", "stiffness", "damping")]
+        for link in part_stats.links:
             stiffness = _range(link.stiffness, lambda k: f"{k:.4g} N/m")
             damping = _range(link.damping, lambda z: f"{z:.4g} N·s/m")
-            rows.append((link.kind, f"{link.count:,}", stiffness, damping))
-        text += f"\n{table(rows)}"
-    return f"{text}\n{_modes(part)}{_points(part)}"
+            table_rows.append((link.kind, f"{link.count:,}", stiffness, damping))
+        stats_text += f"\n{table(table_rows)}"
+    return f"{stats_text}\n{_modes(part_stats)}{_points(part_stats)}"
 
 
-def _modes(part: PartStats) -> str:
-    f, t60 = part.modes.frequencies[part.n_free :], part.modes.t60[part.n_free :]
-    sentence = f"{plural(len(f), 'mode')} in this range"
+def _modes(part_stats: PartStats) -> str:
+    f, t60 = (
+        part_stats.modes.frequencies[part_stats.n_free :],
+        part_stats.modes.t60[part_stats.n_free :],
+    )
+    modes_sentence = f"{plural(len(f), 'mode')} in this range"
     if len(f):
         low, high = (float(t60.min()), float(t60.max()))
         decay_text = "no loss" if math.isinf(low) else _range((low, high), _seconds)
-        sentence += f", {f[0]:.2f} to {f[-1]:.2f} Hz, T60 {decay_text}"
-    if part.n_free:
-        sentence += f", and {plural(part.n_free, 'motion')} that no spring resists"
+        modes_sentence += f", {f[0]:.2f} to {f[-1]:.2f} Hz, T60 {decay_text}"
+    if part_stats.n_free:
+        modes_sentence += f", and {plural(part_stats.n_free, 'motion')} that no spring resists"
     stable = "not known to be stable by up to 16 steps a frame"
-    if part.guarantee is not None:
-        steps = part.oversampling
+    if part_stats.guarantee is not None:
+        steps = part_stats.oversampling
         often = "one step a frame" if steps == 1 else f"{steps} steps a frame"
-        stable = f"stable by {often} ({part.guarantee})"
-    text = f"{sentence}; highest of all {part.highest:.2f} Hz; {stable}\n"
-    bands = zip(part.third_octaves, part.counts, strict=True)
+        stable = f"stable by {often} ({part_stats.guarantee})"
+    text = f"{modes_sentence}; highest of all {part_stats.highest:.2f} Hz; {stable}\n"
+    bands = zip(part_stats.third_octaves, part_stats.counts, strict=True)
     band_texts = [f"{middle:.0f} Hz: {count}" for middle, count in bands if count]
     return text + (f"modes by third octave: {', '.join(band_texts)}\n" if band_texts else "")
 
 
-def _points(part: PartStats) -> str:
-    if not part.points:
+def _points(part_stats: PartStats) -> str:
+    if not part_stats.points:
         return ""
-    rows = [
+    table_rows = [
         ("point", "mass", "static deflection at 1 N", "mean frequency", "modes with most energy")
     ]
-    for point in part.points:
+    for point in part_stats.points:
         answer = "no bound" if math.isinf(point.compliance) else metres(point.compliance)
         mean = f"{point.centroid:.1f} Hz"
-        rows.append((point.name, _kilograms(point.mass), answer, mean, _largest_text(part, point)))
-    return f"\n{table(rows)}"
+        table_rows.append(
+            (point.name, _kilograms(point.mass), answer, mean, _largest_text(part_stats, point))
+        )
+    return f"\n{table(table_rows)}"
 
 
-def _largest_text(part: PartStats, point: PointStats) -> str:
-    order = sorted(range(len(point.shares)), key=lambda i: -point.shares[i])[:_LARGEST]
+def _largest_text(part: PartStats, point_stats: PointStats) -> str:
+    order = sorted(range(len(point_stats.shares)), key=lambda i: -point_stats.shares[i])[:_LARGEST]
     return ", ".join(
-        f"{part.modes.frequencies[i]:.1f} Hz {100 * point.shares[i]:.3g}%"
+        f"{part.modes.frequencies[i]:.1f} Hz {100 * point_stats.shares[i]:.3g}%"
         for i in order
-        if point.shares[i] >= 5e-4
+        if point_stats.shares[i] >= 5e-4
     )
 
 
@@ -145,30 +151,33 @@ def _range(low_and_high: tuple[float, float], with_unit: Any) -> str:
     return str(low) if low == high else f"{low} to {high}"
 
 
-def _kilograms(value: float) -> str:
+def _kilograms(mass_kg: float) -> str:
     for factor, unit in ((1.0, "kg"), (1e-3, "g"), (1e-6, "mg")):
-        if abs(value) >= factor:
-            return f"{value / factor:.4g} {unit}"
-    return f"{value:.4g} kg"
+        if abs(mass_kg) >= factor:
+            return f"{mass_kg / factor:.4g} {unit}"
+    return f"{mass_kg:.4g} kg"
 
 
 def _seconds(value: float) -> str:
     return "no loss" if math.isinf(value) else seconds(value)
 
 
-def _record(console: Console, part: PartStats) -> None:
+def _record(console: Console, part_stats: PartStats) -> None:
     def finite(x: float) -> float | None:
         return None if math.isinf(x) else x
 
-    f, t60 = part.modes.frequencies[part.n_free :], part.modes.t60[part.n_free :]
+    f, t60 = (
+        part_stats.modes.frequencies[part_stats.n_free :],
+        part_stats.modes.t60[part_stats.n_free :],
+    )
     console.record(
         "stats",
-        part=part.part,
-        masses=part.n_masses,
-        held=part.n_held,
-        mass_kg=part.mass,
-        mass_range_kg=list(part.masses),
-        mode_masses_kg=dict(part.mode_masses),
+        part=part_stats.part,
+        masses=part_stats.n_masses,
+        held=part_stats.n_held,
+        mass_kg=part_stats.mass,
+        mass_range_kg=list(part_stats.masses),
+        mode_masses_kg=dict(part_stats.mode_masses),
         links=[
             {
                 "kind": link.kind,
@@ -176,18 +185,18 @@ def _record(console: Console, part: PartStats) -> None:
                 "stiffness_n_per_m": list(link.stiffness),
                 "damping_ns_per_m": list(link.damping),
             }
-            for link in part.links
+            for link in part_stats.links
         ],
         modes=len(f),
-        certified=part.modes.is_certified,
-        free_motions=part.n_free,
+        certified=part_stats.modes.is_certified,
+        free_motions=part_stats.n_free,
         frequency_range_hz=[float(f[0]), float(f[-1])] if len(f) else [],
         t60_range_s=[finite(float(t60.min())), finite(float(t60.max()))] if len(t60) else [],
-        third_octaves_hz=part.third_octaves.tolist(),
-        modes_by_third_octave=part.counts.tolist(),
-        highest_hz=part.highest,
-        certificate=part.guarantee,
-        times=part.oversampling,
+        third_octaves_hz=part_stats.third_octaves.tolist(),
+        modes_by_third_octave=part_stats.counts.tolist(),
+        highest_hz=part_stats.highest,
+        certificate=part_stats.guarantee,
+        times=part_stats.oversampling,
         points=[
             {
                 "name": point.name,
@@ -196,6 +205,6 @@ def _record(console: Console, part: PartStats) -> None:
                 "centroid_hz": point.centroid,
                 "energy_shares": point.shares.tolist(),
             }
-            for point in part.points
+            for point in part_stats.points
         ],
     )

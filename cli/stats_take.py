@@ -84,26 +84,28 @@ def _movement_lines(movement: MovementStats) -> Iterator[str]:
         )
 
 
-def _force_lines(force: ForceStats) -> Iterator[str]:
-    if not force.peak:
-        yield f"  force         none felt; sent up to {force.sent:.3g} N"
+def _force_lines(force_stats: ForceStats) -> Iterator[str]:
+    if not force_stats.peak:
+        yield f"  force         none felt; sent up to {force_stats.sent:.3g} N"
         return
     yield (
-        f"  force felt    peak {force.peak:.3g} N, rms {force.rms:.3g} N; sent up to "
-        f"{force.sent:.3g} N"
+        f"  force felt    peak {force_stats.peak:.3g} N, rms {force_stats.rms:.3g} N; sent up to "
+        f"{force_stats.sent:.3g} N"
     )
-    yield f"  energy        given {_joules(force.given)}, got back {_joules(force.taken)}"
+    yield (
+        f"  energy        given {_joules(force_stats.given)}, got back {_joules(force_stats.taken)}"
+    )
 
 
-def _joules(value: float) -> str:
+def _joules(energy_joules: float) -> str:
     for factor, unit in ((1.0, "J"), (1e-3, "mJ"), (1e-6, "µJ")):
-        if value >= factor:
-            return f"{value / factor:.3g} {unit}"
-    return f"{value * 1e9:.3g} nJ"
+        if energy_joules >= factor:
+            return f"{energy_joules / factor:.3g} {unit}"
+    return f"{energy_joules * 1e9:.3g} nJ"
 
 
 def _record(console: Console, hand: HandStats) -> None:
-    moved, force = hand.movement, hand.force
+    moved, force_stats = hand.movement, hand.force
     movement = None
     if moved is not None:
         movement = {f.name: getattr(moved, f.name) for f in fields(moved)}
@@ -115,5 +117,7 @@ def _record(console: Console, hand: HandStats) -> None:
         lost=hand.n_lost,
         held=hand.n_held,
         movement=movement,
-        force=None if force is None else {f.name: getattr(force, f.name) for f in fields(force)},
+        force=None
+        if force_stats is None
+        else {f.name: getattr(force_stats, f.name) for f in fields(force_stats)},
     )

@@ -17,12 +17,12 @@ def make_whole() -> None:
     Without this, the first file that is opened gets the number of a closed stream, and messages
     go into that file.
     """
-    for number, (name, mode) in enumerate(_NAMES):
-        stream = getattr(sys, name)
+    for number, (stream_name, stream_mode) in enumerate(_NAMES):
+        stream = getattr(sys, stream_name)
         if stream is None:
-            null = open(_null(number), mode, encoding="utf-8", closefd=False)  # noqa: SIM115
-            setattr(sys, name, null)
-        elif isinstance(stream, io.TextIOWrapper) and mode == "w":
+            null = open(_null(number), stream_mode, encoding="utf-8", closefd=False)  # noqa: SIM115
+            setattr(sys, stream_name, null)
+        elif isinstance(stream, io.TextIOWrapper) and stream_mode == "w":
             stream.reconfigure(errors="backslashreplace")
     # stderr is written line by line. Python keeps 8 KiB of stdout back unless it is a terminal.
     if isinstance(sys.stdout, io.TextIOWrapper) and _lead_to_one_place():
@@ -38,15 +38,15 @@ def flush_and_close() -> OSError | None:
     """
     failure = None
     for stream, name in ((sys.stdout, "standard output"), (sys.stderr, "standard error")):
-        number = _number(stream)
-        if number is None:
+        file_number = _number(stream)
+        if file_number is None:
             continue
         try:
             stream.flush()
-            os.close(os.dup(number))  # file systems of a network report a full disk here
+            os.close(os.dup(file_number))  # file systems of a network report a full disk here
         except OSError as error:
             null = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(null, number)
+            os.dup2(null, file_number)
             os.close(null)
             stream.flush()
             failure = failure or OSError(error.errno, error.strerror, name)
@@ -64,22 +64,22 @@ def _lead_to_one_place() -> bool:
 def _number(stream: Any) -> int | None:
     """The number of an open stream; None for what is no file, as in a test that captures it."""
     try:
-        number: int = stream.fileno()
-        os.fstat(number)
+        file_number: int = stream.fileno()
+        os.fstat(file_number)
     except (OSError, ValueError):
         return None
-    return number
+    return file_number
 
 
-def _null(number: int) -> int:
+def _null(file_number: int) -> int:
     """Open the null device under the stream's own number, if that is free."""
     try:
-        os.fstat(number)
+        os.fstat(file_number)
     except OSError:
         opened = os.open(os.devnull, os.O_RDWR)
-        if opened != number:
-            os.dup2(opened, number)
+        if opened != file_number:
+            os.dup2(opened, file_number)
             os.close(opened)
-        os.set_inheritable(number, True)  # as a shell's streams are
-        return number
+        os.set_inheritable(file_number, True)  # as a shell's streams are
+        return file_number
     return os.open(os.devnull, os.O_RDWR)

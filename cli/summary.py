@@ -41,15 +41,15 @@ def print_rendered(console: Console, completed: Completed) -> None:
 
 def _record_rendered(console: Console, completed: Completed, speed: float) -> None:
     """The JSON records of a render, whose `speed` is a multiple of real time."""
-    files, job, network = completed.files, completed.job, completed.network
-    mix = files.mix
+    render_files, job, network = completed.files, completed.job, completed.network
+    mix = render_files.mix
     console.record(
         "rendered",
         file=mix.path,
         frames=job.n_frames,
         channels=job.format.n_channels,
         rate_hz=job.format.rate,
-        wall_s=files.wall_seconds,
+        wall_s=render_files.wall_seconds,
         plan_s=completed.plan_s,
         x_real_time=speed,
         peak_dbfs=decibels(mix.peak),
@@ -59,15 +59,15 @@ def _record_rendered(console: Console, completed: Completed, speed: float) -> No
         sha256=mix.sha256,
         modules=network.n_mat + network.n_lia,
         threads=job.threads,
-        recalled=files.recalled,
+        recalled=render_files.recalled,
     )
-    for instrument in files.instruments:
+    for instrument in render_files.instruments:
         peak, loudness = decibels(instrument.peak), instrument.loudness
         console.record("instrument", name=instrument.name, peak_dbfs=peak, loudness_lufs=loudness)
     if job.film is not None:
         duration = job.film.stop / job.format.rate
         console.record("motion", file=str(job.film.path), duration_s=duration)
-    for stem in files.stems:
+    for stem in render_files.stems:
         console.record(
             "stem",
             file=stem.path,
@@ -81,12 +81,12 @@ def _record_rendered(console: Console, completed: Completed, speed: float) -> No
 
 def _say_rendered(console: Console, completed: Completed, speed: float) -> None:
     """The lines of a render, whose `speed` is a multiple of real time, with what is unbalanced."""
-    files, job = completed.files, completed.job
-    mix, duration = files.mix, job.n_frames / job.format.rate
+    render_files, job = completed.files, completed.job
+    mix, duration = render_files.mix, job.n_frames / job.format.rate
     peak = decibels(mix.peak)
     channels = plural(job.format.n_channels, "channel")
     gain = f", gain {decibels(mix.gain):+.1f} dB" if job.level.is_levelled else ""
-    recalled = f" ({files.recalled:.0%} recalled)" if files.recalled > 0 else ""
+    recalled = f" ({render_files.recalled:.0%} recalled)" if render_files.recalled > 0 else ""
     measured = loudness_of(mix.loudness, mix.peak, duration)
     digits = mix.sha256 if console.verbose else mix.sha256[:_SHORT]
     console.say(
@@ -96,12 +96,12 @@ def _say_rendered(console: Console, completed: Completed, speed: float) -> None:
     )
     if job.start == 0 and not job.is_part:
         _say_if_quieter(console, job.level, mix)
-    for instrument in files.instruments:
+    for instrument in render_files.instruments:
         console.say(
             f"{instrument.name}: peak {level(decibels(instrument.peak), 'dBFS')}, "
             f"loudness {loudness_of(instrument.loudness, instrument.peak, duration)}"
         )
-    if (dominant := dominant_instrument(files.instruments)) is not None:
+    if (dominant := dominant_instrument(render_files.instruments)) is not None:
         loudest, loudness_above = dominant
         console.warn(
             f"{loudest.name} is {loudness_above:.0f} dB louder than every other instrument; "
@@ -109,21 +109,21 @@ def _say_rendered(console: Console, completed: Completed, speed: float) -> None:
         )
     if job.film is not None:
         console.say(f"{job.film.path}: what moves, {seconds(job.film.stop / job.format.rate)}")
-    for stem in files.stems:
+    for stem in render_files.stems:
         console.say(f"{stem.path}: peak {level(decibels(stem.peak), 'dBFS')}")
 
 
 def _warn_of_levels(console: Console, completed: Completed) -> None:
     """Warn of stems below the mix, of silence, and of files that clip."""
-    files, mix = completed.files, completed.files.mix
-    if files.stems and files.stems[0].gain != mix.gain:
-        lower = decibels(files.stems[0].gain / mix.gain)
+    render_files, mix = completed.files, completed.files.mix
+    if render_files.stems and render_files.stems[0].gain != mix.gain:
+        lower = decibels(render_files.stems[0].gain / mix.gain)
         console.warn(f"stems are {lower:+.1f} dB against the mix, where one of them would clip")
     if mix.peak == 0 and not completed.faint:  # of a journal, which has no place in a score
         name = _name_of(mix)
         console.warn(f"{name} is silent; `ergon check --simulate` says what moves and what touches")
     if completed.job.format.bits != "float":
-        for file in (mix, *files.stems):
+        for file in (mix, *render_files.stems):
             if file.peak > 1:
                 clip_text = f"{file.path} clips: its peak is {decibels(file.peak):+.1f} dBFS"
                 console.warn(
@@ -177,13 +177,14 @@ def _plain_stability(margin: float | None) -> str:
 
 def print_finer_steps(console: Console, reports: Reports) -> None:
     """Say for which parts frames were computed in finer steps, one line or record for each."""
-    for part, frames, largest in reports.finer():
+    for part_name, finer_frames, largest in reports.finer():
         if console.json:
-            console.record("finer", part=part, frames=frames, most=largest)
+            console.record("finer", part=part_name, frames=finer_frames, most=largest)
             continue
-        were = "was" if frames == 1 else "were"
+        were = "was" if finer_frames == 1 else "were"
         console.say(
-            f"{part}: {plural(frames, 'frame')} {were} computed finer, up to {largest} times: "
+            f"{part_name}: {plural(finer_frames, 'frame')} {were} computed finer, up to {largest} "
+            "times: "
             "there its links are too stiff for one frame"
         )
 
@@ -192,7 +193,7 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
     """Say what a render would write, and how sure it is that its plan is stable."""
     guarantee = _guarantee(stage)
     n_files = 1 + (len(stage.stems(is_split=job.splits_stems)) if job.stems is not None else 0)
-    size = job.n_frames * job.format.n_channels * BYTES[job.format.bits] * n_files
+    output_bytes = job.n_frames * job.format.n_channels * BYTES[job.format.bits] * n_files
     simulated = job.simulated_frames(stage.n_frames)
     n_bytes_kept = 0
     if job.level.is_levelled:
@@ -209,7 +210,7 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
             rate_hz=job.format.rate,
             bits=job.format.bits,
             files=n_files,
-            disk_bytes=size,
+            disk_bytes=output_bytes,
             temporary_bytes=n_bytes_kept,
             modules=stage.network.n_mat + stage.network.n_lia,
             lambda_max=lambda_max,
@@ -223,7 +224,8 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
     steps = simulated * (stage.network.n_mat + stage.network.n_lia)
     lines = [
         f"{job.target}: {bound}{seconds(job.n_frames / job.format.rate)}, {channels}, {form}",
-        f"disk: {octets(size)} in {plural(n_files, 'file')}, {octets(n_bytes_kept)} more while it "
+        f"disk: {octets(output_bytes)} in {plural(n_files, 'file')}, {octets(n_bytes_kept)} more "
+        "while it "
         "runs",
         f"cost: {plural(stage.network.n_mat, 'MAT')} and {plural(stage.network.n_lia, 'LIA')} for "
         f"{simulated:,} frames, {steps:.3g} module-steps",

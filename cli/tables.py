@@ -10,11 +10,11 @@ def table(rows: Iterable[Sequence[str]], *, right: bool = False) -> str:
 
     Cells are aligned to the left of their column, or to the `right`.
     """
-    cells = list(rows)
-    widths = [max(len(cell) for cell in column) for column in zip(*cells, strict=True)]
+    cell_rows = list(rows)
+    widths = [max(len(cell) for cell in column) for column in zip(*cell_rows, strict=True)]
     place = str.rjust if right else str.ljust
     lines = (
         "  ".join(place(cell, width) for cell, width in zip(row, widths, strict=True))
-        for row in cells
+        for row in cell_rows
     )
     return "".join(f"{line.rstrip()}\n" for line in lines)

@@ -37,31 +37,31 @@ def export(console: Console, file: str, output: str | None, dry: bool, force: bo
 
     if output is None:
         raise Refused("name the file to write, by -o x.csv, x.npz or x.wav")
-    form = ".csv" if output == "-" else Path(output).suffix.lower()
-    if form not in _FORMS:
+    file_ending = ".csv" if output == "-" else Path(output).suffix.lower()
+    if file_ending not in _FORMS:
         raise Refused(f"{output}: a recording is exported as {', '.join(_FORMS)}")
-    inputs = (Path(file),)
+    input_files = (Path(file),)
     take = recording.read(console, Path(file))
     if dry:
-        check_target(Path(output), force=force, inputs=inputs)
+        check_target(Path(output), force=force, inputs=input_files)
     else:
         try:
             with open_for_writing(
-                output, binary=form != ".csv", force=force, inputs=inputs
+                output, binary=file_ending != ".csv", force=force, inputs=input_files
             ) as output_file:
-                _write(output_file, take, form)
+                _write(output_file, take, file_ending)
         except NotRecordingError as error:
             raise Refused(f"{file}: {error}") from None
     if output != "-":
         recording.say(console, Path(output), take, dry=dry)
 
 
-def _write(output_file: BinaryIO, take: Recording, form: str) -> None:
+def _write(output_file: BinaryIO, take: Recording, file_ending: str) -> None:
     from ergon.exchange.recording import csv_rows, write_npz, write_wav
 
-    if form == ".npz":
+    if file_ending == ".npz":
         write_npz(output_file, take)
-    elif form == ".wav":
+    elif file_ending == ".wav":
         write_wav(output_file, take)
     else:
         for text in csv_rows(take):

@@ -89,11 +89,11 @@ def import_take(
     audio_rate = _hertz(audio, "--audio")
     samples_by_name = {}
     try:
-        for name in channels or (None,):
-            samples = read(path, name, rate=hertz, unit=unit)
+        for channel_name in channels or (None,):
+            samples = read(path, channel_name, rate=hertz, unit=unit)
             if samples.damage is not None:
                 console.warn(f"{file}: {samples.damage}")
-            samples_by_name[name or path.stem] = samples.t, samples.x
+            samples_by_name[channel_name or path.stem] = samples.t, samples.x
         take = recorded(
             samples_by_name,
             rate=audio_rate,

@@ -57,10 +57,10 @@ def _tell(console: Console, path: Path) -> None:
             finished=recording.finished,
         )
         return
-    words = [", ".join(recording.names), seconds(recording.duration)]
+    recording_words = [", ".join(recording.names), seconds(recording.duration)]
     if recording.events:
-        words.append(plural(len(recording.events), "event"))
+        recording_words.append(plural(len(recording.events), "event"))
     if recording.damage is not None:
-        words.append("damaged" if recording.lost_bytes else "never finished")
-    line = f"{path}: {', '.join(words)}"[:NAMES_MAX]
+        recording_words.append("damaged" if recording.lost_bytes else "never finished")
+    line = f"{path}: {', '.join(recording_words)}"[:NAMES_MAX]
     console.data(printable(line) + "\n")

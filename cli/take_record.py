@@ -116,13 +116,13 @@ def _hands(live: tuple[str, ...]) -> LedHands:
 
 def _named(live: tuple[str, ...]) -> list[str]:
     """Give hands without a player's name the names hand, hand2 …"""
-    pairs = []
-    for text in live:
-        player, is_pair, _ = text.partition("=")
+    hand_pairs = []
+    for hand_text in live:
+        player, is_pair, _ = hand_text.partition("=")
         # The options of a URL may hold a `=` too, but only after its colon.
         if is_pair and ":" not in player:
-            pairs.append(text)
+            hand_pairs.append(hand_text)
         else:
-            number = 1 + sum(pair.startswith(_HAND) for pair in pairs)
-            pairs.append(f"{_HAND}{number if number > 1 else ''}={text}")
-    return pairs
+            number = 1 + sum(pair.startswith(_HAND) for pair in hand_pairs)
+            hand_pairs.append(f"{_HAND}{number if number > 1 else ''}={hand_text}")
+    return hand_pairs

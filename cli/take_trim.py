@@ -38,27 +38,27 @@ def trim(
     if output is None:
         raise Refused("name the file to write, by -o NEW.take")
     path = Path(file)
-    begin, end = _seconds(start, "FROM"), _seconds(stop, "TO")
-    if not begin < end:
+    begin_seconds, end_seconds = _seconds(start, "FROM"), _seconds(stop, "TO")
+    if not begin_seconds < end_seconds:
         raise Refused(f"nothing lies between {start} and {stop}")
     # Read the header alone: ticks are counted from the first row, wherever in the piece that was.
     header = recording.read_quietly(path, (0, 0))
     rate = header.rate / header.frames
-    span = _ticks(begin, rate), _ticks(end, rate)
+    span = _ticks(begin_seconds, rate), _ticks(end_seconds, rate)
     untrimmed = recording.read(console, path, span)
     if not len(untrimmed.ticks()):
         raise Refused(f"{path}: nothing is recorded from {start} to {stop}")
     recording.write(console, untrimmed, recording.target(output, path), force=force, dry=dry)
 
 
-def _seconds(text: str, option_name: str) -> float:
+def _seconds(time_text: str, option_name: str) -> float:
     from ergon.notation.tables.quantities import INSTANT, quantity
     from ergon.notation.text.errors import TextError
 
-    if text == "end" and option_name == "TO":
+    if time_text == "end" and option_name == "TO":
         return math.inf
     try:
-        return quantity(text, INSTANT)
+        return quantity(time_text, INSTANT)
     except TextError as error:
         raise Refused(f"{option_name}: {error.message}") from None
 

@@ -71,29 +71,29 @@ def tune(
         _write(console, score_path, tuning, output, force)
 
 
-def _targets(words: tuple[str, ...]) -> Any:
+def _targets(target_words: tuple[str, ...]) -> Any:
     """The targets as `ergon.tune` takes them. Raises Refused."""
-    if len(words) == 1 and ":" in words[0]:
-        return words[0]
-    if any(":" in word for word in words):
+    if len(target_words) == 1 and ":" in target_words[0]:
+        return target_words[0]
+    if any(":" in word for word in target_words):
         raise Refused("TARGET: give one list of ratios, such as 1:2.76:5.4, or frequencies")
-    if not any("=" in word for word in words):
-        return list(words)
-    targets: dict[int, str] = {}
-    for word in words:
-        number, _, frequency = word.partition("=")
-        if not number.isdecimal() or not frequency:
+    if not any("=" in word for word in target_words):
+        return list(target_words)
+    target_texts: dict[int, str] = {}
+    for word in target_words:
+        mode_text, _, frequency = word.partition("=")
+        if not mode_text.isdecimal() or not frequency:
             raise Refused(f"TARGET: '{word}' is not MODE=FREQUENCY, such as 3=A5")
-        if int(number) in targets:
-            raise Refused(f"TARGET: mode {int(number)} is given twice")
-        targets[int(number)] = frequency
-    return targets
+        if int(mode_text) in target_texts:
+            raise Refused(f"TARGET: mode {int(mode_text)} is given twice")
+        target_texts[int(mode_text)] = frequency
+    return target_texts
 
 
 def _lines(tuned: Tuned) -> str:
-    modes = [("mode", "before", "target", "reached", "off")]
+    mode_rows = [("mode", "before", "target", "reached", "off")]
     for i, number in enumerate(tuned.modes):
-        modes.append(
+        mode_rows.append(
             (
                 str(number),
                 f"{tuned.before[i]:.3f} Hz",
@@ -102,14 +102,14 @@ def _lines(tuned: Tuned) -> str:
                 _cents(float(tuned.cents[i])),
             )
         )
-    text = f"{tuned.part}: {plural(len(tuned.modes), 'mode')}\n{table(modes, right=True)}"
+    tuned_text = f"{tuned.part}: {plural(len(tuned.modes), 'mode')}\n{table(mode_rows, right=True)}"
     if not tuned.values:
-        return f"{text}no value changes\n"
-    values = [("value", "now [SI]", "times", "to be written")]
+        return f"{tuned_text}no value changes\n"
+    value_rows = [("value", "now [SI]", "times", "to be written")]
     for value in tuned.values:
         times = f"{value.after / value.before:.6g}"
-        values.append((value.name, f"{value.before:.6g}", times, value.text))
-    return f"{text}\n{table(values)}"
+        value_rows.append((value.name, f"{value.before:.6g}", times, value.text))
+    return f"{tuned_text}\n{table(value_rows)}"
 
 
 def _cents(cents: float) -> str:
@@ -119,29 +119,29 @@ def _cents(cents: float) -> str:
 def _unreached(tuned: Tuned) -> str:
     """Which targets were not reached, and why."""
     cents_off = tuned.cents
-    worst = max(range(len(cents_off)), key=lambda i: abs(cents_off[i]))
-    side = "above" if cents_off[worst] > 0 else "below"
+    worst_index = max(range(len(cents_off)), key=lambda i: abs(cents_off[i]))
+    side = "above" if cents_off[worst_index] > 0 else "below"
     value_count = f"{plural(len(tuned.values), 'value')} that may change"
     independent_ways = "1 independent way" if tuned.rank == 1 else f"{tuned.rank} independent ways"
     return (
-        f"the targets cannot be reached together: mode {tuned.modes[worst]} stays "
-        f"{abs(cents_off[worst]):.4g} cents {side} its target. The {value_count} move the "
+        f"the targets cannot be reached together: mode {tuned.modes[worst_index]} stays "
+        f"{abs(cents_off[worst_index]):.4g} cents {side} its target. The {value_count} move the "
         f"{plural(len(cents_off), 'mode')} in {independent_ways}; tune by other values, or fewer "
         "modes"
     )
 
 
 def _write(
-    console: Console, score_path: str, tuned: Tuned, output: str | None, force: bool
+    console: Console, score_path: str, tuned: Tuned, output_path: str | None, force: bool
 ) -> None:
     from ergon.exchange.safe import write_text
 
     if tuned.edited is None:
         raise Refused(f"the score is left as it is: {tuned.trouble}")
-    if output is not None:
-        write_text(output, tuned.edited, force=force, inputs=tuned.inputs)
-        if output != "-":
-            console.say(f"wrote {output}")
+    if output_path is not None:
+        write_text(output_path, tuned.edited, force=force, inputs=tuned.inputs)
+        if output_path != "-":
+            console.say(f"wrote {output_path}")
         return
     if score_path == "-":
         raise Refused("--write needs a score in a file; write to stdout by -o -")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 
-def metres(value: float) -> str:
+def metres(length_metres: float) -> str:
     """A length with three digits in the unit that suits it."""
     for factor, unit in ((1.0, "m"), (1e-3, "mm"), (1e-6, "µm"), (1e-9, "nm")):
-        if abs(value) >= factor:
-            return f"{value / factor:.3g} {unit}"
+        if abs(length_metres) >= factor:
+            return f"{length_metres / factor:.3g} {unit}"
     return "0 mm"  # nothing that a hand or a loudspeaker does is smaller than a nanometre
 
 
@@ -36,17 +36,17 @@ def loudness_of(value: float, peak: float, duration: float) -> str:
     return f"below {_LOUDNESS_GATE:g} LUFS"
 
 
-def seconds(value: float) -> str:
+def seconds(duration_seconds: float) -> str:
     """`33.5 s` or `4 min 07 s`."""
-    if value < 120:
-        return f"{value:.3g} s"
-    return f"{int(value // 60)} min {int(value % 60):02} s"
+    if duration_seconds < 120:
+        return f"{duration_seconds:.3g} s"
+    return f"{int(duration_seconds // 60)} min {int(duration_seconds % 60):02} s"
 
 
-def octets(value: float) -> str:
+def octets(byte_count: float) -> str:
     """`3.1 MB`, in powers of ten as disks are sold."""
     for unit in ("bytes", "kB", "MB", "GB", "TB"):
-        if value < 1000 or unit == "TB":
-            return f"{value:.0f} {unit}" if unit == "bytes" else f"{value:.1f} {unit}"
-        value /= 1000
+        if byte_count < 1000 or unit == "TB":
+            return f"{byte_count:.0f} {unit}" if unit == "bytes" else f"{byte_count:.1f} {unit}"
+        byte_count /= 1000
     raise AssertionError

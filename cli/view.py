@@ -110,7 +110,7 @@ def view(
         None if movie is None else _maker(movie, film_options | {"strobe": strobe, "force": force})
     )
     with TemporaryDirectory(prefix="ergon-view-") as folder:
-        shown = shown_of(console, path, Path(folder), sound=sound, trust=trust, see=see)
+        shown = shown_of(console, path, Path(folder), sound_path=sound, trust=trust, see=see)
         if maker is not None:
             _film(console, maker, shown)
             return
@@ -128,33 +128,33 @@ def shown_of(
     path: Path,
     folder: Path,
     *,
-    sound: Path | None,
+    sound_path: Path | None,
     trust: bool,
     check: Callable[[PreparedRender], None] | None = None,
-    **options: str | None,
+    **render_options: str | None,
 ) -> Shown:
     """What a page shows of a motion file, or of a score that is rendered into a folder.
 
-    `options` are those of `FileOptions`, for a score alone; `check` may refuse a score before it is
-    computed. Raises Refused.
+    `render_options` are those of `FileOptions`, for a score alone; `check` may refuse a score
+    before it is computed. Raises Refused.
     """
     is_motion = _is_motion(path)
-    if sound is not None and not is_motion:
+    if sound_path is not None and not is_motion:
         raise Refused(
             "--sound needs a .motion file, because a score is rendered with "
             "its sound; leave --sound out"
         )
-    name = next((name for name, value in options.items() if value is not None), None)
+    name = next((name for name, value in render_options.items() if value is not None), None)
     if name is not None and is_motion:
         raise Refused(
             f"--{name} needs a score, because what {path} holds is fixed; leave --{name} out"
         )
     if is_motion:
-        return _shown_motion(console, path, sound, folder)
+        return _shown_motion(console, path, sound_path, folder)
     from ergon.api.options import FileOptions
     from ergon.api.viewing import render_view
 
-    rendered = FileOptions(motion=True, trust=trust, **options)  # type: ignore[arg-type]
+    rendered = FileOptions(motion=True, trust=trust, **render_options)  # type: ignore[arg-type]
     return render_view(path, folder, rendered, console, check)
 
 

@@ -10,8 +10,8 @@ _BURST = 1600  # [ms] after which a burst without an end counts as a change
 _LOOK = 1000  # [ms] between extra looks, for changes between two waits
 
 
-def changes(files: set[Path]) -> Iterator[None]:
-    """Yield once at the beginning, then after every change of one of `files`.
+def changes(watched_files: set[Path]) -> Iterator[None]:
+    """Yield once at the beginning, then after every change of one of `watched_files`.
 
     The caller may change the set in between. The folders are watched, not the files: many
     editors replace a file, which looks to a watcher of the file as if it disappeared.
@@ -19,14 +19,14 @@ def changes(files: set[Path]) -> Iterator[None]:
     from watchfiles import watch
 
     while True:
-        states_before = _states(files)
+        states_before = _states(watched_files)
         yield
         # Files that the caller added meanwhile start with their present state.
         states_before = {
-            **_states(files),
-            **{path: states_before[path] for path in states_before if path in files},
+            **_states(watched_files),
+            **{path: states_before[path] for path in states_before if path in watched_files},
         }
-        folders = {path.resolve().parent for path in files}
+        folders = {path.resolve().parent for path in watched_files}
         for _ in watch(
             *folders,
             watch_filter=None,
@@ -37,7 +37,7 @@ def changes(files: set[Path]) -> Iterator[None]:
             recursive=False,
             raise_interrupt=True,
         ):
-            states_now = _states(files)
+            states_now = _states(watched_files)
             # A missing file is being replaced: it will be back.
             if any(
                 states_now[path] is not None and states_now[path] != states_before[path]
