@@ -69,9 +69,9 @@ def _key(piece: Piece, key_name: str | None) -> str:
     played = list(dict.fromkeys(player.key for player in piece.players.values()))
     if key_name is None and len(played) == 1:
         return played[0]
-    player_list = f"its players have {', '.join(played)}" if played else "it has no players"
+    played_keys_text = f"its players have {', '.join(played)}" if played else "it has no players"
     if key_name is None:
-        raise Refused(f"choose a key of the score by --key: {player_list}")
+        raise Refused(f"choose a key of the score by --key: {played_keys_text}")
     if key_name not in played:
-        raise Refused(f"--key: no player of the score has the key '{key_name}'; {player_list}")
+        raise Refused(f"--key: no player of the score has the key '{key_name}'; {played_keys_text}")
     return key_name

@@ -30,7 +30,7 @@ from ergon.scores.reading.automatable import amount_reader
 
 
 def unit_completions(
-    example: str, units: Iterable[str], what: str
+    example: str, units: Iterable[str], quantity_name: str
 ) -> Callable[[CompletionContext], Iterator[Completion]]:
     """Completions of a quantity: an example, or what is typed with each unit."""
     words = [unit for unit in units if unit.isascii()]
@@ -38,9 +38,9 @@ def unit_completions(
     def offers(context: CompletionContext) -> Iterator[Completion]:
         match = NUMBER.match(context.typed)
         if match is None:
-            yield Completion(example, what)
+            yield Completion(example, quantity_name)
         else:
-            yield from (Completion(match.group() + unit, what) for unit in words)
+            yield from (Completion(match.group() + unit, quantity_name) for unit in words)
 
     return offers
 
@@ -93,12 +93,12 @@ GAIN_MAX = 10.0 ** (q.LOUDEST_DB / 20.0) * (1.0 + 1e-9)  # 24dB itself is taken
 
 
 def _read_length(text: str, *_: Any) -> Length:
-    length = parse_length(text)
-    if not (length.bars or length.beats or length.seconds):
+    parsed_length = parse_length(text)
+    if not (parsed_length.bars or parsed_length.beats or parsed_length.seconds):
         raise TextError(
             f"the length {quote(text)} is zero: write one such as 1bar", length=len(text)
         )
-    return length
+    return parsed_length
 
 
 def _read_signed_length(text: str, *_: Any) -> Length:
@@ -113,28 +113,28 @@ def _read_signed_length(text: str, *_: Any) -> Length:
 _GRIDS: dict[str, Now | Length] = {"now": NOW, "beat": Length(beats=1.0), "bar": Length(bars=1.0)}
 
 
-def _read_grid(text: str, *_: Any) -> Now | Length:
-    if text in _GRIDS:
-        return _GRIDS[text]
-    if text[:1].isalpha():
-        raise unknown_name(text, "a boundary", (*_GRIDS, "2bar"))
-    grid = _read_length(text)
+def _read_grid(grid_text: str, *_: Any) -> Now | Length:
+    if grid_text in _GRIDS:
+        return _GRIDS[grid_text]
+    if grid_text[:1].isalpha():
+        raise unknown_name(grid_text, "a boundary", (*_GRIDS, "2bar"))
+    grid = _read_length(grid_text)
     if grid.seconds:
         message = "a boundary lies on beats or bars, not on seconds: write one such as 2bar"
-        raise TextError(message, length=len(text), suggestion="bar")
+        raise TextError(message, length=len(grid_text), suggestion="bar")
     return grid
 
 
 def read_position(text: str, scope: Scope, _: Mapping[str, Any] | None = None) -> Position:
     """Read a position whose mark must exist. Raises TextError."""
-    position = parse_position(text)
+    parsed_position = parse_position(text)
     if (
-        position.mark is not None
-        and position.text not in scope.marks
-        and position.mark not in scope.marks
+        parsed_position.mark is not None
+        and parsed_position.text not in scope.marks
+        and parsed_position.mark not in scope.marks
     ):
-        raise unknown_name(position.mark, "a mark", scope.marks)
-    return position
+        raise unknown_name(parsed_position.mark, "a mark", scope.marks)
+    return parsed_position
 
 
 def position_completions(context: CompletionContext) -> Iterator[Completion]:
@@ -186,12 +186,12 @@ SEED = quantity_value(k.integer(0, 2**64 - 1, "7"), "7", (), "a whole number")
 
 def _near_targets(text: str, scope: Scope) -> list[str]:
     """The parameters of the module, or else the part, that a wrong path names; or all."""
-    head = text.rpartition(".")[0]
-    while head:
-        some = [target for target in scope.targets if target.startswith(f"{head}.")]
+    path_head = text.rpartition(".")[0]
+    while path_head:
+        some = [target for target in scope.targets if target.startswith(f"{path_head}.")]
         if some:
             return some
-        head = head.rpartition(".")[0]
+        path_head = path_head.rpartition(".")[0]
     return list(scope.targets)
 
 
@@ -202,13 +202,13 @@ def _read_target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 
 def _read_change(
-    text: str, scope: Scope, slots_read: Mapping[str, Any]
+    change_text: str, scope: Scope, slots_read: Mapping[str, Any]
 ) -> tuple[float | None, float | None]:
     target = slots_read["target"]
     shape = scope.targets[target]
     if shape is TRANSPOSITION:
-        return shape.parse(text), None
-    amount = amount_reader(shape.parse, target.rpartition(".")[2])(text)
+        return shape.parse(change_text), None
+    amount = amount_reader(shape.parse, target.rpartition(".")[2])(change_text)
     return (None, amount.value) if amount.is_factor else (amount.value, None)
 
 
@@ -223,13 +223,13 @@ def _change_completions(context: CompletionContext) -> Iterator[Completion]:
 def _target_completions(context: CompletionContext) -> Iterator[Completion]:
     """The completions up to the next dot: a part, then its modules, then their parameters."""
     typed = context.typed
-    for target, shape in context.scope.targets.items():
-        if target.startswith(typed):
-            dot = target.find(".", len(typed))
+    for target_path, shape in context.scope.targets.items():
+        if target_path.startswith(typed):
+            dot = target_path.find(".", len(typed))
             if dot < 0:
-                yield Completion(target, shape.what)
+                yield Completion(target_path, shape.what)
             else:
-                yield Completion(target[: dot + 1], "its parameters")
+                yield Completion(target_path[: dot + 1], "its parameters")
 
 
 TARGET = Value("a parameter, such as bell.m.K", _read_target, _target_completions)

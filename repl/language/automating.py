@@ -57,36 +57,38 @@ _SET_OPTIONS = {
 _LFO_OPTIONS = {"period": "4bar", "shape": "sine", "until": "C", "phase": "0.25"}
 
 
-def _target(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
-    target = str(amounts.TARGET.read(text, scope, slots_read))
-    if target.rpartition(".")[2] not in ALL:
+def _target(path_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
+    target_path = str(amounts.TARGET.read(path_text, scope, slots_read))
+    if target_path.rpartition(".")[2] not in ALL:
         known = ", ".join(ALL)
         message = f"only these parameters change by themselves: {known}"
-        raise TextError(message, length=len(text))
-    return target
+        raise TextError(message, length=len(path_text))
+    return target_path
 
 
-def _options(text: str, scope: Scope, known: Mapping[str, str]) -> tuple[str, int, dict[str, str]]:
+def _options(
+    line_text: str, scope: Scope, option_examples: Mapping[str, str]
+) -> tuple[str, int, dict[str, str]]:
     """The text before the options, where it ends, and the options, each of them checked."""
     try:
-        before, options = parse_strikes(text, known)
+        text_before, placed_options = parse_strikes(line_text, option_examples)
     except TextError as error:
-        faulty_word = text[error.offset : error.offset + error.length]
-        if faulty_word in known:
-            error.suggestion = f"{faulty_word} {known[faulty_word]}"
+        faulty_word = line_text[error.offset : error.offset + error.length]
+        if faulty_word in option_examples:
+            error.suggestion = f"{faulty_word} {option_examples[faulty_word]}"
         raise
-    for name, word in options.items():
-        shape = AUTOMATION.by_name[name].shape
+    for name, option_word in placed_options.items():
+        field_shape = AUTOMATION.by_name[name].shape
         try:
             if name == "until":
-                amounts.POSITION.read(word.text, scope, {})
-            elif isinstance(shape, Text):
-                shape.parse(word.text)
+                amounts.POSITION.read(option_word.text, scope, {})
+            elif isinstance(field_shape, Text):
+                field_shape.parse(option_word.text)
         except TextError as error:
-            error.offset += word.offset
+            error.offset += option_word.offset
             raise
-    end = before[-1].offset + len(before[-1].text) if before else 0
-    return text[:end], end, {name: word.text for name, word in options.items()}
+    end = text_before[-1].offset + len(text_before[-1].text) if text_before else 0
+    return line_text[:end], end, {name: word.text for name, word in placed_options.items()}
 
 
 def _reader(scope: Scope, fields: Mapping[str, Any]) -> ReadAmount:
@@ -94,57 +96,57 @@ def _reader(scope: Scope, fields: Mapping[str, Any]) -> ReadAmount:
     return amount_reader(scope.targets[target].parse, target.rpartition(".")[2])
 
 
-def _read_set(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_set(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `set` as texts."""
-    values, end, options = _options(text, scope, _SET_OPTIONS)
-    read = _reader(scope, slots_read)
-    for word in re.finditer(r"[a-z]{2,}(?=\s|$)", values):
-        if word.group() == "over":  # what stands before it is no value
-            read(values[: word.start()].strip())
-        near = nearest(word.group(), (*_SET_OPTIONS, "over", *WAYS))
-        if near is not None and word.group() not in WAYS:
-            message = f"unknown word '{word.group()}'"
-            length = len(word.group())
-            raise TextError(message, offset=word.start(), length=length, suggestion=near)
-    if is_curve(values):
-        parse_curve(values, read)
-        if extra := options.keys() - {"until"}:
-            raise TextError(f"a curve has no steps; leave out `{min(extra)}`", offset=end)
-        return {"to": " ".join(values.split()), **options}
+    values_text, values_end, placed_options = _options(slot_text, scope, _SET_OPTIONS)
+    read_field = _reader(scope, slots_read)
+    for word_match in re.finditer(r"[a-z]{2,}(?=\s|$)", values_text):
+        if word_match.group() == "over":  # what stands before it is no value
+            read_field(values_text[: word_match.start()].strip())
+        near = nearest(word_match.group(), (*_SET_OPTIONS, "over", *WAYS))
+        if near is not None and word_match.group() not in WAYS:
+            message = f"unknown word '{word_match.group()}'"
+            length = len(word_match.group())
+            raise TextError(message, offset=word_match.start(), length=length, suggestion=near)
+    if is_curve(values_text):
+        parse_curve(values_text, read_field)
+        if extra := placed_options.keys() - {"until"}:
+            raise TextError(f"a curve has no steps; leave out `{min(extra)}`", offset=values_end)
+        return {"to": " ".join(values_text.split()), **placed_options}
     is_pitch = slots_read["target"].endswith(".f")
-    parse_values(values, read, is_pitch=is_pitch)
-    if not options.keys() & {"every", "euclid"}:
+    parse_values(values_text, read_field, is_pitch=is_pitch)
+    if not placed_options.keys() & {"every", "euclid"}:
         message = "several values need the length of a step: every 1"
-        raise TextError(message, offset=end, length=max(1, len(text) - end))
-    return {"to": " ".join(values.split()), **options}
+        raise TextError(message, offset=values_end, length=max(1, len(slot_text) - values_end))
+    return {"to": " ".join(values_text.split()), **placed_options}
 
 
-def _read_lfo(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_lfo(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `lfo` as texts."""
-    ends, end, options = _options(text, scope, _LFO_OPTIONS)
+    ends, end, placed_options = _options(slot_text, scope, _LFO_OPTIONS)
     parse_range(ends, _reader(scope, slots_read))
-    if "period" not in options:
+    if "period" not in placed_options:
         message = "the length of one swing is missing: period 4bar"
-        raise TextError(message, offset=end, length=max(1, len(text) - end))
-    return {"range": ends, **options}
+        raise TextError(message, offset=end, length=max(1, len(slot_text) - end))
+    return {"range": ends, **placed_options}
 
 
-def _offers(known: Mapping[str, str], first: str = "") -> Any:
+def _offers(option_examples: Mapping[str, str], first_example: str = "") -> Any:
     def offers(context: v.CompletionContext) -> Iterator[v.Completion]:
         if not context.before:
             shape = context.scope.targets[context.fields["target"]]
             offered = (
-                (v.Completion(first, "its ends"),)
-                if first
+                (v.Completion(first_example, "its ends"),)
+                if first_example
                 else amounts.dimension_value(shape).completions(context)
             )
             yield from offered
             return
         last = context.before[-1]
-        if last in known:
-            yield v.Completion(known[last].split()[0], AUTOMATION.by_name[last].doc)
+        if last in option_examples:
+            yield v.Completion(option_examples[last].split()[0], AUTOMATION.by_name[last].doc)
             return
-        for name in known:
+        for name in option_examples:
             if name not in context.before:
                 yield v.Completion(name, AUTOMATION.by_name[name].doc)
 
@@ -184,13 +186,13 @@ def follow_file(
     start: str | None = None,
     until: str | None = None,
     when: When,
-    words: Mapping[str, Word],
+    field_words: Mapping[str, Word],
 ) -> Automate:
     """`set bell.m.K from tune.mid by cc 1 range 1..5`."""
     others = {"channel": channel, "start": start, "until": until}
-    written = {name: words[name].text for name, value in others.items() if value is not None}
+    written = {name: field_words[name].text for name, value in others.items() if value is not None}
     fields = {"from": file, "by": source, "range": ends, **written}
-    return Automate(target, "set", fields, when=when, words=words)
+    return Automate(target, "set", fields, when=when, words=field_words)
 
 
 MIDI_FILE = v.Value("the name of a MIDI file, such as tune.mid", v.FILE.read, _midi_files)

@@ -22,81 +22,97 @@ def setting(line: str) -> tuple[str, str] | None:
     return None if match is None else checked(match[1], match[2])
 
 
-def checked(name: str, value: str) -> tuple[str, str]:
+def checked(value_name: str, value_text: str) -> tuple[str, str]:
     """A name and its value, if they may be that. Raises TextError."""
-    if not _NAME.fullmatch(name):
-        message = f"{quote(name)} is not the name of a value: a letter, then letters, digits and _"
-        raise TextError(message, length=max(1, len(name)))
-    if name == TICK:
+    if not _NAME.fullmatch(value_name):
+        message = (
+            f"{quote(value_name)} is not the name of a value: a letter, then letters, digits and _"
+        )
+        raise TextError(message, length=max(1, len(value_name)))
+    if value_name == TICK:
         raise TextError("$tick counts the runs of a block: call the value something else")
-    if not _VALUE.fullmatch(value):
-        raise TextError(f"{quote(value)} is not a value: write one word, such as 8 or bell")
-    return name, value
+    if not _VALUE.fullmatch(value_text):
+        raise TextError(f"{quote(value_text)} is not a value: write one word, such as 8 or bell")
+    return value_name, value_text
 
 
-def filled(lines: Iterable[str], words: Sequence[str]) -> list[str]:
+def filled(block_lines: Iterable[str], words: Sequence[str]) -> list[str]:
     """The lines of a block with their values, without the lines that set them.
 
     `words` are values as they are written where the block is run: `16` for the first that the
     block sets, or `n=16`. Raises TextError.
     """
-    lines = [*lines]
-    values = defaults(lines)
-    known = [*values]
-    for number, word in enumerate(words):
-        name, equals, value = word.partition("=")
+    block_lines = [*block_lines]
+    values_by_name = defaults(block_lines)
+    value_names = [*values_by_name]
+    for word_index, value_word in enumerate(words):
+        value_name, equals, value_text = value_word.partition("=")
         if not equals:
-            if number >= len(known):
-                message = f"the block takes {_count(len(known))}, and {quote(word)} is one more"
-                raise TextError(message, length=len(word))
-            name, value = known[number], word
-        elif name not in (*known, TICK):
-            some = f"; it has {', '.join(known)}" if known else ", nor any other"
-            raise TextError(f"the block has no value {quote(name)}{some}", length=len(word))
-        if not _VALUE.fullmatch(value):
-            raise TextError(f"{quote(value)} is not a value: write one word", length=len(word))
-        values[name] = value
-    values.setdefault(TICK, "0")
-    return [_filled_line(line, values) for line in lines if setting(line) is None]
+            if word_index >= len(value_names):
+                message = (
+                    f"the block takes {_count(len(value_names))}, and {quote(value_word)} is one "
+                    "more"
+                )
+                raise TextError(message, length=len(value_word))
+            value_name, value_text = value_names[word_index], value_word
+        elif value_name not in (*value_names, TICK):
+            known_text = f"; it has {', '.join(value_names)}" if value_names else ", nor any other"
+            raise TextError(
+                f"the block has no value {quote(value_name)}{known_text}", length=len(value_word)
+            )
+        if not _VALUE.fullmatch(value_text):
+            raise TextError(
+                f"{quote(value_text)} is not a value: write one word", length=len(value_word)
+            )
+        values_by_name[value_name] = value_text
+    values_by_name.setdefault(TICK, "0")
+    return [_filled_line(line, values_by_name) for line in block_lines if setting(line) is None]
 
 
-def defaults(lines: Iterable[str]) -> dict[str, str]:
+def defaults(block_lines: Iterable[str]) -> dict[str, str]:
     """The values that the lines of a block set, in their order. Raises TextError."""
-    values = dict(pair for line in lines if (pair := setting(line)) is not None)
-    if len(values) > MAX_VALUES:
-        raise TextError(f"this block has {len(values)} values; {MAX_VALUES} are the most")
-    return values
+    values_by_name = dict(pair for line in block_lines if (pair := setting(line)) is not None)
+    if len(values_by_name) > MAX_VALUES:
+        raise TextError(f"this block has {len(values_by_name)} values; {MAX_VALUES} are the most")
+    return values_by_name
 
 
-def counts_runs(lines: Iterable[str]) -> bool:
+def counts_runs(block_lines: Iterable[str]) -> bool:
     """Whether any line has `$tick`."""
-    return any(match[1] == TICK for line in lines for match in _USE.finditer(line))
+    return any(match[1] == TICK for line in block_lines for match in _USE.finditer(line))
 
 
-def variants(line: str, values: Mapping[str, str]) -> Iterator[str]:
+def variants(block_line: str, values: Mapping[str, str]) -> Iterator[str]:
     """A line as it is in successive runs, with all of the words in its brackets. Raises
     TextError.
     """
-    rings = [len((match[2] or "").split()) for match in _USE.finditer(line)]
+    rings = [len((match[2] or "").split()) for match in _USE.finditer(block_line)]
     for tick in range(min(max(rings, default=1) or 1, _MAX_TICKS)):
-        yield _filled_line(line, {**values, TICK: str(tick)})
+        yield _filled_line(block_line, {**values, TICK: str(tick)})
 
 
-def _filled_line(line: str, values: Mapping[str, str]) -> str:
-    def value_of(match: re.Match[str]) -> str:
-        name, words = match[1], match[2]
-        if name not in values:
-            message = f"${name} has no value: begin the block with def NAME {name}=8:, or use $tick"
-            raise TextError(message, offset=match.start(), length=len(match[0]))
-        value = values[name]
-        if words is None:
-            return value
-        some = words.split()
-        if not value.isdecimal() or not some:
-            what = f"${name} is {value}, and counts" if some else f"${name}[] needs"
+def _filled_line(line: str, values_by_name: Mapping[str, str]) -> str:
+    def value_of(bracket_match: re.Match[str]) -> str:
+        value_name, choice_words = bracket_match[1], bracket_match[2]
+        if value_name not in values_by_name:
+            message = (
+                f"${value_name} has no value: begin the block with def NAME {value_name}=8:, or "
+                "use $tick"
+            )
+            raise TextError(message, offset=bracket_match.start(), length=len(bracket_match[0]))
+        value_text = values_by_name[value_name]
+        if choice_words is None:
+            return value_text
+        choices = choice_words.split()
+        if not value_text.isdecimal() or not choices:
+            what = (
+                f"${value_name} is {value_text}, and counts"
+                if choices
+                else f"${value_name}[] needs"
+            )
             message = f"{what} words in brackets from 0 on: $tick[C4 E4 G4]"
-            raise TextError(message, offset=match.start(), length=len(match[0]))
-        return some[int(value) % len(some)]
+            raise TextError(message, offset=bracket_match.start(), length=len(bracket_match[0]))
+        return choices[int(value_text) % len(choices)]
 
     return _USE.sub(value_of, line)
 

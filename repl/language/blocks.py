@@ -54,21 +54,21 @@ class StopBlock(Command):
 _CONDITION_WORDS = ("bar", "beat", "and")
 
 
-def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
+def _name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
     """A block's name and the lines that set its values, with the colon after them."""
-    if not text.endswith(":"):
-        message = f"a ':' is missing: def {text}: and then its lines"
-        raise TextError(message, length=len(text), suggestion=f"{text}:")
-    first, *values = text[:-1].split()
-    name = v.check_new_name(first)
-    if name in _CONDITION_WORDS:
-        message = f"{quote(name)} is a word of conditions: give the block another name"
-        raise TextError(message, length=len(name))
+    if not slot_text.endswith(":"):
+        message = f"a ':' is missing: def {slot_text}: and then its lines"
+        raise TextError(message, length=len(slot_text), suggestion=f"{slot_text}:")
+    first, *values = slot_text[:-1].split()
+    block_name = v.check_new_name(first)
+    if block_name in _CONDITION_WORDS:
+        message = f"{quote(block_name)} is a word of conditions: give the block another name"
+        raise TextError(message, length=len(block_name))
     for what in ("player", "gesture", "take", "key", "instrument", "mark"):
-        if name in getattr(scope, f"{what}s"):
-            message = f"{quote(name)} is the name of a {what}: give the block another name"
-            raise TextError(message, length=len(name))
-    return name, tuple(_setting(value) for value in values)
+        if block_name in getattr(scope, f"{what}s"):
+            message = f"{quote(block_name)} is the name of a {what}: give the block another name"
+            raise TextError(message, length=len(block_name))
+    return block_name, tuple(_setting(value) for value in values)
 
 
 def _setting(text: str) -> str:
@@ -92,18 +92,18 @@ def _lines(text: str, *_: Any) -> tuple[str, ...]:
     return block_lines
 
 
-def _rule(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[Condition, str]:
+def _rule(rule_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[Condition, str]:
     """The condition of a rule, and the name of the block after it."""
-    words = text.split()
-    if words[-1] in _CONDITION_WORDS or not NAME.fullmatch(words[-1]):
-        raise TextError(f"a block is missing: when {text} NAME", offset=len(text))
-    start = text.rindex(words[-1])
+    rule_words = rule_text.split()
+    if rule_words[-1] in _CONDITION_WORDS or not NAME.fullmatch(rule_words[-1]):
+        raise TextError(f"a block is missing: when {rule_text} NAME", offset=len(rule_text))
+    name_start = rule_text.rindex(rule_words[-1])
     try:
-        name = BLOCK.read(words[-1], scope, {})
+        name = BLOCK.read(rule_words[-1], scope, {})
     except TextError as error:
-        error.offset += start
+        error.offset += name_start
         raise
-    return parse_condition(text[:start].rstrip()), name
+    return parse_condition(rule_text[:name_start].rstrip()), name
 
 
 def _rule_completions(context: CompletionContext) -> Iterator[Completion]:

@@ -28,14 +28,16 @@ def build_line(verb: str, values: Sequence[object], named: Mapping[str, object])
     one of `now=True`, `at=`, `in_=`. Values that are None or False are left out. Raises
     TypeError if the verb has no such form, ValueError for a value of more than one line.
     """
-    options = {name.rstrip("_"): value for name, value in named.items()}
-    options = {
-        name: value for name, value in options.items() if value is not None and value is not False
+    option_values = {name.rstrip("_"): value for name, value in named.items()}
+    option_values = {
+        name: value
+        for name, value in option_values.items()
+        if value is not None and value is not False
     }
     for form in forms_of(verb):
         # A time is accepted only by verbs that take one.
-        when = {name: options[name] for name in WHEN if name in options and form.timed}
-        rest = {name: value for name, value in options.items() if name not in when}
+        when = {name: option_values[name] for name in WHEN if name in option_values and form.timed}
+        rest = {name: value for name, value in option_values.items() if name not in when}
         words = _words_in_order(form, values, rest)
         if words is not None and len(when) <= 1:
             return " ".join([*words, *_options(when)])
@@ -43,50 +45,56 @@ def build_line(verb: str, values: Sequence[object], named: Mapping[str, object])
 
 
 def _words_in_order(
-    form: Form, arguments: Sequence[object], named: Mapping[str, object]
+    verb_form: Form, slot_values: Sequence[object], named: Mapping[str, object]
 ) -> list[str] | None:
     """The words of a line without its time; None where the values do not fit the form."""
-    rest = dict(named)
+    values_left = dict(named)
     bound: dict[int, object] = {}
-    for number, slot in enumerate(form.slots):
-        for name in (slot.lead.rstrip("="), slot.field):
-            if name in rest and number not in bound:
-                bound[number] = rest.pop(name)
-        for name in slot.value.heads if slot.value is not None else ():
-            if name in rest and number not in bound:
-                bound[number] = _options({name: rest.pop(name)})[0]
-    open_ = [number for number in range(len(form.slots)) if number not in bound]
+    for slot_index, slot in enumerate(verb_form.slots):
+        for slot_name in (slot.lead.rstrip("="), slot.field):
+            if slot_name in values_left and slot_index not in bound:
+                bound[slot_index] = values_left.pop(slot_name)
+        for slot_name in slot.value.heads if slot.value is not None else ():
+            if slot_name in values_left and slot_index not in bound:
+                bound[slot_index] = _options({slot_name: values_left.pop(slot_name)})[0]
+    open_ = [number for number in range(len(verb_form.slots)) if number not in bound]
     # If there are more values than required places, they fill optional places from the left.
-    spare = len(arguments) - sum(not form.slots[number].optional for number in open_)
-    values = iter(arguments)
-    for number in open_:
-        if form.slots[number].optional:
+    spare = len(slot_values) - sum(not verb_form.slots[number].optional for number in open_)
+    values = iter(slot_values)
+    for slot_index in open_:
+        if verb_form.slots[slot_index].optional:
             if spare <= 0:
                 continue
             spare -= 1
         elif spare < 0:
             return None
-        bound[number] = next(values)
-    options = _options(rest) if any(slot.value is PLAYING for slot in form.slots) else []
-    if spare > 0 or (rest and not options):
+        bound[slot_index] = next(values)
+    option_words = (
+        _options(values_left) if any(slot.value is PLAYING for slot in verb_form.slots) else []
+    )
+    if spare > 0 or (values_left and not option_words):
         return None
-    slot_texts = [_slot_text(form.slots[number], bound[number]) for number in sorted(bound)]
+    slot_texts = [_slot_text(verb_form.slots[number], bound[number]) for number in sorted(bound)]
     if None in slot_texts:
         return None
-    words = [word for word in slot_texts if word is not None] + options
-    words.insert(1 if form.subject else 0, form.verb)
+    words = [word for word in slot_texts if word is not None] + option_words
+    words.insert(1 if verb_form.subject else 0, verb_form.verb)
     return words
 
 
-def _slot_text(slot: Slot, value: object) -> str | None:
-    text = _text(value)
-    if slot.value is None:  # a word that stands alone
-        return slot.lead if value is True or text == slot.lead else None
-    if slot.value is NEW_BLOCK:
-        return f"{text}:"
-    if slot.value in (v.FILE, MIDI_FILE, FAMILY) and " " in text:
-        text = f'"{text}"'
-    return slot.lead + text if slot.lead.endswith("=") else f"{slot.lead} {text}".lstrip()
+def _slot_text(form_slot: Slot, value: object) -> str | None:
+    slot_text = _text(value)
+    if form_slot.value is None:  # a word that stands alone
+        return form_slot.lead if value is True or slot_text == form_slot.lead else None
+    if form_slot.value is NEW_BLOCK:
+        return f"{slot_text}:"
+    if form_slot.value in (v.FILE, MIDI_FILE, FAMILY) and " " in slot_text:
+        slot_text = f'"{slot_text}"'
+    return (
+        form_slot.lead + slot_text
+        if form_slot.lead.endswith("=")
+        else f"{form_slot.lead} {slot_text}".lstrip()
+    )
 
 
 def _options(named: Mapping[str, object]) -> list[str]:

@@ -17,14 +17,17 @@ _SEPARATOR = re.compile(r"[\s,(?]")  # a comma, a bracket and a question mark st
 
 def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
     """Completions of the word before the cursor. Raises nothing."""
-    head = text[:cursor]
-    first = _statement_start(head)
-    if len(head) - first > MAX_LINE or _in_comment(head):
+    text_before = text[:cursor]
+    statement_start = _statement_start(text_before)
+    if len(text_before) - statement_start > MAX_LINE or _in_comment(text_before):
         return []
-    start = max((m.end() for m in _SEPARATOR.finditer(head, first)), default=first)
-    hints = Hints(head[start:])
+    word_start = max(
+        (m.end() for m in _SEPARATOR.finditer(text_before, statement_start)),
+        default=statement_start,
+    )
+    hints = Hints(text_before[word_start:])
     try:
-        line = next(lines(head[first:start]), Line("", 0))
+        line = next(lines(text_before[statement_start:word_start]), Line("", 0))
         read_command(line, scope, hints)
     except TextError:
         pass  # offer what was found before the mistake
@@ -32,21 +35,21 @@ def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:
     suggestions: dict[str, Suggestion] = {}
     for offer in hints.completions:
         if offer.text.lower().startswith(typed) and offer.text != hints.typed:
-            suggestions.setdefault(offer.text, Suggestion(offer.text, start, offer.hint))
+            suggestions.setdefault(offer.text, Suggestion(offer.text, word_start, offer.hint))
     return list(suggestions.values())[:MAX_SUGGESTIONS]
 
 
-def _statement_start(head: str) -> int:
+def _statement_start(text_before: str) -> int:
     """The beginning of the line at the cursor, together with the lines above that continue into
     it.
     """
-    start = head.rfind("\n") + 1
-    while start > 0 and len(head) - start <= MAX_LINE:
-        above = head.rfind("\n", 0, start - 1) + 1
-        if not is_continued(head[above : start - 1]):
+    line_start = text_before.rfind("\n") + 1
+    while line_start > 0 and len(text_before) - line_start <= MAX_LINE:
+        above = text_before.rfind("\n", 0, line_start - 1) + 1
+        if not is_continued(text_before[above : line_start - 1]):
             break
-        start = above
-    return start
+        line_start = above
+    return line_start
 
 
 def _in_comment(head: str) -> bool:

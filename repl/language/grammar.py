@@ -55,29 +55,29 @@ class Hints:
     completions: list[v.Completion] = field(default_factory=list)
 
 
-def read_command(line: Line, scope: Scope, hints: Hints | None = None) -> Command | None:
+def read_command(typed_line: Line, scope: Scope, hints: Hints | None = None) -> Command | None:
     """Read a line. Raises TextError, with places in the submitted text.
 
     With `hints`, the line ends before a word that is being typed: the possible words are added
     to `hints`, and None is returned.
     """
-    words = _split_joined_words(split_words(line))
-    if hints is not None and len(words) < 2:
-        _first_hints(words, scope, hints)
-    if not words:
+    line_words = _split_joined_words(split_words(typed_line))
+    if hints is not None and len(line_words) < 2:
+        _first_hints(line_words, scope, hints)
+    if not line_words:
         return None
-    verb, arguments = find_verb_of(words, scope)
-    after = words[-1].end
+    verb, arguments = find_verb_of(line_words, scope)
+    after = line_words[-1].end
     refusals = []
     for form in _forms(verb, arguments):
-        reading = _FormReader(form, line, list(arguments), after, scope, hints)
+        reading = _FormReader(form, typed_line, list(arguments), after, scope, hints)
         try:
-            taken = reading.command()
+            command_read = reading.command()
         except TextError as error:
             refusals.append(error)
         else:
-            if taken is not None:
-                return taken
+            if command_read is not None:
+                return command_read
     if hints is not None:
         return None
     # The form that could be read furthest is probably the intended one.
@@ -92,19 +92,23 @@ def _forms(verb: str, arguments: list[Word]) -> Iterator[Form]:
             yield form
 
 
-def _split_joined_words(words: list[Word]) -> list[Word]:
+def _split_joined_words(line_words: list[Word]) -> list[Word]:
     """Split `knock=0@0` and `?lean`, which are several words written together."""
-    if not words:
-        return words
-    first, rest = words[0], words[1:]
-    if first.text[0] == "?" and len(first.text) > 1:
-        return [*_split_word(first, 1), *rest]
-    if "=" in first.text[1:]:
-        name, equals = _split_word(first, first.text.index("=", 1))
-        return [name, *(_split_word(equals, 1) if len(equals.text) > 1 else (equals,)), *rest]
-    if rest and rest[0].text[0] == "=" and len(rest[0].text) > 1:
-        return [first, *_split_word(rest[0], 1), *rest[1:]]
-    return words
+    if not line_words:
+        return line_words
+    first_word, later_words = line_words[0], line_words[1:]
+    if first_word.text[0] == "?" and len(first_word.text) > 1:
+        return [*_split_word(first_word, 1), *later_words]
+    if "=" in first_word.text[1:]:
+        name, equals = _split_word(first_word, first_word.text.index("=", 1))
+        return [
+            name,
+            *(_split_word(equals, 1) if len(equals.text) > 1 else (equals,)),
+            *later_words,
+        ]
+    if later_words and later_words[0].text[0] == "=" and len(later_words[0].text) > 1:
+        return [first_word, *_split_word(later_words[0], 1), *later_words[1:]]
+    return line_words
 
 
 def _split_word(word: Word, at: int) -> tuple[Word, Word]:
@@ -112,24 +116,24 @@ def _split_word(word: Word, at: int) -> tuple[Word, Word]:
     return Word(word.text[:at], word.start, middle), Word(word.text[at:], middle, word.end)
 
 
-def _first_hints(words: list[Word], scope: Scope, hints: Hints) -> None:
-    if not words:
+def _first_hints(line_words: list[Word], scope: Scope, hints: Hints) -> None:
+    if not line_words:
         hints.completions.extend(v.name_completions(scope.players))
         for verb in verbs.VERBS:
             hints.completions.append(v.Completion(verb, verbs.forms_of(verb)[0].effect))
         hints.completions.extend(v.name_completions(scope.gestures))
         hints.completions.extend(v.name_completions(scope.blocks))
         return
-    first = words[0].text
-    if first in scope.players:
+    first_text = line_words[0].text
+    if first_text in scope.players:
         about = [verbs.forms_of(verb)[0] for verb in verbs.SUBJECT_VERBS]
         effects = (
             (f.verb, f.effect) for f in about if f.slots[0].value in (v.PLAYER, v.DOING_PLAYER)
         )
         hints.completions.extend(v.Completion(*pair) for pair in effects)
-    elif first in scope.blocks:
+    elif first_text in scope.blocks:
         hints.completions.append(v.Completion("every", verbs.forms_of("every")[0].effect))
-    elif first in scope.gestures:
+    elif first_text in scope.gestures:
         hints.completions.append(v.Completion("=", "defines it anew"))
 
 
@@ -141,21 +145,21 @@ class _FormReader:
 
     def __init__(
         self,
-        form: Form,
+        verb_form: Form,
         line: Line,
         words: list[Word],
         after: int,
         scope: Scope,
         hints: Hints | None,
     ) -> None:
-        self.form = form
+        self.form = verb_form
         self.line = line
         self.words = words
         self.end_of_line = after  # where a missing word would stand
         self.scope = scope
         self.hints = hints
         self.fields: dict[str, Any] = {
-            slot.field: None for slot in form.slots if slot.field and slot.optional
+            slot.field: None for slot in verb_form.slots if slot.field and slot.optional
         }
         self.as_written: dict[str, Word] = {}
         self.when: When = None
@@ -164,68 +168,72 @@ class _FormReader:
     def command(self) -> Command | None:
         """The command; None where hints are wanted. Raises TextError."""
         self._read_time()
-        options = [slot for slot in self.form.slots if slot.lead and slot.optional]
-        places = [slot for slot in self.form.slots if slot not in options]
+        option_slots = [slot for slot in self.form.slots if slot.lead and slot.optional]
+        places = [slot for slot in self.form.slots if slot not in option_slots]
         for number, slot in enumerate(places):
-            if not self._read_slot(slot, places[number + 1 :], options):
+            if not self._read_slot(slot, places[number + 1 :], option_slots):
                 return None
-        while (option := self._next_option(options)) is not None:
-            options.remove(option)
+        while (option := self._next_option(option_slots)) is not None:
+            option_slots.remove(option)
             self._read_option(option)
         if self.hints is not None:
-            self._offer_rest(options)
+            self._offer_rest(option_slots)
             return None
-        self._check_end(options)
+        self._check_end(option_slots)
         return self.form.make(**self.fields, when=self.when, words=self.as_written)
 
     def _read_time(self) -> None:
         """Take the time `now`, `at C` or `in 2` from the end of the words."""
         if not self.form.timed or not self.words:
             return
-        last = self.words[-1]
+        last_word = self.words[-1]
         lead = self.words[-2].text if len(self.words) > 1 else ""
-        if last.text == "now":
+        if last_word.text == "now":
             self.when = NOW
-            self.has_when, self.as_written["when"] = True, last
+            self.has_when, self.as_written["when"] = True, last_word
             del self.words[-1:]
         elif lead in _TIME_LEADS:
-            self.when = self._read_value(_TIME_LEADS[lead], last)
-            self.has_when, self.as_written["when"] = True, last
+            self.when = self._read_value(_TIME_LEADS[lead], last_word)
+            self.has_when, self.as_written["when"] = True, last_word
             del self.words[-2:]
-        elif last.text in _TIME_LEADS:
-            self._offer(_TIME_LEADS[last.text])
-            what = _TIME_LEADS[last.text].what
-            raise TextError(f"'{last.text}' needs {what}", offset=last.start, length=len(last.text))
+        elif last_word.text in _TIME_LEADS:
+            self._offer(_TIME_LEADS[last_word.text])
+            what = _TIME_LEADS[last_word.text].what
+            raise TextError(
+                f"'{last_word.text}' needs {what}",
+                offset=last_word.start,
+                length=len(last_word.text),
+            )
 
-    def _read_slot(self, slot: Slot, later: list[Slot], options: list[Slot]) -> bool:
+    def _read_slot(self, form_slot: Slot, later: list[Slot], options: list[Slot]) -> bool:
         """Read a place that has a fixed order; False if that word is still being typed."""
         needed = sum(
             (slot.value is not None) + bool(slot.lead) for slot in later if not slot.optional
         )
-        if slot.optional and self.words:
+        if form_slot.optional and self.words:
             typing = self.hints is not None
             if len(self.words) + typing <= needed:
                 return True
-        if slot.lead:
+        if form_slot.lead:
             if not self.words:
-                self._offer_lead(slot)
-                return self._refuse_missing(slot)
+                self._offer_lead(form_slot)
+                return self._refuse_missing(form_slot)
             word = self.words[0]
-            if word.text != slot.lead:
-                raise self._unexpected(word, [slot.lead])
+            if word.text != form_slot.lead:
+                raise self._unexpected(word, [form_slot.lead])
             del self.words[0]
-        if slot.value is None:
+        if form_slot.value is None:
             return True
-        if slot.many:
-            return self._read_many(slot, options)
+        if form_slot.many:
+            return self._read_many(form_slot, options)
         texts = [word.text for word in self.words]
-        count = slot.value.count(texts)
-        if len(texts) < count:
-            self._offer(slot.value, tuple(texts))
+        word_count = form_slot.value.count(texts)
+        if len(texts) < word_count:
+            self._offer(form_slot.value, tuple(texts))
             self.words = []
-            return slot.optional or self._refuse_missing(slot)
-        words, self.words = self.words[:count], self.words[count:]
-        self._store(slot, self._joined(words))
+            return form_slot.optional or self._refuse_missing(form_slot)
+        words, self.words = self.words[:word_count], self.words[word_count:]
+        self._store(form_slot, self._joined(words))
         return True
 
     def _joined(self, words: list[Word]) -> Word:
@@ -234,41 +242,41 @@ class _FormReader:
         text = self.line.text[start - self.line.start : end - self.line.start]
         return Word(text, start, end)
 
-    def _read_many(self, slot: Slot, options: list[Slot]) -> bool:
+    def _read_many(self, form_slot: Slot, options: list[Slot]) -> bool:
         """Read all words up to the next lead as one value."""
         leads = [option.lead for option in options]
         stop = next((i for i, w in enumerate(self.words) if w.text in leads), len(self.words))
-        words, self.words = self.words[:stop], self.words[stop:]
-        if self.hints is not None and not self.words and slot.value is not None:
-            self._offer(slot.value, tuple(word.text for word in words))
-        if not words:
-            return slot.optional or self._refuse_missing(slot)
-        self._store(slot, self._joined(words))
-        self.has_when |= any(word.text in _TIME_LEADS for word in words)
+        slot_words, self.words = self.words[:stop], self.words[stop:]
+        if self.hints is not None and not self.words and form_slot.value is not None:
+            self._offer(form_slot.value, tuple(word.text for word in slot_words))
+        if not slot_words:
+            return form_slot.optional or self._refuse_missing(form_slot)
+        self._store(form_slot, self._joined(slot_words))
+        self.has_when |= any(word.text in _TIME_LEADS for word in slot_words)
         return True
 
     def _next_option(self, options: list[Slot]) -> Slot | None:
         """The option whose lead is the next word; that lead is removed."""
         if not self.words:
             return None
-        word = self.words[0]
-        for option in options:
-            if option.lead[-1] == "=" and word.text.startswith(option.lead):
-                self.words[0] = _split_word(word, len(option.lead))[1]
-                return option
-            if word.text == option.lead:
+        next_word = self.words[0]
+        for option_slot in options:
+            if option_slot.lead[-1] == "=" and next_word.text.startswith(option_slot.lead):
+                self.words[0] = _split_word(next_word, len(option_slot.lead))[1]
+                return option_slot
+            if next_word.text == option_slot.lead:
                 del self.words[0]
-                return option
+                return option_slot
         return None
 
-    def _read_option(self, option: Slot) -> None:
-        assert option.value is not None
+    def _read_option(self, option_slot: Slot) -> None:
+        assert option_slot.value is not None
         if not self.words or not self.words[0].text:
             if not self.words:
-                self._offer(option.value)
-            what = option.value.what
-            raise TextError(f"'{option.lead}' needs {what}", offset=self.end_of_line)
-        self._store(option, self.words.pop(0))
+                self._offer(option_slot.value)
+            what = option_slot.value.what
+            raise TextError(f"'{option_slot.lead}' needs {what}", offset=self.end_of_line)
+        self._store(option_slot, self.words.pop(0))
 
     def _store(self, slot: Slot, word: Word) -> None:
         assert slot.value is not None
@@ -282,12 +290,18 @@ class _FormReader:
             error.offset += word.start
             raise
 
-    def _refuse_missing(self, slot: Slot) -> bool:
+    def _refuse_missing(self, missing_slot: Slot) -> bool:
         if self.hints is not None:
             return False
-        what = f"'{slot.lead}'" if slot.lead else slot.value.what if slot.value else ""
+        what = (
+            f"'{missing_slot.lead}'"
+            if missing_slot.lead
+            else missing_slot.value.what
+            if missing_slot.value
+            else ""
+        )
         example = self.form.example
-        if slot.value is v.PLAYER_OR_ALL and self.scope.players:
+        if missing_slot.value is v.PLAYER_OR_ALL and self.scope.players:
             verb = example.split()[0]
             names = [f"{verb} {name}" for name in (*list(self.scope.players)[:4], "all")]
             example = f"{', '.join(names[:-1])} or {names[-1]}"
@@ -302,22 +316,33 @@ class _FormReader:
             return  # the verb acts at once anyway
         raise self._unexpected(word, [option.lead for option in options])
 
-    def _unexpected(self, word: Word, leads: list[str]) -> TextError:
+    def _unexpected(self, unexpected_word: Word, leads: list[str]) -> TextError:
         whens = ("now", *_TIME_LEADS) if self.form.timed else ()
-        message = f"{quote(word.text)} does not belong here"
-        if (joined := self._joined_with_unit(word)) is not None:
+        message = f"{quote(unexpected_word.text)} does not belong here"
+        if (joined := self._joined_with_unit(unexpected_word)) is not None:
             message = f"a number and its unit are one word: {joined}"
-            return TextError(message, offset=word.start, length=len(word.text))
+            return TextError(
+                message, offset=unexpected_word.start, length=len(unexpected_word.text)
+            )
         for verb, pattern, advice in _OTHER_VERBS:
-            if verb == self.form.verb and pattern.fullmatch(word.text):
-                message = f"{message}; write {advice.format(word.text)}"
-                return TextError(message, offset=word.start, length=len(word.text))
-        near = nearest(word.text, (*(lead for lead in leads if lead[-1] != "="), *whens))
-        if near is None:
+            if verb == self.form.verb and pattern.fullmatch(unexpected_word.text):
+                message = f"{message}; write {advice.format(unexpected_word.text)}"
+                return TextError(
+                    message, offset=unexpected_word.start, length=len(unexpected_word.text)
+                )
+        nearest_word = nearest(
+            unexpected_word.text, (*(lead for lead in leads if lead[-1] != "="), *whens)
+        )
+        if nearest_word is None:
             message = f"{message}; write {self.form.written}"
-        if not self.form.timed and word.text in _TIME_LEADS:
-            message = f"'{self.form.verb}' acts at once: leave out '{word.text}'"
-        return TextError(message, offset=word.start, length=len(word.text), suggestion=near)
+        if not self.form.timed and unexpected_word.text in _TIME_LEADS:
+            message = f"'{self.form.verb}' acts at once: leave out '{unexpected_word.text}'"
+        return TextError(
+            message,
+            offset=unexpected_word.start,
+            length=len(unexpected_word.text),
+            suggestion=nearest_word,
+        )
 
     def _joined_with_unit(self, word: Word) -> str | None:
         """A number before a unit that is a word of its own, joined with it; None if it is not."""
@@ -351,12 +376,12 @@ class _FormReader:
         if self.form.timed:
             self.hints.completions.extend(_TIME_COMPLETIONS)
 
-    def _offer_joined(self, option: Slot) -> None:
+    def _offer_joined(self, option_slot: Slot) -> None:
         assert self.hints is not None
-        assert option.value is not None
-        typed = self.hints.typed[len(option.lead) :]
+        assert option_slot.value is not None
+        typed = self.hints.typed[len(option_slot.lead) :]
         context = v.CompletionContext(typed, (), self.scope, self.fields)
-        offers = option.value.completions(context)
+        offers = option_slot.value.completions(context)
         self.hints.completions.extend(
-            v.Completion(option.lead + text, hint) for text, hint in offers
+            v.Completion(option_slot.lead + text, hint) for text, hint in offers
         )

@@ -50,35 +50,35 @@ def hear(stroke: Stroke, *, when: When, words: Words) -> Hear:
 
 def _read(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
     words = (Word(match.group(), match.start()) for match in re.finditer(r"\S+", text))
-    first, *rest = words
-    if rest and rest[-1].text == "now":  # it acts at once anyway
-        rest.pop()
-    target = _target(first.text, scope)
-    notes: list[str] = []
+    first, *later_words = words
+    if later_words and later_words[-1].text == "now":  # it acts at once anyway
+        later_words.pop()
+    target_path = _target(first.text, scope)
+    note_texts: list[str] = []
     strength = None
-    for word in rest:
+    for later_word in later_words:
         try:
-            if word.text in ("at", "in", "now"):
-                message = f"'hear' acts at once: leave out '{word.text}'"
-                raise TextError(message, length=len(word.text))
+            if later_word.text in ("at", "in", "now"):
+                message = f"'hear' acts at once: leave out '{later_word.text}'"
+                raise TextError(message, length=len(later_word.text))
             if strength is not None:
                 message = "a stroke has one level, behind its notes"
-                raise TextError(f"{message}: hear {target} f", length=len(word.text))
-            note = _note(word.text)
+                raise TextError(f"{message}: hear {target_path} f", length=len(later_word.text))
+            note = _note(later_word.text)
             if note is not None:
-                notes.append(note)
-            elif is_level(word.text):
-                strength = level(word.text)
-                _check_level(strength, word.text, target, scope)
+                note_texts.append(note)
+            elif is_level(later_word.text):
+                strength = level(later_word.text)
+                _check_level(strength, later_word.text, target_path, scope)
             else:
-                check_note(word.text)
+                check_note(later_word.text)
         except TextError as error:
-            error.offset += word.offset
+            error.offset += later_word.offset
             raise
     if strength is None:
         strength = MEZZO_FORTE
-        _check_level(strength, "", target, scope)
-    return Stroke(target, tuple(notes), strength)
+        _check_level(strength, "", target_path, scope)
+    return Stroke(target_path, tuple(note_texts), strength)
 
 
 def is_stroke_word(text: str) -> bool:
@@ -90,38 +90,42 @@ def _note(text: str) -> str | None:
     return word_of(text[:1].upper() + text[1:])
 
 
-def _target(text: str, scope: Scope) -> str:
+def _target(target_text: str, scope: Scope) -> str:
     """The path of what is struck, as a line may play it. Raises TextError."""
-    family, slash, path = text.rpartition("/")
-    name = path.partition(".")[0]
-    if name in playable(scope) and (not slash or name in scope.families.get(family, ())):
+    family, slash, path = target_text.rpartition("/")
+    part_name = path.partition(".")[0]
+    if part_name in playable(scope) and (not slash or part_name in scope.families.get(family, ())):
         return path
     families = [family] if slash else [*scope.families]
-    known = [group for group in families if name in scope.families.get(group, ())]
+    known = [group for group in families if part_name in scope.families.get(group, ())]
     if known:
-        error = v.family_missing(name, known[0], f"hear {path}")
-        error.length = len(text)
+        error = v.family_missing(part_name, known[0], f"hear {path}")
+        error.length = len(target_text)
         raise error
     if family in scope.families:
-        raise v.unknown_name(name, f"an instrument of {family}", scope.families[family])
+        raise v.unknown_name(part_name, f"an instrument of {family}", scope.families[family])
     if slash:
         raise v.unknown_name(family, "a family of instruments", scope.families)
-    raise v.unknown_name(text, "an instrument", playable(scope))
+    raise v.unknown_name(target_text, "an instrument", playable(scope))
 
 
-def _check_level(strength: Level, text: str, target: str, scope: Scope) -> None:
+def _check_level(strength: Level, level_text: str, target_path: str, scope: Scope) -> None:
     """Refuse a range, and a strength of what does not say how it is played."""
     if strength.low != strength.high:
-        message = f"one stroke has one level, and {quote(text)} is a range: write one of its ends"
-        raise TextError(message, length=len(text))
-    part, _, rest = target.partition(".")
-    acts = scope.acts.get(part, ())
-    if not strength.is_strength or (acts and (not rest or rest in acts)):
+        message = (
+            f"one stroke has one level, and {quote(level_text)} is a range: write one of its ends"
+        )
+        raise TextError(message, length=len(level_text))
+    part_name, _, module_path = target_path.partition(".")
+    acts = scope.acts.get(part_name, ())
+    if not strength.is_strength or (acts and (not module_path or module_path in acts)):
         return
-    why = f"{quote(part)} does not say how it is played"
+    why = f"{quote(part_name)} does not say how it is played"
     if acts:
-        why = f"{quote(rest)} is not a way to play {part}, which are {', '.join(acts)}"
-    raise TextError(f"the impulse is missing: {why}; write hear {target} 2mNs", length=len(text))
+        why = f"{quote(module_path)} is not a way to play {part_name}, which are {', '.join(acts)}"
+    raise TextError(
+        f"the impulse is missing: {why}; write hear {target_path} 2mNs", length=len(level_text)
+    )
 
 
 def _offers(context: CompletionContext) -> Iterator[Completion]:

@@ -49,23 +49,23 @@ KEYS = (
 
 def overview() -> tuple[str, ...]:
     """One example of every form, in lines of at most 100 characters."""
-    lines = []
+    help_lines = []
     for title, some in GROUPS.items():
-        lines.append(f"{title}:")
-        lines += [f"  {form.example:<39} {form.effect}" for form in some]
-    lines.append("a line may end in now, at C, in 2 or sync d1; `help VERB` explains one verb")
-    return tuple(lines)
+        help_lines.append(f"{title}:")
+        help_lines += [f"  {form.example:<39} {form.effect}" for form in some]
+    help_lines.append("a line may end in now, at C, in 2 or sync d1; `help VERB` explains one verb")
+    return tuple(help_lines)
 
 
 def verb_help(verb: str) -> tuple[str, ...]:
     """One verb: how it is written, what it does, and the words that belong to it."""
-    lines = []
+    help_lines = []
     for form in forms_of(verb):
         when = " [now | at WHERE | in LENGTH | sync NAME]" if form.timed else ""
-        lines += [f"{form.written}{when}", f"  {form.effect}", f"  {form.example}"]
+        help_lines += [f"{form.written}{when}", f"  {form.effect}", f"  {form.example}"]
     if SHORTEST[verb] != verb:
-        lines.append(f"  in short: {SHORTEST[verb]}")
-    return (*lines, *(f"  {word:<25} {means}" for word, means in _verb_words(verb)))
+        help_lines.append(f"  in short: {SHORTEST[verb]}")
+    return (*help_lines, *(f"  {word:<25} {means}" for word, means in _verb_words(verb)))
 
 
 def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:
@@ -86,22 +86,27 @@ def _verb_words(verb: str) -> tuple[tuple[str, str], ...]:
 
 def cheat_sheet() -> str:
     """The cheat sheet in Markdown."""
-    lines = ["# The prompt on one page", "", "Made from the table of verbs by `make docs`.", ""]
-    lines += ["A verb may be cut down to its short form; the short forms stay.", ""]
+    sheet_lines = [
+        "# The prompt on one page",
+        "",
+        "Made from the table of verbs by `make docs`.",
+        "",
+    ]
+    sheet_lines += ["A verb may be cut down to its short form; the short forms stay.", ""]
     for title, some in GROUPS.items():
         rows = ((form.written, form.effect, form.example, _shortest(form.verb)) for form in some)
-        lines += _table(title, ("write", "effect", "example", "in short"), rows)
-    lines += _table("when a line acts", ("at its end", "effect"), WHEN)
-    lines += _table("notation", ("write", "meaning"), NOTATION)
+        sheet_lines += _table(title, ("write", "effect", "example", "in short"), rows)
+    sheet_lines += _table("when a line acts", ("at its end", "effect"), WHEN)
+    sheet_lines += _table("notation", ("write", "meaning"), NOTATION)
     options = (
         (f"{word} {OPTIONS[word] or ''}".strip(), hint) for word, hint in OPTION_HINTS.items()
     )
-    lines += _table("further words of plays", ("write", "meaning"), options)
-    lines += _table("what moves, for map", ("write", "meaning"), SOURCES.items())
-    lines += _table("patterns", ("write", "meaning"), PATTERNS)
-    lines += _table("transformations of rhythms", ("write", "meaning"), RHYTHM_EXAMPLES)
-    lines += _table("keys", ("key", "effect"), KEYS)
-    return "\n".join(lines).rstrip() + "\n"
+    sheet_lines += _table("further words of plays", ("write", "meaning"), options)
+    sheet_lines += _table("what moves, for map", ("write", "meaning"), SOURCES.items())
+    sheet_lines += _table("patterns", ("write", "meaning"), PATTERNS)
+    sheet_lines += _table("transformations of rhythms", ("write", "meaning"), RHYTHM_EXAMPLES)
+    sheet_lines += _table("keys", ("key", "effect"), KEYS)
+    return "\n".join(sheet_lines).rstrip() + "\n"
 
 
 def _shortest(verb: str) -> str:

@@ -25,17 +25,17 @@ _PARTS = (
 )
 
 
-def tokens(text: str, scope: Scope) -> list[Token]:
+def tokens(submitted_text: str, scope: Scope) -> list[Token]:
     """Spans and their kinds, in order and without overlap.
 
     Kinds are verb, name, option, curve, number, unit, comment, and unknown for what would be
     refused. Raises nothing.
     """
-    if len(text) > MAX_LINE:
+    if len(submitted_text) > MAX_LINE:
         return []
-    lexical = list(_lexical(text, scope))
-    error = first_error(text, scope)
-    if error is not None and text[error.offset : error.offset + error.length].strip():
+    lexical = list(_lexical(submitted_text, scope))
+    error = first_error(submitted_text, scope)
+    if error is not None and submitted_text[error.offset : error.offset + error.length].strip():
         start, end = error.offset, error.offset + error.length
         lexical = [t for t in lexical if t[1] <= start or t[0] >= end]
         lexical.append((start, end, "unknown"))
@@ -43,45 +43,49 @@ def tokens(text: str, scope: Scope) -> list[Token]:
 
 
 def _lexical(text: str, scope: Scope) -> Iterator[Token]:
-    offset = 0
-    for line in text.split("\n"):
-        end = comment_start(line)
-        words = list(_WORD.finditer(line, 0, end))
-        verb = _verb(words, scope)
-        for i, word in enumerate(words):
+    line_offset = 0
+    for text_line in text.split("\n"):
+        code_end = comment_start(text_line)
+        word_matches = list(_WORD.finditer(text_line, 0, code_end))
+        verb = _verb(word_matches, scope)
+        for i, word_match in enumerate(word_matches):
             if i == verb:
-                yield offset + word.start(), offset + word.end(), "verb"
-            elif verb == 0 and words[0].group() == "py":
+                yield line_offset + word_match.start(), line_offset + word_match.end(), "verb"
+            elif verb == 0 and word_matches[0].group() == "py":
                 break
             else:
-                for start, stop, kind in _kinds(word.group(), scope):
-                    yield offset + word.start() + start, offset + word.start() + stop, kind
-        if end < len(line):
-            yield offset + end, offset + len(line), "comment"
-        offset += len(line) + 1
+                for start, stop, kind in _kinds(word_match.group(), scope):
+                    yield (
+                        line_offset + word_match.start() + start,
+                        line_offset + word_match.start() + stop,
+                        kind,
+                    )
+        if code_end < len(text_line):
+            yield line_offset + code_end, line_offset + len(text_line), "comment"
+        line_offset += len(text_line) + 1
 
 
 def _verb(words: list[re.Match[str]], scope: Scope) -> int:
     """The index of the verb; -1 if there is none yet."""
     if not words:
         return -1
-    first, second = words[0].group(), words[1].group() if len(words) > 1 else ""
+    first_word, second = words[0].group(), words[1].group() if len(words) > 1 else ""
     if second == "=" or (
-        first in scope.players and verbs.verbs_matching(second, verbs.SUBJECT_VERBS)
+        first_word in scope.players and verbs.verbs_matching(second, verbs.SUBJECT_VERBS)
     ):
         return 1
-    return 0 if len(verbs.verbs_matching(first, verbs.VERBS)) == 1 else -1
+    return 0 if len(verbs.verbs_matching(first_word, verbs.VERBS)) == 1 else -1
 
 
-def _kinds(word: str, scope: Scope) -> Iterator[Token]:
-    if word in CURVES:
-        yield 0, len(word), "curve"
-    elif any(word in getattr(scope, part) for part in _PARTS):
-        yield 0, len(word), "name"
-    elif word in RESERVED:
-        yield 0, len(word), "option"
+def _kinds(line_word: str, scope: Scope) -> Iterator[Token]:
+    if line_word in CURVES:
+        yield 0, len(line_word), "curve"
+    elif any(line_word in getattr(scope, part) for part in _PARTS):
+        yield 0, len(line_word), "name"
+    elif line_word in RESERVED:
+        yield 0, len(line_word), "option"
     else:
-        for match in _NUMBER.finditer(word):
+        for match in _NUMBER.finditer(line_word):
             yield match.start("number"), match.end("number"), "number"
             if match["unit"]:
                 yield match.start("unit"), match.end("unit"), "unit"

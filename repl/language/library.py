@@ -65,22 +65,26 @@ def family_hint(scope: Scope, name: str) -> str:
     return ", ".join(scope.families.get(name, ())) or "no instruments"
 
 
-def _read_family(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, str]:
+def _read_family(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, str]:
     """The name of a family and its file, as a score uses it."""
-    if text in library():
-        return text, file_of(text)
-    folder, _slash, name = text.rpartition("/")
+    if slot_text in library():
+        return slot_text, file_of(slot_text)
+    folder, _slash, name = slot_text.rpartition("/")
     if (known := unused_family(name, scope)) and folder in ("", known):
-        message = f"{quote(text)} is an instrument: type `use {known}` for its family, or "
-        raise TextError(f"{message}`{name} = {known}/{name}` for it alone", length=len(text))
-    path = PurePosixPath(text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text)
+        message = f"{quote(slot_text)} is an instrument: type `use {known}` for its family, or "
+        raise TextError(f"{message}`{name} = {known}/{name}` for it alone", length=len(slot_text))
+    path = PurePosixPath(
+        slot_text[1:-1]
+        if len(slot_text) > 1 and slot_text[0] == slot_text[-1] == '"'
+        else slot_text
+    )
     if path.suffix not in SUFFIXES:
         what = "a family of the library, or a file such as drums.yaml"
-        raise v.unknown_name(text, what, library())
+        raise v.unknown_name(slot_text, what, library())
     if not NAME.fullmatch(path.stem) or len(path.stem) > MAX_NAME:
         message = f"{quote(path.stem)} is not a name, and the file gives the family its name: "
         message += "use letters, digits, '-' and '_'"
-        raise TextError(message, length=len(text))
+        raise TextError(message, length=len(slot_text))
     return path.stem, str(k.PATH.parse(str(path)))
 
 

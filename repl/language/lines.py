@@ -31,43 +31,49 @@ class Line(NamedTuple):
     start: int
 
 
-def lines(text: str) -> Iterator[Line]:
+def lines(submitted_text: str) -> Iterator[Line]:
     """Yield the lines of a submission. Raises TextError if it is too long or has a character that
     cannot be typed.
 
     `def NAME:` is one line with those below it, up to `end` or an empty line.
     """
-    if len(text) > MAX_PASTE:
-        raise TextError(f"this text has {len(text):,} characters; {MAX_PASTE:,} are the most")
-    if text.count("\n") > MAX_LINES:
+    if len(submitted_text) > MAX_PASTE:
+        raise TextError(
+            f"this text has {len(submitted_text):,} characters; {MAX_PASTE:,} are the most"
+        )
+    if submitted_text.count("\n") > MAX_LINES:
         raise TextError(f"this text has more than {MAX_LINES} lines")
-    joined, start, offset = "", 0, 0
-    block: Line | None = None  # as far as it is read
-    for line in text.split("\n"):
-        if len(joined) + len(line) > MAX_LINE:
-            message = f"this line has {len(joined) + len(line):,} characters"
-            raise TextError(f"{message}; {MAX_LINE:,} are the most", offset=offset)
-        _check_characters(line, offset)
-        code = line if _PYTHON.match(line) else _COMMENT.sub("", line)
-        start = start if joined else offset
-        offset += len(line) + 1
-        if is_continued(line):
-            joined += code.rstrip()[:-1].ljust(len(line)) + " "
+    joined, line_start, line_offset = "", 0, 0
+    open_block: Line | None = None  # as far as it is read
+    for text_line in submitted_text.split("\n"):
+        if len(joined) + len(text_line) > MAX_LINE:
+            message = f"this line has {len(joined) + len(text_line):,} characters"
+            raise TextError(f"{message}; {MAX_LINE:,} are the most", offset=line_offset)
+        _check_characters(text_line, line_offset)
+        code = text_line if _PYTHON.match(text_line) else _COMMENT.sub("", text_line)
+        line_start = line_start if joined else line_offset
+        line_offset += len(text_line) + 1
+        if is_continued(text_line):
+            joined += code.rstrip()[:-1].ljust(len(text_line)) + " "
             continue
-        full_line, joined = Line(joined + code, start), ""
-        if block is not None and (not line.strip() or full_line.text.strip() == _END):
-            yield block
-            block = None
-        elif block is not None:
-            block = _with_line(block, full_line)
+        full_line, joined = Line(joined + code, line_start), ""
+        if open_block is not None and (not text_line.strip() or full_line.text.strip() == _END):
+            yield open_block
+            open_block = None
+        elif open_block is not None:
+            open_block = _with_line(open_block, full_line)
         elif _BLOCK.fullmatch(full_line.text):
-            block = full_line
+            open_block = full_line
         elif full_line.text.strip():
             yield full_line
     if joined.strip():
-        block = Line(joined, start) if block is None else _with_line(block, Line(joined, start))
-    if block is not None:
-        yield block
+        open_block = (
+            Line(joined, line_start)
+            if open_block is None
+            else _with_line(open_block, Line(joined, line_start))
+        )
+    if open_block is not None:
+        yield open_block
 
 
 def _with_line(block: Line, line: Line) -> Line:
@@ -81,12 +87,12 @@ def is_continued(line: str) -> bool:
     return line.rstrip().endswith("\\") and not _COMMENT.search(line)
 
 
-def is_whole(text: str) -> bool:
+def is_whole(submitted_text: str) -> bool:
     r"""Whether a submission is complete: its last line does not end in "\\", and its blocks end."""
-    if is_continued(text[text.rfind("\n") + 1 :][-MAX_LINE:]):
+    if is_continued(submitted_text[submitted_text.rfind("\n") + 1 :][-MAX_LINE:]):
         return False
     is_open = False
-    for line in text[:MAX_PASTE].split("\n"):
+    for line in submitted_text[:MAX_PASTE].split("\n"):
         if is_open:
             is_open = line.strip() not in ("", _END)
         else:
@@ -106,15 +112,16 @@ def comment_start(line: str) -> int:
     return match.start() if match else len(line)
 
 
-def _check_characters(line: str, offset: int) -> None:
-    if line.isprintable():
+def _check_characters(line_text: str, offset: int) -> None:
+    if line_text.isprintable():
         return
-    strange = [i for i, c in enumerate(line) if not c.isprintable() and c not in "\t\r"]
+    strange = [i for i, c in enumerate(line_text) if not c.isprintable() and c not in "\t\r"]
     if strange:
-        first, last = strange[0], strange[-1]
+        first_strange, last = strange[0], strange[-1]
         message = (
-            f"this line contains a character that has no meaning here (U+{ord(line[first]):04X})"
+            "this line contains a character that has no meaning here "
+            f"(U+{ord(line_text[first_strange]):04X})"
         )
-        part = line[first : last + 1]
+        part = line_text[first_strange : last + 1]
         clean = "".join(c if c.isprintable() else " " if c.isspace() else "" for c in part)
-        raise TextError(message, offset=offset + first, length=len(part), suggestion=clean)
+        raise TextError(message, offset=offset + first_strange, length=len(part), suggestion=clean)

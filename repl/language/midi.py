@@ -40,14 +40,14 @@ SOURCES = {**midi_source.SOURCES, LEARN: "the next of these that moves"}
 # --- what moves ----------------------------------------------------------------------------------
 
 
-def _read_source(text: str, *_: Any) -> str:
-    if text == LEARN:
-        return text
-    head = text.partition(" ")[0]
+def _read_source(source_text: str, *_: Any) -> str:
+    if source_text == LEARN:
+        return source_text
+    head = source_text.partition(" ")[0]
     heads = [source for source in SOURCES if " " not in source]
-    if head not in ("cc", *heads) or (head == "bend" and head != text):
-        raise v.unknown_name(text, "what moves", ("cc 21", *heads))
-    return str(parse_source(text))
+    if head not in ("cc", *heads) or (head == "bend" and head != source_text):
+        raise v.unknown_name(source_text, "what moves", ("cc 21", *heads))
+    return str(parse_source(source_text))
 
 
 def is_source(text: str) -> bool:
@@ -58,13 +58,13 @@ def is_source(text: str) -> bool:
         return False
 
 
-def source_words(words: Sequence[str]) -> int:
+def source_words(line_words: Sequence[str]) -> int:
     """How many of these words say what moves."""
-    if words[:1] == ["cc"]:
+    if line_words[:1] == ["cc"]:
         return 2
-    if words[:1] == ["pressure"] and len(words) > 1:
+    if line_words[:1] == ["pressure"] and len(line_words) > 1:
         try:
-            note_number(words[1])
+            note_number(line_words[1])
         except TextError:
             return 1
         return 2
@@ -112,13 +112,13 @@ def _range_completions(context: CompletionContext) -> Iterator[Completion]:
     yield from amounts.dimension_value(shape).completions(context)
 
 
-def _read_levels(text: str, *_: Any) -> tuple[float, float]:
-    low, high = (k.LEVEL.parse(end) for end in _range_ends(text, "-40dB..0dB"))
-    if max(low, high) > q.LOUDEST_DB:
-        message = f"{quote(text)} goes above the highest level, {q.LOUDEST_DB:g}dB"
-        within = "..".join(f"{min(end, q.LOUDEST_DB):g}dB" for end in (low, high))
-        raise TextError(message, length=len(text), suggestion=within)
-    return low, high
+def _read_levels(range_text: str, *_: Any) -> tuple[float, float]:
+    low_level, high_level = (k.LEVEL.parse(end) for end in _range_ends(range_text, "-40dB..0dB"))
+    if max(low_level, high_level) > q.LOUDEST_DB:
+        message = f"{quote(range_text)} goes above the highest level, {q.LOUDEST_DB:g}dB"
+        within = "..".join(f"{min(end, q.LOUDEST_DB):g}dB" for end in (low_level, high_level))
+        raise TextError(message, length=len(range_text), suggestion=within)
+    return low_level, high_level
 
 
 def _read_tempos(text: str, *_: Any) -> tuple[float, float]:
@@ -198,12 +198,15 @@ def _read_impulses(text: str, *_: Any) -> tuple[float, float]:
     return low, high
 
 
-def _impulse(text: str) -> float:
+def _impulse(impulse_text: str) -> float:
     """An impulse with its unit; 0 needs none."""
-    value = level(text)  # refuses what has no unit
+    value = level(impulse_text)  # refuses what has no unit
     if value.is_strength and value.low != 0.0:
-        message = f"{quote(text)} is a strength, and here are impulses: write them with their unit,"
-        raise TextError(f"{message} such as 1mNs..20mNs", length=len(text))
+        message = (
+            f"{quote(impulse_text)} is a strength, and here are impulses: write them with their "
+            "unit,"
+        )
+        raise TextError(f"{message} such as 1mNs..20mNs", length=len(impulse_text))
     return 0.0 if value.is_strength else value.low
 
 
@@ -213,18 +216,20 @@ def _read_struck(text: str, *_: Any) -> str:
     return text
 
 
-def _read_played_instrument(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    part = text.split(".")[0]
-    if text in scope.blocks:
-        return text
-    if part not in playable(scope):
+def _read_played_instrument(instrument_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    part_name = instrument_text.split(".")[0]
+    if instrument_text in scope.blocks:
+        return instrument_text
+    if part_name not in playable(scope):
         raise v.unknown_instrument(
-            text, "an instrument or a block", (*playable(scope), *scope.blocks), scope
+            instrument_text, "an instrument or a block", (*playable(scope), *scope.blocks), scope
         )
-    if part not in scope.acts:
-        message = f"the impulses are missing: {quote(part)} does not say how it is played; write "
-        raise TextError(f"{message}them, such as 1mNs..20mNs", length=len(text))
-    return text
+    if part_name not in scope.acts:
+        message = (
+            f"the impulses are missing: {quote(part_name)} does not say how it is played; write "
+        )
+        raise TextError(f"{message}them, such as 1mNs..20mNs", length=len(instrument_text))
+    return instrument_text
 
 
 def _read_curve(text: str, *_: Any) -> str:

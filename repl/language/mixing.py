@@ -105,18 +105,18 @@ def fade(name: str, way: str, over: Length, *, when: When, words: Words) -> Fade
     return Fade(None if name == _MASTER else name, way == "in", over, when=when, words=words)
 
 
-def _read_send(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, str]:
-    room, *rest = text.split()
+def _read_send(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, str]:
+    room, *level_words = slot_text.split()
     if room not in scope.rooms:
         raise v.unknown_name(room, "a room; `room hall t60=2s` adds one", scope.rooms)
-    if len(rest) != 1:
-        raise TextError(f"a send needs a room and a level: {_SEND}", offset=len(text))
+    if len(level_words) != 1:
+        raise TextError(f"a send needs a room and a level: {_SEND}", offset=len(slot_text))
     try:
-        k.GAIN.parse(rest[0])
+        k.GAIN.parse(level_words[0])
     except TextError as error:
-        error.offset += text.index(rest[0], len(room))
+        error.offset += slot_text.index(level_words[0], len(room))
         raise
-    return room, rest[0]
+    return room, level_words[0]
 
 
 def _send_completions(context: CompletionContext) -> Iterator[Completion]:
@@ -131,23 +131,27 @@ def _read_filter_kind(text: str, *_: Any) -> str:
     return text
 
 
-def _read_filter_fields(text: str, _: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
-    if text == "off":
+def _read_filter_fields(slot_text: str, _: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
+    if slot_text == "off":
         return {}
-    shapes = _FILTERS[slots_read["kind"]]
-    words = list(re.finditer(r"\S+", text))
-    if len(words) > len(shapes):
+    field_shapes = _FILTERS[slots_read["kind"]]
+    word_matches = list(re.finditer(r"\S+", slot_text))
+    if len(word_matches) > len(field_shapes):
         kind = slots_read["kind"]
-        message = f"{kind} takes no more than {len(shapes)}, such as {_EXAMPLES[kind]}"
-        raise TextError(message, offset=words[len(shapes)].start(), length=len(words[-1].group()))
-    fields: dict[str, str] = {}
-    for word, (name, shape) in zip(words, shapes.items(), strict=False):
+        message = f"{kind} takes no more than {len(field_shapes)}, such as {_EXAMPLES[kind]}"
+        raise TextError(
+            message,
+            offset=word_matches[len(field_shapes)].start(),
+            length=len(word_matches[-1].group()),
+        )
+    filter_fields: dict[str, str] = {}
+    for word, (name, shape) in zip(word_matches, field_shapes.items(), strict=False):
         check_value(shape, word.group(), word.start())
-        fields[name] = word.group()
-    if "gain" in shapes and "gain" not in fields:
+        filter_fields[name] = word.group()
+    if "gain" in field_shapes and "gain" not in filter_fields:
         message = f"a level is missing, such as {_EXAMPLES[slots_read['kind']]}"
-        raise TextError(message, offset=len(text))
-    return fields
+        raise TextError(message, offset=len(slot_text))
+    return filter_fields
 
 
 def _filter_completions(context: CompletionContext) -> Iterator[Completion]:
@@ -160,30 +164,32 @@ def _room_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 
 
 def _room_fields(text: str, *_: Any) -> dict[str, str]:
-    fields: dict[str, str] = {}
-    for name, value, offset in pairs(text):
-        if name not in _FIELDS:
-            message = f"a room has no field {quote(name)}; it has {', '.join(_FIELDS)}"
-            raise TextError(message, offset=offset, length=len(name))
-        if name in fields:
-            raise TextError(f"{quote(name)} is written twice", offset=offset, length=len(name))
-        shape = k.DURATION if name == "t60" else _FIELDS[name].shape
+    room_fields: dict[str, str] = {}
+    for field_name, field_text, field_offset in pairs(text):
+        if field_name not in _FIELDS:
+            message = f"a room has no field {quote(field_name)}; it has {', '.join(_FIELDS)}"
+            raise TextError(message, offset=field_offset, length=len(field_name))
+        if field_name in room_fields:
+            raise TextError(
+                f"{quote(field_name)} is written twice", offset=field_offset, length=len(field_name)
+            )
+        shape = k.DURATION if field_name == "t60" else _FIELDS[field_name].shape
         if isinstance(shape, Text):
-            check_value(shape, value, offset + len(name) + 1)
-        fields[name] = value
-    return fields
+            check_value(shape, field_text, field_offset + len(field_name) + 1)
+        room_fields[field_name] = field_text
+    return room_fields
 
 
 def _room_completions(_: CompletionContext) -> Iterator[Completion]:
     return (Completion(f"{name}=", field.doc) for name, field in _FIELDS.items())
 
 
-def _read_faded(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if text != _MASTER and text not in scope.instruments:
+def _read_faded(faded_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if faded_name != _MASTER and faded_name not in scope.instruments:
         raise v.unknown_instrument(
-            text, "an instrument or master", (*scope.instruments, _MASTER), scope
+            faded_name, "an instrument or master", (*scope.instruments, _MASTER), scope
         )
-    return text
+    return faded_name
 
 
 def _faded_completions(context: CompletionContext) -> Iterator[Completion]:

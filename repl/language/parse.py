@@ -23,17 +23,17 @@ from ergon.scores.reading.families import library
 MAX_CORRECTIONS = 4  # words of a line that are put right before it is offered again
 
 
-def parse(text: str, scope: Scope) -> tuple[Command, ...]:
+def parse(submitted_text: str, scope: Scope) -> tuple[Command, ...]:
     """The commands of a submitted text; none for comments and blank lines. Raises Refusal."""
     try:
-        return tuple(_commands(text, scope))
+        return tuple(_commands(submitted_text, scope))
     except TextError as error:
-        try_ = _corrected(text, scope, error)
+        try_ = _corrected(submitted_text, scope, error)
         message = error.message
         if error.suggestion and try_ is None:
             message += f"; did you mean {quote(error.suggestion)}?"
-        if "\n" in text.strip("\n"):
-            message = f"line {text.count(chr(10), 0, error.offset) + 1}: {message}"
+        if "\n" in submitted_text.strip("\n"):
+            message = f"line {submitted_text.count(chr(10), 0, error.offset) + 1}: {message}"
         raise Refusal(message, error.offset, error.length, try_) from None
 
 
@@ -49,96 +49,102 @@ def first_error(text: str, scope: Scope) -> TextError | None:
 
 def _commands(text: str, scope: Scope) -> Iterator[Command]:
     for line in lines(text):
-        read = read_command(line, scope)
-        if read is None:
+        command_read = read_command(line, scope)
+        if command_read is None:
             continue
-        if isinstance(read, DefineBlock):
-            _check_block(read, scope)
-        scope = _scope_after(scope, read)
-        yield read
+        if isinstance(command_read, DefineBlock):
+            _check_block(command_read, scope)
+        scope = _scope_after(scope, command_read)
+        yield command_read
 
 
-def parse_block_line(text: str, scope: Scope) -> Command:
+def parse_block_line(line_text: str, scope: Scope) -> Command:
     """The command of a line that a block may hold. Raises Refusal."""
     try:
         commands = [
-            own for line in lines(text) if (own := _block_command(line, 0, scope)) is not None
+            own for line in lines(line_text) if (own := _block_command(line, 0, scope)) is not None
         ]
         if len(commands) != 1:
-            raise TextError(f"{quote(text)} is not one line of a session", length=len(text))
+            raise TextError(
+                f"{quote(line_text)} is not one line of a session", length=len(line_text)
+            )
         return commands[0]
     except TextError as error:
         raise Refusal(error.message, error.offset, error.length, None) from None
 
 
-def _check_block(block: DefineBlock, scope: Scope) -> None:
+def _check_block(defined_block: DefineBlock, scope: Scope) -> None:
     """Refuse a block whose name is a verb, or that has a line which no block may hold."""
-    if block.name in VERBS:
-        word = block.words["name"]
-        message = f"{quote(block.name)} is a verb: give the block another name"
-        raise TextError(message, offset=word.start, length=len(block.name))
-    text = block.words["lines"]
-    values = defaults(block.lines)
-    for line in lines(text.text):
-        if setting(line.text) is not None:
+    if defined_block.name in VERBS:
+        word = defined_block.words["name"]
+        message = f"{quote(defined_block.name)} is a verb: give the block another name"
+        raise TextError(message, offset=word.start, length=len(defined_block.name))
+    lines_word = defined_block.words["lines"]
+    values = defaults(defined_block.lines)
+    for block_line in lines(lines_word.text):
+        if setting(block_line.text) is not None:
             continue
-        if "$" in line.text:
-            scope = _check_variants(line, text.start, values, scope)
+        if "$" in block_line.text:
+            scope = _check_variants(block_line, lines_word.start, values, scope)
             continue
-        if (read := _block_command(line, text.start, scope)) is not None:
+        if (read := _block_command(block_line, lines_word.start, scope)) is not None:
             scope = _scope_after(scope, read)
 
 
-def _check_variants(line: Line, offset: int, values: Mapping[str, str], scope: Scope) -> Scope:
+def _check_variants(
+    block_line: Line, offset: int, values: Mapping[str, str], scope: Scope
+) -> Scope:
     """Check a line in which values are filled in; returns the scope of those below it.
 
     A mistake has the place of the whole line: what was filled in has none. Raises TextError.
     """
-    for text in variants(line.text, values):
+    for variant_text in variants(block_line.text, values):
         try:
-            read = _block_command(Line(text, 0), 0, scope)
+            command_read = _block_command(Line(variant_text, 0), 0, scope)
         except TextError as error:
-            start, length = offset + line.start, len(line.text.rstrip())
-            message = f"{error.message}; the line is {quote(text.strip())}"
+            start, length = offset + block_line.start, len(block_line.text.rstrip())
+            message = f"{error.message}; the line is {quote(variant_text.strip())}"
             raise TextError(message, offset=start, length=length) from None
-        if read is not None:
-            scope = _scope_after(scope, read)
+        if command_read is not None:
+            scope = _scope_after(scope, command_read)
     return scope
 
 
-def _block_command(line: Line, offset: int, scope: Scope) -> Command | None:
-    """The command of a line of a block; the block's text begins at `offset`. Raises TextError."""
-    read = read_command(Line(line.text, offset + line.start), scope)
-    if read is None or (isinstance(read, BlockCommand) and read.when is None):
-        return read
-    content = line.text.strip()
-    place = offset + line.start + line.text.index(content)
+def _block_command(block_line: Line, block_offset: int, scope: Scope) -> Command | None:
+    """The command of a line of a block, whose text begins at `block_offset`. Raises TextError."""
+    command_read = read_command(Line(block_line.text, block_offset + block_line.start), scope)
+    if command_read is None or (
+        isinstance(command_read, BlockCommand) and command_read.when is None
+    ):
+        return command_read
+    line_content = block_line.text.strip()
+    place = block_offset + block_line.start + block_line.text.index(line_content)
     why = "says when it acts, and the lines of a block act when the block is run"
-    if not isinstance(read, BlockCommand):
+    if not isinstance(command_read, BlockCommand):
         why = "does not change the music, moves a real hand, or is about files, history or blocks"
-    message = f"a block cannot hold {quote(content)}: the line {why}"
-    raise TextError(message, offset=place, length=len(content))
+    message = f"a block cannot hold {quote(line_content)}: the line {why}"
+    raise TextError(message, offset=place, length=len(line_content))
 
 
-def _scope_after(scope: Scope, read: Command) -> Scope:
+def _scope_after(scope: Scope, command_read: Command) -> Scope:
     """The scope of the lines below a command: it also has the names that the command adds."""
-    if isinstance(read, Define):
-        return with_name(scope, "gestures", read.name)
-    if isinstance(read, DefinePhrase):
-        return with_name(scope, "phrases", read.name)
-    if isinstance(read, DefineBlock):
-        return with_name(scope, "blocks", read.name)
-    if isinstance(read, StrikeModules):
-        return _scope_after_strikes(scope, read)
-    if isinstance(read, Build):
-        return with_name(scope, "instruments", read.name)
-    if isinstance(read, Use):
-        for member in library().get(read.family, ()):
+    if isinstance(command_read, Define):
+        return with_name(scope, "gestures", command_read.name)
+    if isinstance(command_read, DefinePhrase):
+        return with_name(scope, "phrases", command_read.name)
+    if isinstance(command_read, DefineBlock):
+        return with_name(scope, "blocks", command_read.name)
+    if isinstance(command_read, StrikeModules):
+        return _scope_after_strikes(scope, command_read)
+    if isinstance(command_read, Build):
+        return with_name(scope, "instruments", command_read.name)
+    if isinstance(command_read, Use):
+        for member in library().get(command_read.family, ()):
             if member.name not in scope.instruments:
                 scope = with_name(scope, "available", member.name)
         return scope
-    if isinstance(read, Takes):
-        return with_name(with_name(scope, "keys", read.key), "players", read.player)
+    if isinstance(command_read, Takes):
+        return with_name(with_name(scope, "keys", command_read.key), "players", command_read.player)
     return scope
 
 
@@ -149,14 +155,18 @@ def _scope_after_strikes(scope: Scope, read: StrikeModules) -> Scope:
     return with_name(scope, "strikes", read.name)
 
 
-def _corrected(text: str, scope: Scope, error: TextError) -> str | None:
+def _corrected(submitted_text: str, scope: Scope, error: TextError) -> str | None:
     """The text with every suggestion applied; None if that is not accepted either."""
     for _ in range(MAX_CORRECTIONS):
         if error.suggestion is None:
             return None
-        text = text[: error.offset] + error.suggestion + text[error.offset + error.length :]
-        further = first_error(text, scope)
+        submitted_text = (
+            submitted_text[: error.offset]
+            + error.suggestion
+            + submitted_text[error.offset + error.length :]
+        )
+        further = first_error(submitted_text, scope)
         if further is None:
-            return text
+            return submitted_text
         error = further
     return None

@@ -43,79 +43,86 @@ _ENTRIES_MAX = 1_000  # entries of a line
 Entry = Mapping[str, str]  # `at`, `what` and `impulse`, as texts
 
 
-def _entries(text: str, *_: Any) -> tuple[Entry, ...]:
+def _entries(entries_text: str, *_: Any) -> tuple[Entry, ...]:
     """Entries separated by commas: the time after the beginning, what is struck, and the
     impulse.
     """
-    entries: list[Entry] = []
-    start = 0
-    for part in text.split(","):
-        words = [(w.group(), start + w.start()) for w in re.finditer(r"\S+", part)]
+    phrase_entries: list[Entry] = []
+    entry_start = 0
+    for entry_text in entries_text.split(","):
+        words = [(w.group(), entry_start + w.start()) for w in re.finditer(r"\S+", entry_text)]
         if not words:
             message = "an entry is missing: write for instance 0 C4 1mNs, 1/2 E4"
-            raise TextError(message, offset=start)
-        entries.append(_entry(words))
-        start += len(part) + 1
-    if len(entries) > _ENTRIES_MAX:
+            raise TextError(message, offset=entry_start)
+        phrase_entries.append(_entry(words))
+        entry_start += len(entry_text) + 1
+    if len(phrase_entries) > _ENTRIES_MAX:
         raise TextError(
-            f"a line has at most {_ENTRIES_MAX:,} entries of a phrase", length=len(text)
+            f"a line has at most {_ENTRIES_MAX:,} entries of a phrase", length=len(entries_text)
         )
-    return tuple(entries)
+    return tuple(phrase_entries)
 
 
 def _entry(words: list[tuple[str, int]]) -> Entry:
-    (when, begin), *rest = words
-    fields = {"at": when}
-    if len(rest) > 1 and _IMPULSE.match(rest[-1][0]):
-        fields["impulse"] = rest[-1][0]
-        v.check_word(PHRASE_ENTRY, "impulse", *rest.pop())
-    v.check_word(PHRASE_ENTRY, "at", when, begin)
-    if not 1 <= len(rest) <= MAX_CHORD:
+    (time_text, time_offset), *struck_words = words
+    entry_fields = {"at": time_text}
+    if len(struck_words) > 1 and _IMPULSE.match(struck_words[-1][0]):
+        entry_fields["impulse"] = struck_words[-1][0]
+        v.check_word(PHRASE_ENTRY, "impulse", *struck_words.pop())
+    v.check_word(PHRASE_ENTRY, "at", time_text, time_offset)
+    if not 1 <= len(struck_words) <= MAX_CHORD:
         message = "what is struck is missing: write for instance 1/2 E4 G4 1mNs"
-        raise TextError(message, offset=begin, length=len(when))
-    for word, offset in rest:
+        raise TextError(message, offset=time_offset, length=len(time_text))
+    for word, offset in struck_words:
         if notes.word_of(word) is None and not re.fullmatch(r"[^\W\d][\w.#-]*", word):
             message = f"{quote(word)} is neither a note nor a module, such as C4 or bell.m"
             raise TextError(message, offset=offset, length=len(word))
-    return {**fields, "what": " ".join(word for word, _ in rest)}
+    return {**entry_fields, "what": " ".join(word for word, _ in struck_words)}
 
 
-def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    v.check_new_name(text)
+def _name(phrase_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    v.check_new_name(phrase_name)
     for what in ("gesture", "take", "player", "instrument", "key"):
-        if text in getattr(scope, f"{what}s"):
-            message = f"{quote(text)} is the name of a {what}: give the phrase another name"
-            raise TextError(message, length=len(text))
-    return text
+        if phrase_name in getattr(scope, f"{what}s"):
+            message = f"{quote(phrase_name)} is the name of a {what}: give the phrase another name"
+            raise TextError(message, length=len(phrase_name))
+    return phrase_name
 
 
-def _read_played(text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_played(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes that play a phrase, as texts."""
-    first = text.split()[0]
+    first = slot_text.split()[0]
     if first not in scope.phrases:  # what is wrong with modules is told by the form before
         raise TextError(f"{quote(first)} is not a phrase", length=len(first))
-    before, do = split_at_do(text)
-    words, options = parse_strikes(before, _OPTIONS)
-    if len(words) > 1:
-        message = f"{quote(words[1].text)} does not belong here: one phrase is played at a time"
-        raise TextError(message, offset=words[1].offset, length=len(words[1].text))
-    check_options(options, scope)
-    fields = {"play": words[0].text, **{name: word.text for name, word in options.items()}}
+    text_before, do = split_at_do(slot_text)
+    placed_words, placed_options = parse_strikes(text_before, _OPTIONS)
+    if len(placed_words) > 1:
+        message = (
+            f"{quote(placed_words[1].text)} does not belong here: one phrase is played at a time"
+        )
+        raise TextError(message, offset=placed_words[1].offset, length=len(placed_words[1].text))
+    check_options(placed_options, scope)
+    strike_fields = {
+        "play": placed_words[0].text,
+        **{name: word.text for name, word in placed_options.items()},
+    }
     if do is not None:
-        if not text[do:].strip():
+        if not slot_text[do:].strip():
             message = "'do' needs a transformation: do scale 0.5, from 2"
-            raise TextError(message, offset=len(before), length=max(1, len(text) - len(before)))
+            raise TextError(
+                message, offset=len(text_before), length=max(1, len(slot_text) - len(text_before))
+            )
         try:
-            split_do(text[do:])
+            split_do(slot_text[do:])
         except TextError as error:
             error.offset += do
             raise
-        fields["do"] = " ".join(text[do:].split())
-    return fields
+        strike_fields["do"] = " ".join(slot_text[do:].split())
+    return strike_fields
 
 
 def _offers(context: CompletionContext) -> Iterator[Completion]:
-    last = context.before[-1] if context.before else ""
+    last_word = context.before[-1] if context.before else ""
     if not context.before:
         yield from v.name_completions(context.scope.phrases)
     elif context.before[0] not in context.scope.phrases:
@@ -123,8 +130,8 @@ def _offers(context: CompletionContext) -> Iterator[Completion]:
     elif "do" in context.before:
         yield from v.transform_completions(context)
         yield from transform_offers(context.before[context.before.index("do") + 1 :])
-    elif last in _OPTIONS:
-        yield Completion(_OPTIONS[last], STRIKES.by_name[last].doc)
+    elif last_word in _OPTIONS:
+        yield Completion(_OPTIONS[last_word], STRIKES.by_name[last_word].doc)
     else:
         for name in (*_OPTIONS, "do"):
             if name not in context.before:
@@ -142,12 +149,12 @@ def _entry_offers(context: CompletionContext) -> Iterator[Completion]:
         yield from v.struck_completions(context)
 
 
-def _read_struck(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if not NAME.fullmatch(text.split(".")[0]) or len(text) > 4 * MAX_NAME:
-        raise TextError(f"{quote(text)} is not an instrument", length=len(text))
-    if text.split(".")[0] not in playable(scope):
-        raise v.unknown_instrument(text, "an instrument", playable(scope), scope)
-    return text
+def _read_struck(struck_path: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if not NAME.fullmatch(struck_path.split(".")[0]) or len(struck_path) > 4 * MAX_NAME:
+        raise TextError(f"{quote(struck_path)} is not an instrument", length=len(struck_path))
+    if struck_path.split(".")[0] not in playable(scope):
+        raise v.unknown_instrument(struck_path, "an instrument", playable(scope), scope)
+    return struck_path
 
 
 NEW_PHRASE = Value(

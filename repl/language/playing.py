@@ -78,21 +78,21 @@ class ParsedPlay:
 
 
 def _read(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> ParsedPlay:
-    names: list[play_words.Word] = []
+    gesture_names: list[play_words.Word] = []
 
     def called(word: str, at: int) -> str:
-        names.append(play_words.Word(word, at))
+        gesture_names.append(play_words.Word(word, at))
         return word
 
     parsed = play_words.parse(text, called=called)
-    for played in names or [parsed.what]:
+    for played in gesture_names or [parsed.what]:
         _with_offset(played.offset, v.PLAYED, played.text, scope)
-    options = {}
+    play_options = {}
     for name, word in parsed.options.items():
         if name in _SCORE_ONLY:
             raise TextError(_SCORE_ONLY[name], offset=word.offset, length=len(word.text))
-        options[name] = _with_offset(word.offset, _value(name), word.text, scope)
-    return ParsedPlay(" ".join(parsed.what.text.split()), options, parsed.do, parsed)
+        play_options[name] = _with_offset(word.offset, _value(name), word.text, scope)
+    return ParsedPlay(" ".join(parsed.what.text.split()), play_options, parsed.do, parsed)
 
 
 def _with_offset(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
@@ -134,22 +134,22 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
     if not context.before:
         yield from v.PLAYED.completions(context)
         return
-    last = context.before[-1]
-    if play_words.OPTIONS.get(last) is not None and last not in _SCORE_ONLY:
-        shape = SHAPES.get(last)
+    last_word = context.before[-1]
+    if play_words.OPTIONS.get(last_word) is not None and last_word not in _SCORE_ONLY:
+        shape = SHAPES.get(last_word)
         choices = shape.choices if isinstance(shape, Text) else ()
         if choices:
-            yield from (v.Completion(str(word), f"how '{last}' is") for word in choices)
+            yield from (v.Completion(str(word), f"how '{last_word}' is") for word in choices)
         else:
-            yield from _value(last).completions(context)
+            yield from _value(last_word).completions(context)
         return
-    if last not in ("do", ",") and not ARITY.get(last):
+    if last_word not in ("do", ",") and not ARITY.get(last_word):
         for option, hint in OPTION_HINTS.items():
             if option not in context.before:
                 yield v.Completion(option, hint)
     if not any(word in (*play_words.OPTIONS, "do", *ARITY) for word in context.before):
         yield from v.PLAYED.completions(context)
-    if last.endswith(",") or last in ("do", *ARGUMENTS):
+    if last_word.endswith(",") or last_word in ("do", *ARGUMENTS):
         yield from v.play_transform_completions(context)
     else:
         yield from v.transform_completions(context)
@@ -161,46 +161,59 @@ OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in _
 PLAYING = v.Value("a gesture or a take", _read, _offers)
 
 
-def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) -> Plays:
+def plays(
+    player: str, parsed_play: ParsedPlay, when: When, line_words: Mapping[str, Word]
+) -> Plays:
     """Make the command. Raises TextError if the line says twice when it begins."""
-    options = dict(play.options)
-    fields = {"player": words["player"], "what": _word(play.written.what, words["play"])}
-    fields |= {name: _word(word, words["play"]) for name, word in play.written.options.items()}
+    play_options = dict(parsed_play.options)
+    words_by_field = {
+        "player": line_words["player"],
+        "what": _word(parsed_play.written.what, line_words["play"]),
+    }
+    words_by_field |= {
+        name: _word(word, line_words["play"]) for name, word in parsed_play.written.options.items()
+    }
     if when is not None:
-        fields["when"] = words["when"]
-    if play.do:
-        text = words["play"].text
-        chain = ", ".join(text[t.offset : t.offset + t.length] for t in play.do)
-        fields["do"] = _word(play_words.Word(chain, play.do[0].offset), words["play"])
-    position: Position | None = options.pop("at", None)
-    if position is not None and when is not None:
+        words_by_field["when"] = line_words["when"]
+    if parsed_play.do:
+        text = line_words["play"].text
+        chain = ", ".join(text[t.offset : t.offset + t.length] for t in parsed_play.do)
+        words_by_field["do"] = _word(
+            play_words.Word(chain, parsed_play.do[0].offset), line_words["play"]
+        )
+    written_position: Position | None = play_options.pop("at", None)
+    if written_position is not None and when is not None:
         message = "this line says twice when it begins: keep one"
-        raise TextError(message, offset=fields["at"].start, length=len(fields["at"].text))
-    if position is not None:
-        fields["when"] = fields.pop("at")
-    fields["play"] = Word(_part_text(fields, play), words["play"].start, words["play"].end)
+        raise TextError(
+            message, offset=words_by_field["at"].start, length=len(words_by_field["at"].text)
+        )
+    if written_position is not None:
+        words_by_field["when"] = words_by_field.pop("at")
+    words_by_field["play"] = Word(
+        _part_text(words_by_field, parsed_play), line_words["play"].start, line_words["play"].end
+    )
     return Plays(
         player,
-        play.what,
-        options.get("every"),
-        options.get("times"),
-        options.get("until"),
-        play.do,
-        playing_options(cast("OptionValues", options)),
-        entry_of_play(play.written, words["play"].text).with_fields(at=None),
-        when=position or when,
-        words=fields,
+        parsed_play.what,
+        play_options.get("every"),
+        play_options.get("times"),
+        play_options.get("until"),
+        parsed_play.do,
+        playing_options(cast("OptionValues", play_options)),
+        entry_of_play(parsed_play.written, line_words["play"].text).with_fields(at=None),
+        when=written_position or when,
+        words=words_by_field,
     )
 
 
-def _part_text(words_by_field: Mapping[str, Word], play: ParsedPlay) -> str:
+def _part_text(words_by_field: Mapping[str, Word], parsed_play: ParsedPlay) -> str:
     """The text as a part has it: what is played and how, without the time."""
-    options = [name for name in play.written.options if name != "at"]
+    options = [name for name in parsed_play.written.options if name != "at"]
     flags = [name for name in options if play_words.OPTIONS.get(name, "") is None]
     words = {play_words.NTH: "every"}
     values = [f"{words.get(n, n)} {words_by_field[n].text}" for n in options if n not in flags]
-    chain = [f"do {words_by_field['do'].text}"] if play.do else []
-    return " ".join([play.what, *values, *flags, *chain])
+    chain = [f"do {words_by_field['do'].text}"] if parsed_play.do else []
+    return " ".join([parsed_play.what, *values, *flags, *chain])
 
 
 def _word(word: play_words.Word, play: Word) -> Word:

@@ -54,37 +54,43 @@ def _targets(context: v.CompletionContext) -> Iterator[v.Completion]:
 
 def _fields(text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str, str]:
     """The fields of a tuning; none for `off`. Raises TextError."""
-    words = [(match.start(), match.group()) for match in _WORD.finditer(text)]
+    placed_words = [(match.start(), match.group()) for match in _WORD.finditer(text)]
     if text.strip() == _NONE:
         return {}
-    for name, pattern in TUNING.lone.items():
-        if len(words) == 1 and (match := re.fullmatch(pattern, words[0][1])):
-            return {name: match[1]}
-    fields: dict[str, str] = {}
-    for (start, name), (offset, word) in zip(words[::2], words[1::2], strict=False):
-        if name not in TUNING.by_name or name in fields:
+    for field_name, pattern in TUNING.lone.items():
+        if len(placed_words) == 1 and (match := re.fullmatch(pattern, placed_words[0][1])):
+            return {field_name: match[1]}
+    tuning_fields: dict[str, str] = {}
+    for (name_offset, field_name), (offset, value_text) in zip(
+        placed_words[::2], placed_words[1::2], strict=False
+    ):
+        if field_name not in TUNING.by_name or field_name in tuning_fields:
             known = ", ".join(TUNING.by_name)
-            message = f"{quote(name)} says nothing of a tuning; it has {known}, each once"
-            near = TUNING.meant.get(name) or nearest(name, TUNING.by_name)
-            raise TextError(message, offset=start, length=len(name), suggestion=near)
-        v.check_word(TUNING, name, word, offset)
-        fields[name] = word
-    if len(words) % 2:
-        start, name = words[-1]
-        example = f"{name} {_EXAMPLES[name]}" if name in _EXAMPLES else "edo 19, A4 442Hz or off"
-        message = f"a value is missing after {quote(name)}, such as {example}"
-        raise TextError(message, offset=start, length=len(name))
-    return fields
+            message = f"{quote(field_name)} says nothing of a tuning; it has {known}, each once"
+            near = TUNING.meant.get(field_name) or nearest(field_name, TUNING.by_name)
+            raise TextError(message, offset=name_offset, length=len(field_name), suggestion=near)
+        v.check_word(TUNING, field_name, value_text, offset)
+        tuning_fields[field_name] = value_text
+    if len(placed_words) % 2:
+        name_offset, field_name = placed_words[-1]
+        example = (
+            f"{field_name} {_EXAMPLES[field_name]}"
+            if field_name in _EXAMPLES
+            else "edo 19, A4 442Hz or off"
+        )
+        message = f"a value is missing after {quote(field_name)}, such as {example}"
+        raise TextError(message, offset=name_offset, length=len(field_name))
+    return tuning_fields
 
 
 def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
     if len(context.before) % 2:
-        if (name := context.before[-1]) in _EXAMPLES:
-            yield v.Completion(_EXAMPLES[name], TUNING.by_name[name].doc)
+        if (field_name := context.before[-1]) in _EXAMPLES:
+            yield v.Completion(_EXAMPLES[field_name], TUNING.by_name[field_name].doc)
         return
-    for name, field in TUNING.by_name.items():
-        if name not in context.before:
-            yield v.Completion(name, field.doc)
+    for field_name, field in TUNING.by_name.items():
+        if field_name not in context.before:
+            yield v.Completion(field_name, field.doc)
     if not context.before:
         yield v.Completion(_NONE, "the tuning of the score, or equal steps")
 

@@ -29,65 +29,77 @@ _OPTIONS = {
 }
 
 
-def _read(text: str, scope: Scope, slots: Mapping[str, Any]) -> Mapping[str, str]:
+def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes with a rhythm, as texts; the form is tried for quotes alone."""
-    end = text.find('"', 1)
+    end = slot_text.find('"', 1)
     if end < 0:
         message = "the quote at the end of the rhythm is missing"
-        raise TextError(message, length=len(text), suggestion=f'{text}"')
-    rhythm, rest, start = text[1:end], text[end + 1 :], end + 1
-    before, do = split_at_do(rest)
-    words, options = parse_strikes(before, _OPTIONS)
-    words, options = with_level(words, options, ())
+        raise TextError(message, length=len(slot_text), suggestion=f'{slot_text}"')
+    rhythm, text_after, after_offset = slot_text[1:end], slot_text[end + 1 :], end + 1
+    before, do = split_at_do(text_after)
+    placed_words, placed_options = parse_strikes(before, _OPTIONS)
+    placed_words, placed_options = with_level(placed_words, placed_options, ())
     try:
-        if words:
-            message = f"{quote(words[0].text)} does not belong here: after the rhythm come levels, "
+        if placed_words:
+            message = (
+                f"{quote(placed_words[0].text)} does not belong here: after the rhythm come "
+                "levels, "
+            )
             message += f"such as f, and {', '.join(_OPTIONS)}, do"
-            raise TextError(message, offset=words[0].offset, length=len(words[0].text))
-        check_options({name: word for name, word in options.items() if name != "to"}, scope)
-        to = options.get("to")
+            raise TextError(
+                message, offset=placed_words[0].offset, length=len(placed_words[0].text)
+            )
+        check_options({name: word for name, word in placed_options.items() if name != "to"}, scope)
+        to = placed_options.get("to")
         if to is not None and to.text.split(".")[0] not in playable(scope):
             error = v.unknown_instrument(to.text, "an instrument", playable(scope), scope)
             error.offset = to.offset
             raise error
     except TextError as error:
-        error.offset += start
+        error.offset += after_offset
         raise
-    fields = {name: word.text for name, word in options.items()}
-    whose = fields.get("to") or (slots["name"] if slots["name"] in playable(scope) else "")
+    strike_fields = {name: word.text for name, word in placed_options.items()}
+    whose = strike_fields.get("to") or (
+        slots_read["name"] if slots_read["name"] in playable(scope) else ""
+    )
     try:
         check_text(rhythm)
-        _check_words(rhythm, whose, scope, is_sure="impulse" in fields)
+        _check_words(rhythm, whose, scope, is_sure="impulse" in strike_fields)
     except TextError as error:
         error.offset += 1
         raise
-    fields = {"rhythm": rhythm, **({"to": whose} if whose else {}), **fields}
+    strike_fields = {"rhythm": rhythm, **({"to": whose} if whose else {}), **strike_fields}
     if do is not None:
-        fields["do"] = transforms(rest[do:], start + do, rhythm)
-    return fields
+        strike_fields["do"] = transforms(text_after[do:], after_offset + do, rhythm)
+    return strike_fields
 
 
 def _check_words(text: str, to: str, scope: Scope, *, is_sure: bool) -> None:
     """Refuse words that name nothing, and those that need a level. Raises TextError."""
-    for struck in compiled(text, "").leaves:
-        name = name_of(struck)
-        if notes_of(name) or name == HERE:
+    for struck_leaf in compiled(text, "").leaves:
+        instrument_name = name_of(struck_leaf)
+        if notes_of(instrument_name) or instrument_name == HERE:
             if to:
-                name = to
+                instrument_name = to
             else:
-                message = f"whose is {quote(name)}? write `to` and an instrument after the rhythm"
-                raise TextError(message, offset=struck.offset, length=len(name))
-        part = name.split(".")[0]
+                message = (
+                    f"whose is {quote(instrument_name)}? write `to` and an instrument after the "
+                    "rhythm"
+                )
+                raise TextError(message, offset=struck_leaf.offset, length=len(instrument_name))
+        part_name = instrument_name.split(".")[0]
         error = None
-        if part not in playable(scope) and part not in scope.keys:
+        if part_name not in playable(scope) and part_name not in scope.keys:
             error = v.unknown_instrument(
-                part, "an instrument or a key", (*playable(scope), *scope.keys), scope
+                part_name, "an instrument or a key", (*playable(scope), *scope.keys), scope
             )
-        elif part not in scope.acts and not is_sure and level_of(struck) is None:
-            message = f"the impulse is missing: {quote(part)} does not say how it is played; write "
-            error = TextError(f"{message}it after the rhythm, such as 2mNs", length=len(part))
+        elif part_name not in scope.acts and not is_sure and level_of(struck_leaf) is None:
+            message = (
+                f"the impulse is missing: {quote(part_name)} does not say how it is played; write "
+            )
+            error = TextError(f"{message}it after the rhythm, such as 2mNs", length=len(part_name))
         if error is not None:
-            error.offset = struck.offset
+            error.offset = struck_leaf.offset
             raise error
 
 

@@ -62,12 +62,12 @@ def playable(scope: Scope) -> Mapping[str, str]:
     return {**scope.instruments, **scope.available}
 
 
-def unused_family(name: str, scope: Scope) -> str | None:
+def unused_family(instrument_name: str, scope: Scope) -> str | None:
     """The family that an instrument is to be brought in from; None if a line may play that name,
     or no family has it.
     """
-    families = (family for family, members in scope.families.items() if name in members)
-    return None if name in playable(scope) else next(families, None)
+    families = (family for family, members in scope.families.items() if instrument_name in members)
+    return None if instrument_name in playable(scope) else next(families, None)
 
 
 def scores_in(folder: Path | None) -> list[Path]:
@@ -116,27 +116,27 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
     )
 
 
-def with_name(scope: Scope, section: str, name: str) -> Scope:
+def with_name(scope: Scope, section_name: str, new_name: str) -> Scope:
     """The scope with a name added to one section, because a line above defines it."""
-    known = getattr(scope, section)
-    if name in known:
+    known = getattr(scope, section_name)
+    if new_name in known:
         return scope
-    added: Any = {section: {**known, name: "defined above"}}
+    added: Any = {section_name: {**known, new_name: "defined above"}}
     return replace(scope, **added)
 
 
 def _families(piece: Piece) -> dict[str, dict[str, str]]:
     """Families that ship, and those that the score uses."""
-    known = {
+    known_families = {
         name: {member.name: member.about for member in some} for name, some in library().items()
     }
-    for name in piece.used:
-        known.setdefault(name, {})
+    for instrument_name in piece.used:
+        known_families.setdefault(instrument_name, {})
     for full in piece.available:
-        family, _, name = full.rpartition(".")
-        if family in known:
-            known[family].setdefault(name, "")
-    return known
+        family, _, instrument_name = full.rpartition(".")
+        if family in known_families:
+            known_families[family].setdefault(instrument_name, "")
+    return known_families
 
 
 def _file_hint(full: str) -> str:
@@ -188,33 +188,33 @@ def _acts(piece: Piece) -> Iterator[tuple[str, Sequence[str]]]:
 def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
     """The fields with a quantity of every written module; all members of a module share them."""
     for key in piece.keys.values():
-        for module in key.modules:
-            yield from _fields(key.name, module, "si")
+        for part_module in key.modules:
+            yield from _fields(key.name, part_module, "si")
     for instrument in piece.instruments.values():
         if pitched_module(instrument) is not None:
             yield f"{instrument.name}.f", k.PITCH
         yield f"{instrument.name}.transpose", TRANSPOSITION
-        for module in instrument.modules:
-            yield from _fields(instrument.name, module, instrument.form)
-    for name, members in piece.families.items():
-        yield f"{name}.transpose", TRANSPOSITION
+        for part_module in instrument.modules:
+            yield from _fields(instrument.name, part_module, instrument.form)
+    for family_name, members in piece.families.items():
+        yield f"{family_name}.transpose", TRANSPOSITION
         if (member := piece.instruments.get(members[0])) is not None:
             if pitched_module(member) is not None:
-                yield f"{name}.f", INTERVAL_OR_FACTOR
-            for module in member.modules:
-                yield from _fields(name, module, member.form)
+                yield f"{family_name}.f", INTERVAL_OR_FACTOR
+            for part_module in member.modules:
+                yield from _fields(family_name, part_module, member.form)
 
 
-def _fields(part: str, module: Module, form: Form) -> Iterator[tuple[str, Text]]:
-    path = ".".join(filter(None, (part, module.name)))
-    if module.kind == "BANK":  # each member has its own
+def _fields(part: str, written_module: Module, module_form: Form) -> Iterator[tuple[str, Text]]:
+    path = ".".join(filter(None, (part, written_module.name)))
+    if written_module.kind == "BANK":  # each member has its own
         yield from ((f"{path}.{name}", FACTOR) for name in PARAMETERS["BANK"])
-    for field_ in KINDS[module.kind].tables[form].fields:
+    for field_ in KINDS[written_module.kind].tables[module_form].fields:
         shape = k.POSITION if field_.shape is GAP else field_.shape  # one for all of its points
         if isinstance(shape, Text) and shape in QUANTITIES and field_.name not in _INITIAL_FIELDS:
             yield f"{path}.{field_.name}", shape
-    for name in module.fields.get("constants", ()):
-        yield f"{path}.{name}", k.NUMBER if form == "ca" else k.CONSTANT
+    for name in written_module.fields.get("constants", ()):
+        yield f"{path}.{name}", k.NUMBER if module_form == "ca" else k.CONSTANT
 
 
 # Kinds of fields that hold one number, which can glide.

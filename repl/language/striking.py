@@ -69,34 +69,42 @@ OPTIONS = {
 }
 
 
-def _read(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
+def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of the strikes, as texts."""
-    first = text.split()[0]
+    first = slot_text.split()[0]
     if first in scope.phrases and first not in playable(scope):  # the next form reads it
         raise v.unknown_instrument(
             first, "an instrument or a key", (*playable(scope), *scope.keys), scope
         )
-    before, do = split_at_do(text)
-    modules, options = parse_strikes(before, OPTIONS)
-    modules, options = with_level(modules, options, (*playable(scope), *scope.keys))
-    if not modules:
+    text_before, do = split_at_do(slot_text)
+    module_words, placed_options = parse_strikes(text_before, OPTIONS)
+    module_words, placed_options = with_level(
+        module_words, placed_options, (*playable(scope), *scope.keys)
+    )
+    if not module_words:
         message = "the modules are missing: rain strikes bell.m every 1 impulse 2mNs"
-        raise TextError(message, length=len(text))
-    for module in modules:
-        part = module.text.split(".")[0]
+        raise TextError(message, length=len(slot_text))
+    for module_word in module_words:
+        part = module_word.text.split(".")[0]
         if part not in playable(scope) and part not in scope.keys:
             error = v.unknown_instrument(
                 part, "an instrument or a key", (*playable(scope), *scope.keys), scope
             )
-            error.offset += module.offset
+            error.offset += module_word.offset
             raise error
-    check_options(options, scope)
-    unsure = (m.text for m in modules if m.text.split(".")[0] not in scope.acts)
-    if not options.keys() & {"impulse", "mass"} and (name := next(unsure, None)):
+    check_options(placed_options, scope)
+    unsure = (m.text for m in module_words if m.text.split(".")[0] not in scope.acts)
+    if not placed_options.keys() & {"impulse", "mass"} and (name := next(unsure, None)):
         message = f"the impulse is missing: {quote(name.split('.')[0])} does not say how it is "
-        raise TextError(f"{message}played; write for instance impulse 2mNs", offset=len(before))
-    to = " ".join(module.text for module in modules)
-    return {"to": to, **{name: word.text for name, word in options.items()}, **_do(text, do)}
+        raise TextError(
+            f"{message}played; write for instance impulse 2mNs", offset=len(text_before)
+        )
+    to = " ".join(module.text for module in module_words)
+    return {
+        "to": to,
+        **{name: word.text for name, word in placed_options.items()},
+        **_do(slot_text, do),
+    }
 
 
 def _do(text: str, start: int | None) -> dict[str, str]:
@@ -105,39 +113,46 @@ def _do(text: str, start: int | None) -> dict[str, str]:
 
 
 def with_level(
-    words: Sequence[PlacedWord], options: dict[str, PlacedWord], known: Container[str]
+    words_before: Sequence[PlacedWord], placed_options: dict[str, PlacedWord], known: Container[str]
 ) -> tuple[list[PlacedWord], dict[str, PlacedWord]]:
     """Words before the options, without strengths at their end, which become `impulse`."""
-    stop = len(words)
-    while stop and words[stop - 1].text not in known and is_level(words[stop - 1].text):
-        stop -= 1
-    if stop == len(words) or "impulse" in options:
-        return [*words], options
-    text = " ".join(word.text for word in words[stop:])
-    return [*words[:stop]], {"impulse": PlacedWord(text, words[stop].offset), **options}
+    words_stop = len(words_before)
+    while (
+        words_stop
+        and words_before[words_stop - 1].text not in known
+        and is_level(words_before[words_stop - 1].text)
+    ):
+        words_stop -= 1
+    if words_stop == len(words_before) or "impulse" in placed_options:
+        return [*words_before], placed_options
+    text = " ".join(word.text for word in words_before[words_stop:])
+    return [*words_before[:words_stop]], {
+        "impulse": PlacedWord(text, words_before[words_stop].offset),
+        **placed_options,
+    }
 
 
 def check_options(options: Mapping[str, PlacedWord], scope: Scope) -> None:
     """Check the values of options. Raises TextError."""
-    for name, word in options.items():
+    for name, option_word in options.items():
         shape = amounts.POSITION if name == "until" else STRIKES.by_name[name].shape
         try:
             if isinstance(shape, Text):
-                shape.parse(word.text)
+                shape.parse(option_word.text)
             else:
-                amounts.POSITION.read(word.text, scope, {})
+                amounts.POSITION.read(option_word.text, scope, {})
         except TextError as error:
-            error.offset += word.offset
+            error.offset += option_word.offset
             raise
 
 
 def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
-    last = context.before[-1] if context.before else ""
+    last_word = context.before[-1] if context.before else ""
     if "do" in context.before:
         yield from transform_offers(context.before[context.before.index("do") + 1 :])
         return
-    if last in OPTIONS:
-        yield v.Completion(OPTIONS[last].split()[0], STRIKES.by_name[last].doc)
+    if last_word in OPTIONS:
+        yield v.Completion(OPTIONS[last_word].split()[0], STRIKES.by_name[last_word].doc)
         return
     if context.before and context.before[0] in context.scope.phrases:
         return
@@ -158,21 +173,26 @@ def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     return text
 
 
-def _read_notes(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
+def _read_notes(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes that have notes, as texts."""
-    before, do = split_at_do(text)
-    words_read, options = parse_strikes(before, OPTIONS)
-    words_read, options = with_level(words_read, options, ())
-    end = words_read[-1].offset + len(words_read[-1].text) if words_read else 0
-    parse_values(text[:end], amount_reader(k.PITCH.parse, "f"), is_pitch=True)
-    check_options(options, scope)
-    if not options.keys() & {"every", "euclid"}:
+    text_before, do = split_at_do(slot_text)
+    words_read, placed_options = parse_strikes(text_before, OPTIONS)
+    words_read, placed_options = with_level(words_read, placed_options, ())
+    words_end = words_read[-1].offset + len(words_read[-1].text) if words_read else 0
+    parse_values(slot_text[:words_end], amount_reader(k.PITCH.parse, "f"), is_pitch=True)
+    check_options(placed_options, scope)
+    if not placed_options.keys() & {"every", "euclid"}:
         message = "the length of a step is missing: every 1"
-        raise TextError(message, offset=end, length=max(1, len(before) - end))
-    written = {name: word.text for name, word in options.items()} | _do(text, do)
+        raise TextError(message, offset=words_end, length=max(1, len(text_before) - words_end))
+    written = {name: word.text for name, word in placed_options.items()} | _do(slot_text, do)
     is_sure = slots_read["name"].split(".")[0] in scope.acts or written.keys() & {"impulse", "mass"}
     loud = {} if is_sure else {"impulse": _LOUD}
-    return {"to": slots_read["name"], "notes": " ".join(text[:end].split()), **written, **loud}
+    return {
+        "to": slots_read["name"],
+        "notes": " ".join(slot_text[:words_end].split()),
+        **written,
+        **loud,
+    }
 
 
 def _offers_notes(context: v.CompletionContext) -> Iterator[v.Completion]:

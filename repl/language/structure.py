@@ -37,14 +37,14 @@ def _end_names(scope: Scope) -> dict[str, str]:
     return {**_modules(scope), **v.module_names(scope)}
 
 
-def _end(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if text in ("on", "off"):
-        raise TextError(_ABLETON_LINK_HINT, length=len(text))
-    part = text.partition(".")[0]
+def _end(end_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if end_text in ("on", "off"):
+        raise TextError(_ABLETON_LINK_HINT, length=len(end_text))
+    part = end_text.partition(".")[0]
     # Only the part is checked here: the score knows members (`string.12`) and modules from files.
     if part not in scope.keys and part not in playable(scope):
-        raise v.unknown_name(text, "a key or a module", _end_names(scope))
-    return text
+        raise v.unknown_name(end_text, "a key or a module", _end_names(scope))
+    return end_text
 
 
 def _ends(context: CompletionContext) -> Iterator[Completion]:
@@ -57,37 +57,49 @@ def _kind(text: str, *_: Any) -> str:
     return text
 
 
-def pairs(text: str, offset: int = 0) -> Iterator[tuple[str, str, int]]:
+def pairs(text: str, text_offset: int = 0) -> Iterator[tuple[str, str, int]]:
     """The fields of `K=4kN/m gap=1mm`: name, value, and where the name begins."""
-    for word in re.finditer(r"\S+", text):
-        name, equals, value = word.group().partition("=")
-        if equals and name and not value:
-            message = f"'{name[:40]}' needs a value, such as K=4kN/m"
-            raise TextError(message, offset=offset + word.start(), length=len(word.group()))
-        if not (equals and name):
-            message = f"{quote(word.group())} is not a field with its value: write one such as "
+    for word_match in re.finditer(r"\S+", text):
+        field_name, equals, field_text = word_match.group().partition("=")
+        if equals and field_name and not field_text:
+            message = f"'{field_name[:40]}' needs a value, such as K=4kN/m"
+            raise TextError(
+                message, offset=text_offset + word_match.start(), length=len(word_match.group())
+            )
+        if not (equals and field_name):
+            message = (
+                f"{quote(word_match.group())} is not a field with its value: write one such as "
+            )
             message += "K=4kN/m, or notes=C3..C5"
-            raise TextError(message, offset=offset + word.start(), length=len(word.group()))
-        yield name, value, offset + word.start()
+            raise TextError(
+                message, offset=text_offset + word_match.start(), length=len(word_match.group())
+            )
+        yield field_name, field_text, text_offset + word_match.start()
 
 
 def _fields(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
-    table, fields = KINDS[slots_read["kind"]].table, dict[str, str]()
-    names = [field.name for field in table.fields if field.name not in _ENDS]
-    for name, value, offset in pairs(text):
-        if name not in names and table.free is None:
-            near = nearest(name, names)
-            message = f"{slots_read['kind']} has no field {quote(name)}; it has {', '.join(names)}"
-            raise TextError(message, offset=offset, length=len(name), suggestion=near)
-        shape: Shape | None = table.by_name[name].shape if name in table.by_name else None
+    field_table, module_fields = KINDS[slots_read["kind"]].table, dict[str, str]()
+    names = [field.name for field in field_table.fields if field.name not in _ENDS]
+    for field_name, field_text, field_offset in pairs(text):
+        if field_name not in names and field_table.free is None:
+            near = nearest(field_name, names)
+            message = (
+                f"{slots_read['kind']} has no field {quote(field_name)}; it has {', '.join(names)}"
+            )
+            raise TextError(message, offset=field_offset, length=len(field_name), suggestion=near)
+        shape: Shape | None = (
+            field_table.by_name[field_name].shape if field_name in field_table.by_name else None
+        )
         if isinstance(shape, Either):
             shape = shape.scalar  # a line has room for one value
         if isinstance(shape, Text):
-            check_value(shape, value, offset + len(name) + 1)
-        if name in fields:
-            raise TextError(f"{quote(name)} is written twice", offset=offset, length=len(name))
-        fields[name] = value
-    return fields
+            check_value(shape, field_text, field_offset + len(field_name) + 1)
+        if field_name in module_fields:
+            raise TextError(
+                f"{quote(field_name)} is written twice", offset=field_offset, length=len(field_name)
+            )
+        module_fields[field_name] = field_text
+    return module_fields
 
 
 def check_value(shape: Text, value: str, offset: int) -> None:
@@ -107,32 +119,36 @@ def _field_offers(context: CompletionContext) -> Iterator[Completion]:
                 yield Completion(f"{field.name}=", field.doc)
 
 
-def _base(text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, float, dict[str, str]]:
-    words = [(word.group(), word.start()) for word in re.finditer(r"\S+", text)]
-    base, _offset = words[0]
-    if base not in playable(scope) and not _FILE_AND_NAME.fullmatch(base):
+def _base(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, float, dict[str, str]]:
+    placed_words = [(word.group(), word.start()) for word in re.finditer(r"\S+", slot_text)]
+    base_name, _offset = placed_words[0]
+    if base_name not in playable(scope) and not _FILE_AND_NAME.fullmatch(base_name):
         known = [*playable(scope), "bell/bell", "gong/plate"]
-        raise v.unknown_name(base, "an instrument or a file and a name such as bell/bell", known)
-    semitones, fields, i = 0.0, dict[str, str](), 1
-    while i < len(words):
-        word, offset = words[i]
-        if word == "transpose":
-            value, place = words[i + 1] if i + 1 < len(words) else ("", len(text))
+        raise v.unknown_name(
+            base_name, "an instrument or a file and a name such as bell/bell", known
+        )
+    semitones, changed_fields, i = 0.0, dict[str, str](), 1
+    while i < len(placed_words):
+        word_text, offset = placed_words[i]
+        if word_text == "transpose":
+            value_text, place = (
+                placed_words[i + 1] if i + 1 < len(placed_words) else ("", len(slot_text))
+            )
             try:
-                interval = parse_interval(value)
+                interval = parse_interval(value_text)
             except TextError as error:
                 error.offset += place
                 raise
             if interval.cents is None:  # a score says it as it is typed
-                fields["transpose"] = value
+                changed_fields["transpose"] = value_text
             else:
                 semitones = interval.cents / 100.0
             i += 2
             continue
-        for name, value, _place in pairs(word, offset):
-            fields[name] = value
+        for name, value_text, _place in pairs(word_text, offset):
+            changed_fields[name] = value_text
         i += 1
-    return base, semitones, fields
+    return base_name, semitones, changed_fields
 
 
 def _bases(context: CompletionContext) -> Iterator[Completion]:
@@ -148,41 +164,41 @@ def _bases(context: CompletionContext) -> Iterator[Completion]:
 def _file_offers(context: CompletionContext) -> Iterator[Completion]:
     """Families; behind the slash, the instruments of one."""
     family, slash, _ = context.typed.partition("/")
-    for name, members in context.scope.families.items():
+    for family_name, members in context.scope.families.items():
         if not slash:
-            yield Completion(f"{name}/", ", ".join(members) or "no instruments")
-        elif name == family:
+            yield Completion(f"{family_name}/", ", ".join(members) or "no instruments")
+        elif family_name == family:
             for member, about in members.items():
-                yield Completion(f"{name}/{member}", about or "an instrument")
+                yield Completion(f"{family_name}/{member}", about or "an instrument")
 
 
-def _new_part(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _new_part(part_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
     for what, known in (("gesture", scope.gestures), ("take", scope.takes)):
-        if text in known:
-            message = f"{quote(text)} is a {what}: give the instrument another name"
-            raise TextError(message, length=len(text))
-    return v.check_new_name(text)
+        if part_name in known:
+            message = f"{quote(part_name)} is a {what}: give the instrument another name"
+            raise TextError(message, length=len(part_name))
+    return v.check_new_name(part_name)
 
 
-def _known_or_new(section: str) -> Value:
+def _known_or_new(section_name: str) -> Value:
     def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-        return text if text in getattr(scope, section) else v.check_new_name(text)
+        return text if text in getattr(scope, section_name) else v.check_new_name(text)
 
     def offers(context: CompletionContext) -> Iterator[Completion]:
-        return v.name_completions(getattr(context.scope, section))
+        return v.name_completions(getattr(context.scope, section_name))
 
     return Value("a name", read, offers)
 
 
 def _channels(text: str, *_: Any) -> tuple[str, ...]:
-    words = text.split()
-    if words == ["nearest"]:
+    channel_words = text.split()
+    if channel_words == ["nearest"]:
         return ("nearest",)
     for word in re.finditer(r"\S+", text):
         if not re.fullmatch(r"[1-9][0-9]{0,3}", word.group()):
             message = f"{quote(word.group())} is not a channel from 1, or nearest"
             raise TextError(message, offset=word.start(), length=len(word.group()))
-    return tuple(words)
+    return tuple(channel_words)
 
 
 def _channel_offers(context: CompletionContext) -> Iterator[Completion]:

@@ -20,31 +20,34 @@ def split_at_do(text: str) -> tuple[str, int | None]:
     return (text, None) if do is None else (text[: do.start()], do.end())
 
 
-def transforms(text: str, start: int, rhythm: str) -> str:
-    """Transformations as written, which the rhythm takes; `start` is their place in the line.
+def transforms(chain_text: str, chain_start: int, rhythm: str) -> str:
+    """Transformations as written, which the rhythm takes; `chain_start` is their place in the line.
 
     Raises TextError.
     """
-    if not text.strip():
+    if not chain_text.strip():
         example = "do rev, or do every 4 rev"
-        raise TextError(f"a transformation is missing: {example}", offset=max(0, start - 1))
+        raise TextError(f"a transformation is missing: {example}", offset=max(0, chain_start - 1))
     try:
-        parse_transforms(text)
-        compiled(rhythm, text.strip())
+        parse_transforms(chain_text)
+        compiled(rhythm, chain_text.strip())
     except TextError as error:
-        error.offset += start
+        error.offset += chain_start
         raise
-    return text.strip()
+    return chain_text.strip()
 
 
 def transform_offers(before: Sequence[str]) -> Iterator[Completion]:
     """Transformations, at the beginning and behind a comma; values behind a transformation."""
-    form = TABLE.get(before[-1]) if before else None
+    last_form = TABLE.get(before[-1]) if before else None
     if not before or before[-1].endswith(","):
         yield from (Completion(name, form.line) for name, form in TABLE.items())
-    elif form is not None:
+    elif last_form is not None:
         words = [
-            word for readers in form.arguments for reader in readers[:1] for word in reader.known
+            word
+            for readers in last_form.arguments
+            for reader in readers[:1]
+            for word in reader.known
         ]
-        for word in dict.fromkeys(words) or form.example.split()[1:2]:
-            yield Completion(word, f"as in {form.example}")
+        for word in dict.fromkeys(words) or last_form.example.split()[1:2]:
+            yield Completion(word, f"as in {last_form.example}")

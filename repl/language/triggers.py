@@ -51,14 +51,14 @@ class Every:
             first, into = tempo.bar_beat(begin)
             bar, _ = tempo.bar_beat(after)
             bar += (first - bar) % n_bars
-            beat = tempo.bars.start(bar) + into - 1.0
-            if beat <= after + SAME:
-                beat = tempo.bars.start(bar + n_bars) + into - 1.0
+            run_beat = tempo.bars.start(bar) + into - 1.0
+            if run_beat <= after + SAME:
+                run_beat = tempo.bars.start(bar + n_bars) + into - 1.0
         else:
             step = self.length.beats
             count = math.floor((after - begin) / step + SAME) + 1
-            beat = begin + count * step
-        return beat if beat <= until + SAME else None
+            run_beat = begin + count * step
+        return run_beat if run_beat <= until + SAME else None
 
     def count(self, tempo: TempoMap, begin: float, before: float) -> int:
         """How often the block runs from the beginning of the rule until before a beat."""
@@ -105,16 +105,16 @@ class Condition:
 
     def next_beat(self, tempo: TempoMap, begin: float, after: float, until: float) -> float | None:
         """The first beat after `after` and not after `until` on which the block runs."""
-        bar, _ = tempo.bar_beat(max(0.0, after))
+        bar_index, _ = tempo.bar_beat(max(0.0, after))
         last, _ = tempo.bar_beat(until)
         asks_beat = any(clause.what == "beat" for clause in self.clauses)
-        while bar <= last:
-            start, per_bar = tempo.bars.bar(bar)
+        while bar_index <= last:
+            start, per_bar = tempo.bars.bar(bar_index)
             for beat in range(1, per_bar + 1 if asks_beat else 2):
                 beat_after = start + beat - 1.0
-                if after + SAME < beat_after <= until + SAME and self.holds(bar, beat):
+                if after + SAME < beat_after <= until + SAME and self.holds(bar_index, beat):
                     return beat_after
-            bar += 1
+            bar_index += 1
         return None
 
     def count(self, tempo: TempoMap, begin: float, before: float) -> int:
@@ -129,24 +129,28 @@ class Condition:
 Trigger = Every | Condition
 
 
-def parse_every(text: str) -> Every:
+def parse_every(condition_text: str) -> Every:
     """Read `4bar` or `2`. Raises TextError."""
-    length = parse_length(text)
-    bars = length.bars
-    if length.seconds or not 1.0 <= bars + length.beats <= _NUMBER_MAX or bars != round(bars):
+    parsed_length = parse_length(condition_text)
+    bars = parsed_length.bars
+    if (
+        parsed_length.seconds
+        or not 1.0 <= bars + parsed_length.beats <= _NUMBER_MAX
+        or bars != round(bars)
+    ):
         message = f"a block runs every so many beats or whole bars, from 1 to {_NUMBER_MAX:,}"
-        raise TextError(f"{message}: every 4bar", length=len(text))
-    return Every(length, f"every {text.strip()}")
+        raise TextError(f"{message}: every 4bar", length=len(condition_text))
+    return Every(parsed_length, f"every {condition_text.strip()}")
 
 
-def parse_condition(text: str) -> Condition:
+def parse_condition(condition_text: str) -> Condition:
     """Read `bar % 4 == 3 and beat == 1`. Raises TextError."""
     clauses, offset = [], 0
-    for part in _AND.split(text.strip()):
-        place = text.index(part, offset)
+    for part in _AND.split(condition_text.strip()):
+        place = condition_text.index(part, offset)
         clauses.append(_clause(part, place))
         offset = place + len(part)
-    return Condition(tuple(clauses), f"when {' '.join(text.split())}")
+    return Condition(tuple(clauses), f"when {' '.join(condition_text.split())}")
 
 
 def parse_trigger(text: str) -> Trigger:
@@ -157,24 +161,28 @@ def parse_trigger(text: str) -> Trigger:
     return parse_every(rest) if word == "every" else parse_condition(rest)
 
 
-def _clause(text: str, offset: int) -> Clause:
-    match = _CLAUSE.fullmatch(text)
-    if match is None:
-        near = re.sub(r"(?<![=!<>])=(?!=)", "==", text)
-        near = re.sub(r"\s+(?:is|equals)\s+", " == ", near)
+def _clause(clause_text: str, clause_offset: int) -> Clause:
+    clause_match = _CLAUSE.fullmatch(clause_text)
+    if clause_match is None:
+        nearest_clause = re.sub(r"(?<![=!<>])=(?!=)", "==", clause_text)
+        nearest_clause = re.sub(r"\s+(?:is|equals)\s+", " == ", nearest_clause)
         raise TextError(
-            f"{quote(text)} is not a condition: {FORM}",
-            offset=offset,
-            length=max(1, len(text)),
-            suggestion=near if near != text and _CLAUSE.fullmatch(near) else None,
+            f"{quote(clause_text)} is not a condition: {FORM}",
+            offset=clause_offset,
+            length=max(1, len(clause_text)),
+            suggestion=nearest_clause
+            if nearest_clause != clause_text and _CLAUSE.fullmatch(nearest_clause)
+            else None,
         )
-    modulus = None if match["modulus"] is None else int(match["modulus"])
-    clause = Clause(match["what"], modulus, match["compares"], int(match["number"]))
+    modulus = None if clause_match["modulus"] is None else int(clause_match["modulus"])
+    clause = Clause(
+        clause_match["what"], modulus, clause_match["compares"], int(clause_match["number"])
+    )
     values = range(1, _NUMBER_MAX + 1) if modulus is None else range(modulus)
     if not any(_COMPARISONS[clause.comparison](value, clause.number) for value in values):
         limit = f"{clause.what}s count from 1 to {_NUMBER_MAX:,}"
         if modulus is not None:
             limit = f"a remainder of % {modulus} is from 0 to {modulus - 1}" if modulus else "% 0"
-        message = f"{quote(text)} is never true: {limit}"
-        raise TextError(message, offset=offset, length=len(text))
+        message = f"{quote(clause_text)} is never true: {limit}"
+        raise TextError(message, offset=clause_offset, length=len(clause_text))
     return clause

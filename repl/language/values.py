@@ -65,7 +65,7 @@ class Value:
 # --- names ---------------------------------------------------------------------------------------
 
 
-def name_value(what: str, *sections: str) -> Value:
+def name_value(kind_name: str, *sections: str) -> Value:
     """The name of something in one of these sections of the scope."""
 
     def known(scope: Scope) -> dict[str, str]:
@@ -73,10 +73,10 @@ def name_value(what: str, *sections: str) -> Value:
 
     def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
         if text not in (names := known(scope)):
-            raise unknown_instrument(text, what, names, scope)
+            raise unknown_instrument(text, kind_name, names, scope)
         return text
 
-    return Value(what, read, lambda context: name_completions(known(context.scope)))
+    return Value(kind_name, read, lambda context: name_completions(known(context.scope)))
 
 
 def name_completions(names: Mapping[str, str]) -> Iterator[Completion]:
@@ -84,15 +84,15 @@ def name_completions(names: Mapping[str, str]) -> Iterator[Completion]:
     return (Completion(text, hint) for text, hint in names.items())
 
 
-def unknown_name(text: str, what: str, names: Iterable[str]) -> TextError:
+def unknown_name(unknown_text: str, what: str, names: Iterable[str]) -> TextError:
     """The error for a word that is not a known name, with the most similar name."""
-    known = list(names)[:MAX_COMPARED]
-    near = nearest(text, known)
-    message = f"{quote(text)} is not {what}"
-    if near is None:
-        some = ", ".join(known[:8]) + (", …" if len(known) > 8 else "")
-        message += f"; there are only {some}" if known else "; the score has none"
-    return TextError(message, length=len(text), suggestion=near)
+    known_names = list(names)[:MAX_COMPARED]
+    nearest_name = nearest(unknown_text, known_names)
+    message = f"{quote(unknown_text)} is not {what}"
+    if nearest_name is None:
+        some = ", ".join(known_names[:8]) + (", …" if len(known_names) > 8 else "")
+        message += f"; there are only {some}" if known_names else "; the score has none"
+    return TextError(message, length=len(unknown_text), suggestion=nearest_name)
 
 
 def unknown_instrument(text: str, what: str, names: Iterable[str], scope: Scope) -> TextError:
@@ -102,12 +102,13 @@ def unknown_instrument(text: str, what: str, names: Iterable[str], scope: Scope)
     return unknown_name(text, what, names) if family is None else family_missing(name, family)
 
 
-def family_missing(name: str, family: str, then: str = "") -> TextError:
+def family_missing(instrument_name: str, family: str, then: str = "") -> TextError:
     """The error for an instrument of a family that is not in use; `then` is what to type next."""
     message = (
-        f"{quote(name)} is an instrument of {family}, which is not in use: type `use {family}`"
+        f"{quote(instrument_name)} is an instrument of {family}, which is not in use: type `use "
+        f"{family}`"
     )
-    return TextError(f"{message}, then `{then}`" if then else message, length=len(name))
+    return TextError(f"{message}, then `{then}`" if then else message, length=len(instrument_name))
 
 
 def check_word(record: Record, field: str, word: str, offset: int) -> None:
@@ -121,63 +122,71 @@ def check_word(record: Record, field: str, word: str, offset: int) -> None:
         raise
 
 
-def check_new_name(text: str) -> str:
+def check_new_name(new_name: str) -> str:
     """Check that a text may be a new name. Raises TextError."""
-    if not NAME.fullmatch(text) or len(text) > MAX_NAME:
-        message = f"{quote(text)} is not a name: a letter, then letters, digits, '-' and '_'"
-        raise TextError(message, length=len(text))
-    if text in RESERVED:
+    if not NAME.fullmatch(new_name) or len(new_name) > MAX_NAME:
+        message = f"{quote(new_name)} is not a name: a letter, then letters, digits, '-' and '_'"
+        raise TextError(message, length=len(new_name))
+    if new_name in RESERVED:
         raise TextError(
-            f"{quote(text)} is a word of the language and cannot be a name", length=len(text)
+            f"{quote(new_name)} is a word of the language and cannot be a name",
+            length=len(new_name),
         )
-    return text
+    return new_name
 
 
-def _read_free_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    check_new_name(text)
+def _read_free_name(new_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    check_new_name(new_name)
     taken = {*scope.gestures, *scope.takes, *scope.marks}
-    if text in taken:
-        numbered = re.fullmatch(r"(.+)-([0-9]{1,4})", text)
-        stem, count = (numbered[1], int(numbered[2]) + 1) if numbered else (text, 2)
+    if new_name in taken:
+        numbered = re.fullmatch(r"(.+)-([0-9]{1,4})", new_name)
+        stem, count = (numbered[1], int(numbered[2]) + 1) if numbered else (new_name, 2)
         while f"{stem}-{count}" in taken:
             count += 1
-        message = f"the name {quote(text)} is in use"
-        raise TextError(message, length=len(text), suggestion=f"{stem}-{count}")
-    return text
+        message = f"the name {quote(new_name)} is in use"
+        raise TextError(message, length=len(new_name), suggestion=f"{stem}-{count}")
+    return new_name
 
 
-def _read_gesture_name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if text in scope.gestures:
-        return text
-    if text in scope.takes:
-        raise TextError(f"{quote(text)} is a take: give the gesture another name", length=len(text))
-    return check_new_name(text)
+def _read_gesture_name(gesture_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if gesture_name in scope.gestures:
+        return gesture_name
+    if gesture_name in scope.takes:
+        raise TextError(
+            f"{quote(gesture_name)} is a take: give the gesture another name",
+            length=len(gesture_name),
+        )
+    return check_new_name(gesture_name)
 
 
-def other_than(value: Value, field: str) -> Value:
-    """A value that must differ from the one in `field`."""
+def other_than(slot_value: Value, other_field: str) -> Value:
+    """A value that must differ from the one in `other_field`."""
 
-    def read(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Any:
-        if text == slots_read[field]:
+    def read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Any:
+        if slot_text == slots_read[other_field]:
             raise TextError(
-                f"{quote(text)} is named twice: name two different ones", length=len(text)
+                f"{quote(slot_text)} is named twice: name two different ones", length=len(slot_text)
             )
-        return value.read(text, scope, slots_read)
+        return slot_value.read(slot_text, scope, slots_read)
 
     def offers(context: CompletionContext) -> Iterator[Completion]:
         return (
-            offer for offer in value.completions(context) if offer.text != context.fields[field]
+            offer
+            for offer in slot_value.completions(context)
+            if offer.text != context.fields[other_field]
         )
 
-    return Value(value.what, read, offers)
+    return Value(slot_value.what, read, offers)
 
 
-def _read_with_level(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _read_with_level(level_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
     """An instrument or a player; strikes are read by a form of their own."""
-    if text in scope.instruments or text in scope.players:
-        return text
+    if level_name in scope.instruments or level_name in scope.players:
+        return level_name
     names = (*scope.instruments, *scope.players, *scope.strikes)
-    raise unknown_instrument(text, "an instrument, a player or the name of strikes", names, scope)
+    raise unknown_instrument(
+        level_name, "an instrument, a player or the name of strikes", names, scope
+    )
 
 
 def _read_doing(section: str) -> Callable[[str, Scope, Mapping[str, Any]], str]:
@@ -272,12 +281,12 @@ def struck_completions(context: CompletionContext) -> Iterator[Completion]:
 def _point_completions(context: CompletionContext) -> Iterator[Completion]:
     if context.before and "@" not in context.before[0]:
         return  # no notation begins so
-    match = NUMBER.fullmatch(context.typed.partition("@")[0])
-    if context.typed and match is None:
+    number_match = NUMBER.fullmatch(context.typed.partition("@")[0])
+    if context.typed and number_match is None:
         yield from _curve_completions(context)
-    elif match is not None and "@" not in context.typed:
+    elif number_match is not None and "@" not in context.typed:
         yield from (
-            Completion(f"{match.group()}{unit}@", "a position at …") for unit in _METRE_UNITS
+            Completion(f"{number_match.group()}{unit}@", "a position at …") for unit in _METRE_UNITS
         )
     elif not context.typed:
         yield Completion("6mm@+1/8" if context.before else "0mm@0", "a point: position @ time")
@@ -346,17 +355,19 @@ def _file_completions(context: CompletionContext, suffix: bool = True) -> Iterat
         yield Completion(path.name if suffix else path.stem, "a score")
 
 
-def _read_scenes(text: str, *_: Any) -> tuple[str, str | None]:
-    names = [(word.strip(), text.index(word)) for word in text.split("->")]
-    if len(names) > 2:
-        raise TextError("a scene goes to one other: scene A -> B over 4bar", length=len(text))
-    for name, offset in names:
-        if not name:
-            raise TextError("a scene needs a name, such as verse-2", offset=len(text))
-        if not NAME.fullmatch(name) or len(name) > MAX_NAME:
-            message = f"{quote(name)} is not the name of a scene, such as verse-2"
-            raise TextError(message, offset=offset, length=max(1, len(name)))
-    return names[0][0], names[1][0] if len(names) > 1 else None
+def _read_scenes(scenes_text: str, *_: Any) -> tuple[str, str | None]:
+    placed_names = [(word.strip(), scenes_text.index(word)) for word in scenes_text.split("->")]
+    if len(placed_names) > 2:
+        raise TextError(
+            "a scene goes to one other: scene A -> B over 4bar", length=len(scenes_text)
+        )
+    for scene_name, offset in placed_names:
+        if not scene_name:
+            raise TextError("a scene needs a name, such as verse-2", offset=len(scenes_text))
+        if not NAME.fullmatch(scene_name) or len(scene_name) > MAX_NAME:
+            message = f"{quote(scene_name)} is not the name of a scene, such as verse-2"
+            raise TextError(message, offset=offset, length=max(1, len(scene_name)))
+    return placed_names[0][0], placed_names[1][0] if len(placed_names) > 1 else None
 
 
 def _scene_completions(context: CompletionContext) -> Iterator[Completion]:

@@ -207,26 +207,26 @@ def forms_of(verb: str) -> tuple[Form, ...]:
     return tuple(form for form in FORMS if form.verb == verb)
 
 
-def verbs_matching(word: str, among: tuple[str, ...]) -> tuple[str, ...]:
+def verbs_matching(verb_start: str, among: tuple[str, ...]) -> tuple[str, ...]:
     """The verbs that begin with a word; only those for which it is long enough, if there are
     any.
     """
-    if word in among:
-        return (word,)
-    begun = tuple(verb for verb in among if verb.startswith(word))
-    sure = tuple(verb for verb in begun if len(word) >= len(SHORTEST[verb]))
+    if verb_start in among:
+        return (verb_start,)
+    begun = tuple(verb for verb in among if verb.startswith(verb_start))
+    sure = tuple(verb for verb in begun if len(verb_start) >= len(SHORTEST[verb]))
     return sure or begun
 
 
-def find_verb(word: str) -> str:
+def find_verb(verb_word: str) -> str:
     """The verb that a word means. Raises TextError."""
-    every = (*VERBS, *SUBJECT_VERBS, "=")
-    some = verbs_matching(word, every)
-    if len(some) > 1:
-        raise ambiguous(word, some)
-    if not some:
-        raise v.unknown_name(word, "a verb", every)
-    return some[0]
+    every_verb = (*VERBS, *SUBJECT_VERBS, "=")
+    matching_verbs = verbs_matching(verb_word, every_verb)
+    if len(matching_verbs) > 1:
+        raise ambiguous(verb_word, matching_verbs)
+    if not matching_verbs:
+        raise v.unknown_name(verb_word, "a verb", every_verb)
+    return matching_verbs[0]
 
 
 def ambiguous(word: str, verbs: tuple[str, ...], offset: int = 0) -> TextError:

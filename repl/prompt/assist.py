@@ -41,16 +41,19 @@ class Colours(Lexer):
         return lambda number: self._line(document.lines, number)
 
     def _line(self, lines: list[str], number: int) -> StyleAndTextTuples:
-        line = lines[number] if number < len(lines) else ""
-        if len(line) > _COLOURED_MAX:
-            return [("", line)]
+        line_text = lines[number] if number < len(lines) else ""
+        if len(line_text) > _COLOURED_MAX:
+            return [("", line_text)]
         fragments: StyleAndTextTuples = []
-        column = 0
-        for start, end, kind in self._session.tokens(line):
-            if column <= start < end:  # gaps between words have no kind
-                fragments += [("", line[column:start]), (f"class:{kind}", line[start:end])]
-                column = end
-        return [*fragments, ("", line[column:])]
+        start_column = 0
+        for start, end, kind in self._session.tokens(line_text):
+            if start_column <= start < end:  # gaps between words have no kind
+                fragments += [
+                    ("", line_text[start_column:start]),
+                    (f"class:{kind}", line_text[start:end]),
+                ]
+                start_column = end
+        return [*fragments, ("", line_text[start_column:])]
 
 
 class Completions(Completer):

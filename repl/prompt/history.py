@@ -29,12 +29,12 @@ class LineHistory(FileHistory):
         except OSError:
             return []
 
-    def store_string(self, string: str) -> None:
+    def store_string(self, typed_line: str) -> None:
         """Keep a line."""
-        if len(string) > LINE_MAX:
+        if len(typed_line) > LINE_MAX:
             return
         with contextlib.suppress(OSError):
             make_private_folder(self._path.parent)
             # Create it for its owner alone before anything is written.
             os.close(os.open(self._path, os.O_CREAT | os.O_APPEND | os.O_WRONLY, 0o600))
-            super().store_string(string)
+            super().store_string(typed_line)

@@ -52,7 +52,7 @@ class KeyActions(Protocol):
 
 def bindings(actions: KeyActions) -> KeyBindings:
     """The key bindings that differ from other prompts."""
-    keys = KeyBindings()
+    key_bindings = KeyBindings()
     typing = has_focus(DEFAULT_BUFFER)
     empty = Condition(lambda: not get_app().current_buffer.text)
     full = Condition(lambda: len(get_app().current_buffer.text) >= TEXT_MAX)
@@ -60,29 +60,29 @@ def bindings(actions: KeyActions) -> KeyBindings:
     def does(action: Callable[[], None]) -> Callable[[KeyPressEvent], None]:
         return lambda event: action()
 
-    keys.add("f12", eager=True)(does(actions.panic))
-    keys.add("c-c", filter=typing)(does(actions.clear))
-    keys.add("<sigint>")(does(actions.clear))
-    keys.add("c-d", filter=typing & empty)(does(actions.leave))
-    keys.add("enter", filter=typing)(does(actions.enter))
-    keys.add("tab", filter=typing)(does(actions.complete))
+    key_bindings.add("f12", eager=True)(does(actions.panic))
+    key_bindings.add("c-c", filter=typing)(does(actions.clear))
+    key_bindings.add("<sigint>")(does(actions.clear))
+    key_bindings.add("c-d", filter=typing & empty)(does(actions.leave))
+    key_bindings.add("enter", filter=typing)(does(actions.enter))
+    key_bindings.add("tab", filter=typing)(does(actions.complete))
     # In other programs these keys suspend, freeze and continue; here nothing may halt a
     # performance.
     for key in ("c-z", "c-s", "c-q"):
-        keys.add(key)(does(lambda: None))
-    keys.add(Keys.Any, filter=full)(does(lambda: None))
+        key_bindings.add(key)(does(lambda: None))
+    key_bindings.add(Keys.Any, filter=full)(does(lambda: None))
 
-    @keys.add(Keys.BracketedPaste)
+    @key_bindings.add(Keys.BracketedPaste)
     def _(event: KeyPressEvent) -> None:
-        text = _ANSWER.sub("", event.data)  # a report that came in two pieces
-        text = text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n")
+        pasted_text = _ANSWER.sub("", event.data)  # a report that came in two pieces
+        pasted_text = pasted_text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n")
         buffer = event.current_buffer
-        if len(buffer.text) + len(text) > TEXT_MAX:
-            actions.too_long(len(text))
+        if len(buffer.text) + len(pasted_text) > TEXT_MAX:
+            actions.too_long(len(pasted_text))
         else:
-            buffer.insert_text(text)
+            buffer.insert_text(pasted_text)
 
-    return keys
+    return key_bindings
 
 
 def _marked(match: re.Match[str]) -> str:
@@ -131,36 +131,36 @@ if sys.platform != "win32":
 
         def read(self, count: int = 1024) -> str:
             """The characters that have come since the last call."""
-            data = super().read(count)
-            if not self._open and _BEGIN not in data:
-                self.on_characters(data)
-            data = self._with_end(data)
-            recent, may_be_cut = self._tail + data, "\x1b" in self._tail
+            read_data = super().read(count)
+            if not self._open and _BEGIN not in read_data:
+                self.on_characters(read_data)
+            read_data = self._with_end(read_data)
+            recent, may_be_cut = self._tail + read_data, "\x1b" in self._tail
             self._tail = recent[1 - len(_BEGIN) :]
             last_begin, last_end = recent.rfind(_BEGIN), recent.rfind(_END)
             if last_begin != last_end:  # a mark is in the text
                 self._open = last_begin > last_end
             if self._open or last_begin != last_end:
-                return self._without_answers(data)
-            return data if may_be_cut else _KEY_OR_RUN.sub(_marked, data)
+                return self._without_answers(read_data)
+            return read_data if may_be_cut else _KEY_OR_RUN.sub(_marked, read_data)
 
-        def _with_end(self, data: str) -> str:
+        def _with_end(self, read_data: str) -> str:
             """Close an open paste before a Ctrl-C that comes alone, and before F12 anywhere.
 
             A busy program reads pasted text and the key after it in one piece.
             """
-            if self._open and data == _CTRL_C:
-                return _END + data
-            last = max(data.rfind(_BEGIN), data.rfind(_END))
-            key = data.rfind(F12)
-            is_open = data.startswith(_BEGIN, last) if last >= 0 else self._open
-            return data[:key] + _END + data[key:] if is_open and key > last else data
+            if self._open and read_data == _CTRL_C:
+                return _END + read_data
+            last = max(read_data.rfind(_BEGIN), read_data.rfind(_END))
+            key = read_data.rfind(F12)
+            is_open = read_data.startswith(_BEGIN, last) if last >= 0 else self._open
+            return read_data[:key] + _END + read_data[key:] if is_open and key > last else read_data
 
-        def _without_answers(self, data: str) -> str:
+        def _without_answers(self, read_data: str) -> str:
             """Move reports of the terminal, which may come within a paste, to its end."""
-            self._answers += "".join(_ANSWER.findall(data))
-            data = _ANSWER.sub("", data)
+            self._answers += "".join(_ANSWER.findall(read_data))
+            read_data = _ANSWER.sub("", read_data)
             if self._open:
-                return data
+                return read_data
             answers, self._answers = self._answers, ""
-            return data + answers
+            return read_data + answers

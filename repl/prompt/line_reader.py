@@ -99,9 +99,9 @@ class LineReader:
             self._room.acquire()
         return not self._over
 
-    def _act_on_panic_key(self, text: str) -> str:
+    def _act_on_panic_key(self, typed_text: str) -> str:
         """Remove F12 from a text, and act on it as a panic."""
-        if F12 not in text:
-            return text
+        if F12 not in typed_text:
+            return typed_text
         self._queue.panic()
-        return text.replace(F12, "")
+        return typed_text.replace(F12, "")

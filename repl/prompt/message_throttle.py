@@ -32,26 +32,26 @@ class MessageThrottle:
         while self._shown and now - self._shown[0][0] >= SECOND:
             self._shown.popleft()
         fresh = {message for _, message in self._shown}
-        lines: list[str] = []
+        due_messages: list[str] = []
         for message in [message for message in self._waiting if message not in fresh]:
             if len(self._shown) >= PER_SECOND:
-                return lines
-            lines.append(_with_count(message, self._waiting.pop(message)))
+                return due_messages
+            due_messages.append(_with_count(message, self._waiting.pop(message)))
             self._shown.append((now, message))
         if self._left_out and not self._waiting and len(self._shown) < PER_SECOND:
-            lines.append(f"… {self._left_out} more messages")
-            self._shown.append((now, lines[-1]))
+            due_messages.append(f"… {self._left_out} more messages")
+            self._shown.append((now, due_messages[-1]))
             self._left_out = 0
-        return lines
+        return due_messages
 
     def pop_all(self) -> list[str]:
         """All messages that were not shown yet."""
-        lines = [_with_count(message, count) for message, count in self._waiting.items()]
+        message_lines = [_with_count(message, count) for message, count in self._waiting.items()]
         if self._left_out:
-            lines.append(f"… {self._left_out} more messages")
+            message_lines.append(f"… {self._left_out} more messages")
         self._waiting.clear()
         self._left_out = 0
-        return lines
+        return message_lines
 
 
 def _with_count(message: str, count: int) -> str:

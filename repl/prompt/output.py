@@ -19,12 +19,12 @@ def valid_unicode(text: str) -> str:
     return _SURROGATE.sub("\ufffd", text)
 
 
-def echo(prompt: str, text: str) -> str:
+def echo(prompt: str, entered_text: str) -> str:
     """Entered text as it stays on the screen: every line after the first has a continuation
     mark.
     """
-    left_out = len(text) - _ECHO_MAX
-    shown = clean(text[:_ECHO_MAX]).replace("\n", "\n" + continuation(len(prompt)))
+    left_out = len(entered_text) - _ECHO_MAX
+    shown = clean(entered_text[:_ECHO_MAX]).replace("\n", "\n" + continuation(len(prompt)))
     return prompt + shown + (f" … {left_out:,} more characters" if left_out > 0 else "")
 
 

@@ -88,32 +88,32 @@ class PlainPrompt:
 
     def _next_whole_line(self) -> QueuedLine[None] | None:
         """A line together with the lines that continue it; None at the end of input."""
-        lines: list[QueuedLine[None]] = []
+        queued_lines: list[QueuedLine[None]] = []
         while True:
             try:
-                line = self._next_line()
+                queued_line = self._next_line()
             except KeyboardInterrupt:
                 if not self._is_terminal:  # Ctrl-C ends a script
                     raise
-                lines.clear()
+                queued_lines.clear()
                 continue
-            if line is not None:
-                lines.append(line)
-            text = "\n".join(line.text for line in lines)
-            if line is None and not text:
+            if queued_line is not None:
+                queued_lines.append(queued_line)
+            text = "\n".join(line.text for line in queued_lines)
+            if queued_line is None and not text:
                 return None
-            if line is None or self._session.is_whole(text):
-                return QueuedLine(None, text, all(line.releases for line in lines))
+            if queued_line is None or self._session.is_whole(text):
+                return QueuedLine(None, text, all(line.releases for line in queued_lines))
 
     def _next_line(self) -> QueuedLine[None] | None:
         """The next line; None at the end of input."""
-        where = f"{self._session.state().where} > "
+        prompt_text = f"{self._session.state().where} > "
         queued = None
         try:
             self._reading = True  # before the prompt is visible
             with self._writing:
-                self._prompt = where
-                self._write(where)
+                self._prompt = prompt_text
+                self._write(prompt_text)
             queued = self._queue.next()
             self._reader.note_line_taken()
         finally:

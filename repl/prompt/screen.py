@@ -96,10 +96,10 @@ class ScreenPrompt:
             loop.call_soon_threadsafe(self._exit)
 
     async def _run(self) -> None:
-        loop = asyncio.get_running_loop()
-        loop.set_exception_handler(lambda _, context: self._report_error(context))
+        event_loop = asyncio.get_running_loop()
+        event_loop.set_exception_handler(lambda _, context: self._report_error(context))
         worker = threading.Thread(
-            target=self._do_lines, args=(loop,), name="ergon-lines", daemon=True
+            target=self._do_lines, args=(event_loop,), name="ergon-lines", daemon=True
         )
         with (
             StdoutProxy(_WRITE_PERIOD) as proxy,
@@ -107,7 +107,7 @@ class ScreenPrompt:
             contextlib.redirect_stderr(proxy),
         ):
             worker.start()
-            serving = loop.create_task(self._app.run_async(set_exception_handler=False))
+            serving = event_loop.create_task(self._app.run_async(set_exception_handler=False))
             while not serving.done():
                 await asyncio.wait({serving}, timeout=_CHECK_PERIOD)
                 self._show_messages()

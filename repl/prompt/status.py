@@ -11,30 +11,39 @@ _BETWEEN = "  "
 _WIDTH_MIN = 12  # characters that the list of players keeps
 
 
-def status(state: State, width: int) -> str:
-    """The state in one line of at most `width` characters.
+def status(session_state: State, line_width: int) -> str:
+    """The state in one line of at most `line_width` characters.
 
     If there is not enough room, the list of what plays is shortened, then fields at the end are
     left out.
     """
-    before = ["PANIC: type release"] if state.panicked else []
-    if state.let_go and not state.panicked:
-        before = ["NO FORCE: type release"]
-    before += state.troubles
+    texts_before = ["PANIC: type release"] if session_state.panicked else []
+    if session_state.let_go and not session_state.panicked:
+        texts_before = ["NO FORCE: type release"]
+    texts_before += session_state.troubles
     # Tenths are cut off, not rounded: 4.96 is still beat 4.
-    before += [f"{state.bar}|{math.floor(10 * state.beat) / 10:.1f}", f"{state.tempo:g} bpm"]
-    after = [f"load {state.load:.0%}", f"late {state.late}", _level(state.level)]
-    after += [f"quant {state.quant}"]
-    if state.recording is not None:
-        after.insert(0, f"rec {state.recording:.1f} s")
-    playing = " · ".join(f"{player} {what}" for player, what in state.playing) or "—"
+    texts_before += [
+        f"{session_state.bar}|{math.floor(10 * session_state.beat) / 10:.1f}",
+        f"{session_state.tempo:g} bpm",
+    ]
+    texts_after = [
+        f"load {session_state.load:.0%}",
+        f"late {session_state.late}",
+        _level(session_state.level),
+    ]
+    texts_after += [f"quant {session_state.quant}"]
+    if session_state.recording is not None:
+        texts_after.insert(0, f"rec {session_state.recording:.1f} s")
+    playing = " · ".join(f"{player} {what}" for player, what in session_state.playing) or "—"
     least = min(len(playing), _WIDTH_MIN)
-    while after and len(_BETWEEN.join([*before, "", *after])) + least > width:
-        after.pop()
-    room = max(width - len(_BETWEEN.join([*before, "", *after])), least)
+    while (
+        texts_after and len(_BETWEEN.join([*texts_before, "", *texts_after])) + least > line_width
+    ):
+        texts_after.pop()
+    room = max(line_width - len(_BETWEEN.join([*texts_before, "", *texts_after])), least)
     if len(playing) > room:
         playing = playing[: room - 1] + "…"
-    return clean(_BETWEEN.join([*before, playing, *after]))[:width]
+    return clean(_BETWEEN.join([*texts_before, playing, *texts_after]))[:line_width]
 
 
 def _level(level: float) -> str:

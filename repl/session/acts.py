@@ -34,13 +34,13 @@ class Acts:
                 self._under_way[ticket] = event, fields
             return ticket is not None
 
-    def note_ended(self, event: EngineEvent) -> None:
+    def note_ended(self, engine_event: EngineEvent) -> None:
         """Write an act to the journal if it was done. An act is not done if the version that plays
         does not have its place.
         """
-        assert event.act_ticket is not None
+        assert engine_event.act_ticket is not None
         with self._lock:
-            known = self._under_way.pop(event.act_ticket, None)
-        if known is not None and not event.is_late:
+            known = self._under_way.pop(engine_event.act_ticket, None)
+        if known is not None and not engine_event.is_late:
             name, fields = known
-            self._tell(name, frame=event.frame, **fields)
+            self._tell(name, frame=engine_event.frame, **fields)

@@ -47,16 +47,18 @@ class SessionProxy(VerbMethods):
 
     if not TYPE_CHECKING:  # a checker knows the verbs from the stub alone
 
-        def __getattr__(self, name: str) -> Callable[..., Reply]:
+        def __getattr__(self, verb_name: str) -> Callable[..., Reply]:
             """The method of a verb."""
-            verb = building.FUNCTIONS.get(name)
+            verb = building.FUNCTIONS.get(verb_name)
             if verb is None:
-                raise AttributeError(f"a session has no verb '{name}'", name=name, obj=self)
+                raise AttributeError(
+                    f"a session has no verb '{verb_name}'", name=verb_name, obj=self
+                )
 
             def call(*given: object, **named: object) -> Reply:
                 return self(building.build_line(verb, given, named))
 
-            call.__name__ = call.__qualname__ = name
+            call.__name__ = call.__qualname__ = verb_name
             call.__doc__ = "\n\n".join(
                 f"{form.written}: {form.effect}.\n\nAs a line: {form.example}"
                 for form in forms_of(verb)

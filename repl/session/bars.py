@@ -39,26 +39,28 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
     room = min(shutil.get_terminal_size().columns, _WIDTH_MOST) - margin
     while len(starts) > 2 and (starts[-1] - starts[0]) * _BEAT_LEAST > room:
         starts.pop()
-    beats = starts[-1] - starts[0]
-    width = max(_BEAT_LEAST, min(_BEAT_MOST, int(room / beats)))
-    total = math.ceil(beats * width)
+    n_beats = starts[-1] - starts[0]
+    width = max(_BEAT_LEAST, min(_BEAT_MOST, int(room / n_beats)))
+    n_columns = math.ceil(n_beats * width)
 
     def column(beat: float) -> int:
         return int((beat - starts[0]) * width + SAME)
 
-    on_beats = [starts[0] + number for number in range(math.ceil(beats - SAME))]
+    on_beats = [starts[0] + number for number in range(math.ceil(n_beats - SAME))]
     head = [(column(beat), _beat(piece, beat)) for beat in on_beats]
-    rows = [" " * margin + _row(total, head)]
-    for name, events in tracks.items():
+    drawn_rows = [" " * margin + _row(n_columns, head)]
+    for player_name, events in tracks.items():
         dots = [(column(beat), "\u00b7") for beat in on_beats]
         begun = [(column(beat), what) for beat, what in events if starts[0] <= beat < starts[-1]]
-        if any(player == name for player, _ in playing) and not any(at == 0 for at, _ in begun):
+        if any(player == player_name for player, _ in playing) and not any(
+            at == 0 for at, _ in begun
+        ):
             begun.insert(0, (0, _CONTINUED))
         taken = {at for at, _ in begun}
         cells = sorted([*(dot for dot in dots if dot[0] not in taken), *begun])
-        rows.append(name[: margin - 2].ljust(margin) + _row(total, cells))
-    rows.append(" " * (margin + min(column(now), total - 1)) + "^")
-    return rows
+        drawn_rows.append(player_name[: margin - 2].ljust(margin) + _row(n_columns, cells))
+    drawn_rows.append(" " * (margin + min(column(now), n_columns - 1)) + "^")
+    return drawn_rows
 
 
 def _beat(piece: Piece, beat: float) -> str:
@@ -68,16 +70,18 @@ def _beat(piece: Piece, beat: float) -> str:
 
 def _begins(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[tuple[float, str]]:
     """What a player begins within these bars, each with its beat."""
-    for play, start_beats in zip(piece.parts, piece.starts, strict=True):
-        if play.player != player:
+    for part_play, start_beats in zip(piece.parts, piece.starts, strict=True):
+        if part_play.player != player:
             continue
-        beats = [piece.tempo_map.resolve(play.at)] if start_beats is None else start_beats
-        first = n_before(beats, starts[0] - SAME)
-        last = n_before(beats, starts[-1] - SAME)
+        play_beats = [piece.tempo_map.resolve(part_play.at)] if start_beats is None else start_beats
+        first = n_before(play_beats, starts[0] - SAME)
+        last = n_before(play_beats, starts[-1] - SAME)
         for place in range(first, last):
-            what = beats.course.played(place) if isinstance(beats, Steps) else play.what
+            what = (
+                play_beats.course.played(place) if isinstance(play_beats, Steps) else part_play.what
+            )
             if what is not None:  # a rest, or what chance leaves out
-                yield beats[place], what
+                yield play_beats[place], what
 
 
 def _strokes(
@@ -85,25 +89,27 @@ def _strokes(
 ) -> Iterator[tuple[float, str]]:
     """The strikes within these bars, each with its beat, and the note that it strikes."""
     tempo = piece.tempo_map
-    first, last = starts[0] - SAME, starts[-1] - SAME
+    first_beat, last_beat = starts[0] - SAME, starts[-1] - SAME
     if strikes.is_melody:
-        falling = strikes.falls(piece, first, last)
-        yield from ((beat, hit.what) for beat, _, hit in falling if first <= beat < last)
+        falling = strikes.falls(piece, first_beat, last_beat)
+        yield from ((beat, hit.what) for beat, _, hit in falling if first_beat <= beat < last_beat)
     elif strikes.passing is not None:
-        yield from ((beat, _STRUCK) for beat in strikes.rounds(tempo) if first <= beat < last)
+        yield from (
+            (beat, _STRUCK) for beat in strikes.rounds(tempo) if first_beat <= beat < last_beat
+        )
     elif strikes.pattern is not None:
         steps = strikes.steps(piece)
-        for place in range(n_before(steps, first), n_before(steps, last)):
+        for place in range(n_before(steps, first_beat), n_before(steps, last_beat)):
             note = steps.course.named(place)
             if note is not None:
                 yield steps[place], note if strikes.voices else _STRUCK
     elif strikes.rate is not None:
         begin, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
-        if begin < last and (stop is None or stop > first):
+        if begin < last_beat and (stop is None or stop > first_beat):
             yield max(begin, starts[0]), _CONTINUED
     else:
         beats = strikes.beats(tempo)
-        places = range(n_before(beats, first), n_before(beats, last))
+        places = range(n_before(beats, first_beat), n_before(beats, last_beat))
         yield from ((beats[place], _STRUCK) for place in places)
 
 

@@ -35,15 +35,15 @@ def _run(command: RunBlock) -> VersionEdit:
 @makes_edit(RunByRule)
 def _run_by_rule(command: RunByRule) -> VersionEdit:
     """Run a block by a rule from here on; and at once, if the rule says so."""
-    name, trigger = command.name, command.trigger
+    block_name, trigger = command.name, command.trigger
 
-    def edit(version: Version, beat: float) -> Version:
-        if len(version.rules) >= MAX_RULES and name not in version.rules:
+    def edit(version: Version, edit_beat: float) -> Version:
+        if len(version.rules) >= MAX_RULES and block_name not in version.rules:
             raise NotTakenError(f"at most {MAX_RULES} blocks run by themselves; `stop` one first")
-        block_lines(version, name)
-        edited = replace(version, rules={**version.rules, name: Rule(beat, trigger)})
-        if trigger.runs_at_start(version.piece.tempo_map, beat):
-            edited = run_block(edited, beat, name)
+        block_lines(version, block_name)
+        edited = replace(version, rules={**version.rules, block_name: Rule(edit_beat, trigger)})
+        if trigger.runs_at_start(version.piece.tempo_map, edit_beat):
+            edited = run_block(edited, edit_beat, block_name)
         return edited
 
     return edit
@@ -51,12 +51,16 @@ def _run_by_rule(command: RunByRule) -> VersionEdit:
 
 @makes_edit(StopBlock)
 def _stop(command: StopBlock) -> VersionEdit:
-    name = command.name
+    block_name = command.name
 
     def edit(version: Version, beat: float) -> Version:
-        if name not in version.rules:
-            raise NotTakenError(f"{name} does not run by itself; `show` lists the blocks that do")
-        return replace(version, rules={n: own for n, own in version.rules.items() if n != name})
+        if block_name not in version.rules:
+            raise NotTakenError(
+                f"{block_name} does not run by itself; `show` lists the blocks that do"
+            )
+        return replace(
+            version, rules={n: own for n, own in version.rules.items() if n != block_name}
+        )
 
     return edit
 
@@ -69,17 +73,19 @@ def block_lines(version: Version, name: str) -> list[str]:
     return list(lines)
 
 
-def run_block(version: Version, beat: float, name: str, values: Sequence[str] = ()) -> Version:
+def run_block(
+    version: Version, beat: float, block_name: str, values: Sequence[str] = ()
+) -> Version:
     """The version with the lines of a block done at a beat, with values. Raises NotTakenError."""
     edited = version
     try:
-        lines = filled(block_lines(version, name), values)
+        lines = filled(block_lines(version, block_name), values)
     except TextError as error:
-        raise NotTakenError(f"{name}: {error.message}") from None
+        raise NotTakenError(f"{block_name}: {error.message}") from None
     for number, line in enumerate(lines, 1):
         try:
             command = parse_block_line(line, scope_of(edited.piece))
         except Refusal as refusal:
-            raise NotTakenError(f"line {number} of {name}: {refusal.message}") from None
+            raise NotTakenError(f"line {number} of {block_name}: {refusal.message}") from None
         edited = VERSION_EDITS[type(command)](command)(edited, beat)
     return replace(edited, rules=version.rules)

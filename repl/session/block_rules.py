@@ -29,15 +29,15 @@ def rules_field(rules: Mapping[str, Rule]) -> dict[str, object]:
     return {"rules": rows} if rows else {}
 
 
-def read_rules(event: JournalEvent) -> Mapping[str, Rule]:
+def read_rules(journal_event: JournalEvent) -> Mapping[str, Rule]:
     """The rules in a journal's event. Raises JournalError."""
-    rows: list[object] = event.get("rules", list, [])
+    rows: list[object] = journal_event.get("rules", list, [])
     if len(rows) > MAX_RULES:
-        event.refuse("it has more rules than a session can have")
-    return dict(_read_row(event, row) for row in rows)
+        journal_event.refuse("it has more rules than a session can have")
+    return dict(_read_row(journal_event, row) for row in rows)
 
 
-def _read_row(event: JournalEvent, row: object) -> tuple[str, Rule]:
+def _read_row(journal_event: JournalEvent, row: object) -> tuple[str, Rule]:
     match row:
         case [str(name), float(begin), str(text)] if (
             NAME.fullmatch(name) and len(name) <= MAX_NAME and 0.0 <= begin <= BEAT_MAX
@@ -45,5 +45,5 @@ def _read_row(event: JournalEvent, row: object) -> tuple[str, Rule]:
             try:
                 return name, Rule(begin, parse_trigger(text))
             except TextError as error:
-                event.refuse(f"the field 'rules' has the wrong value: {error.message}")
-    event.refuse("the field 'rules' has the wrong type or value")
+                journal_event.refuse(f"the field 'rules' has the wrong value: {error.message}")
+    journal_event.refuse("the field 'rules' has the wrong type or value")

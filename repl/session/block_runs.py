@@ -54,16 +54,16 @@ class BlockRuns:
         if has_jumped or not goes:
             self._last_runs.clear()
         for line in [line for line in schedule.waiting if line.number in self._waiting]:
-            name, rule = self._waiting[line.number]
-            if has_jumped or not goes or not self._is_in_force(name, rule, line.beat):
+            block_name, rule = self._waiting[line.number]
+            if has_jumped or not goes or not self._is_in_force(block_name, rule, line.beat):
                 self._drop(line)
         waits = {line.number for line in schedule.waiting}
         for number in self._waiting.keys() - waits:
             del self._waiting[number]
             schedule.past_versions.pop(number, None)  # `undo` returns to typed lines alone
         if goes:
-            for name, rule in sorted(rules, key=lambda line: line[0]):
-                self._queue_next(name, rule)
+            for block_name, rule in sorted(rules, key=lambda line: line[0]):
+                self._queue_next(block_name, rule)
 
     def _rules(self) -> Iterator[tuple[str, Rule]]:
         """The rules of the running version and of all waiting ones."""
@@ -75,31 +75,31 @@ class BlockRuns:
     def _is_in_force(self, name: str, rule: Rule, beat: float) -> bool:
         return self._schedule.lines.version_at(beat).rules.get(name) == rule
 
-    def _queue_next(self, name: str, rule: Rule) -> None:
+    def _queue_next(self, block_name: str, rule: Rule) -> None:
         """Queue the next run of a block if it is due and not yet queued."""
         schedule = self._schedule
         tempo, clock = schedule.head.piece.tempo_map, schedule.running.clock
         soonest = schedule.soonest_frame() / schedule.rate + schedule.timing.lead
         first, last = (clock.beat(tempo, seconds) for seconds in (soonest, soonest + _AHEAD))
         after = max(first - 2.0 * SAME, rule.begin)
-        if (done := self._last_runs.get(name)) is not None:
+        if (done := self._last_runs.get(block_name)) is not None:
             after = max(after, done, tempo.beats(tempo.seconds(done) + _PAUSE_MIN) - 2.0 * SAME)
-        beat = rule.trigger.next_beat(tempo, rule.begin, after, last)
-        if beat is None or not self._is_in_force(name, rule, beat):
+        run_beat = rule.trigger.next_beat(tempo, rule.begin, after, last)
+        if run_beat is None or not self._is_in_force(block_name, rule, run_beat):
             return
-        self._last_runs[name] = beat
-        where = Position(plus=Length(beats=beat))
-        values: tuple[str, ...] = ()
-        if counts_runs(schedule.head.piece.blocks.get(name, ())):
-            values = (f"{TICK}={rule.trigger.count(tempo, rule.begin, beat)}",)
-        line = " ".join(("run", name, *values))
+        self._last_runs[block_name] = run_beat
+        where = Position(plus=Length(beats=run_beat))
+        tick_values: tuple[str, ...] = ()
+        if counts_runs(schedule.head.piece.blocks.get(block_name, ())):
+            tick_values = (f"{TICK}={rule.trigger.count(tempo, rule.begin, run_beat)}",)
+        line = " ".join(("run", block_name, *tick_values))
         try:
-            edit = version_edits.combined([RunBlock(name, values)])
+            edit = version_edits.combined([RunBlock(block_name, tick_values)])
             _, queued = self._queue(Entry(line, edit, when=where, is_typed=False))
         except REFUSALS as error:
-            if name not in self._refused:  # once, and not for each bar
-                self._refused.add(name)
-                self._log.say(f"{name} cannot run: {error}")
+            if block_name not in self._refused:  # once, and not for each bar
+                self._refused.add(block_name)
+                self._log.say(f"{block_name} cannot run: {error}")
             return
-        self._refused.discard(name)
-        self._waiting[queued.version.number] = name, rule
+        self._refused.discard(block_name)
+        self._waiting[queued.version.number] = block_name, rule

@@ -75,21 +75,21 @@ class Captures:
         """Write a take beside the score. Raises NotTakenError."""
         assert self.path is not None
         assert capture.stop is not None
-        target = folder / "takes" / f"{capture.name}.take"
+        take_path = folder / "takes" / f"{capture.name}.take"
         try:
-            span = capture.start // every, capture.stop // every
-            recording = _core.read_recording(self.path, span)
+            tick_span = capture.start // every, capture.stop // every
+            recording = _core.read_recording(self.path, tick_span)
             if not len(recording.ticks()):
                 raise NotTakenError(
                     f"the take {capture.name} was not written: nothing of it was recorded"
                 )
-            capture.n_missing = span[1] - span[0] - len(recording.ticks())
-            if not is_below(target, folder):
-                raise FileRefusedError(f"{target} is outside the folder of the score")
-            if target.exists():
-                raise FileRefusedError(f"{target} exists already")
-            with open_for_writing(target, binary=True, replaceable=False) as file:
+            capture.n_missing = tick_span[1] - tick_span[0] - len(recording.ticks())
+            if not is_below(take_path, folder):
+                raise FileRefusedError(f"{take_path} is outside the folder of the score")
+            if take_path.exists():
+                raise FileRefusedError(f"{take_path} exists already")
+            with open_for_writing(take_path, binary=True, replaceable=False) as file:
                 file.write(recording.to_bytes())
         except (FileRefusedError, _core.EngineError, OSError) as error:
             raise NotTakenError(f"the take {capture.name} was not written: {error}") from None
-        return target
+        return take_path

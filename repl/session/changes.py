@@ -93,17 +93,17 @@ class Changes:
 
         Raises EngineError.
         """
-        before = self.running
+        version_before = self.running
         is_last = all(sent.frame <= change.frame for sent in self.under_way)
         if not is_last:  # gains that act later are under way
-            before = self.playing_at(change.frame)
-            after = on_other_faders(after, before.version, lines)
+            version_before = self.playing_at(change.frame)
+            after = on_other_faders(after, version_before.version, lines)
             if lines:
-                change = replace(change, gains=changed_ratios(before, after))
+                change = replace(change, gains=changed_ratios(version_before, after))
         ticket = self._engine.change(change)
         self._n_sent += 1
         sent = UnderWay(
-            ticket, self._n_sent, change.frame, tuple(lines), before, after, change.gains
+            ticket, self._n_sent, change.frame, tuple(lines), version_before, after, change.gains
         )
         self.done += [line.number for line in lines]
         self._insert(sent)
@@ -112,31 +112,37 @@ class Changes:
         else:
             self.running = _with_faders_of(after, self.under_way[-1].after)
 
-    def send_gains(self, frame: int, lines: Sequence[WaitingLine]) -> None:
+    def send_gains(self, frame: int, waiting_lines: Sequence[WaitingLine]) -> None:
         """Send the gains that lines change, for a frame that may come before changes under way.
 
         Raises EngineError, or one of `REFUSALS` if there is not what they name.
         """
-        start = self.ready_frame(frame, lines)
-        with_faders(self.playing_at(start), lines)
+        start = self.ready_frame(frame, waiting_lines)
+        with_faders(self.playing_at(start), waiting_lines)
         self._n_sent += 1
-        self._send_gains(start, lines, self._n_sent)
-        self.done += [line.number for line in lines]
+        self._send_gains(start, waiting_lines, self._n_sent)
+        self.done += [line.number for line in waiting_lines]
         self._sort_done()
 
-    def ready_frame(self, frame: int, lines: Sequence[WaitingLine]) -> int:
-        """The first frame from `frame` on at which there is what lines that move faders name."""
-        if can_move(self.playing_at(frame), lines):
-            return frame
-        later = (change for change in self.under_way if change.frame > frame)
-        return next((change.frame for change in later if can_move(change.after, lines)), frame)
+    def ready_frame(self, first_frame: int, waiting_lines: Sequence[WaitingLine]) -> int:
+        """The first frame from `first_frame` on that has all strikes and routes that lines fade."""
+        if can_move(self.playing_at(first_frame), waiting_lines):
+            return first_frame
+        later = (change for change in self.under_way if change.frame > first_frame)
+        return next(
+            (change.frame for change in later if can_move(change.after, waiting_lines)), first_frame
+        )
 
-    def _send_gains(self, frame: int, lines: Sequence[WaitingLine], number: int) -> None:
-        before = self.playing_at(frame)
-        after = faded(before, lines)
+    def _send_gains(
+        self, change_frame: int, waiting_lines: Sequence[WaitingLine], number: int
+    ) -> None:
+        before = self.playing_at(change_frame)
+        after = faded(before, waiting_lines)
         gains = changed_ratios(before, after)
-        ticket = self._engine.change(gains_at(frame, after, gains))
-        self._insert(UnderWay(ticket, number, frame, tuple(lines), before, after, gains))
+        ticket = self._engine.change(gains_at(change_frame, after, gains))
+        self._insert(
+            UnderWay(ticket, number, change_frame, tuple(waiting_lines), before, after, gains)
+        )
         self.running = _with_faders_of(self.running, self.under_way[-1].after)
 
     def _insert(self, sent: UnderWay) -> None:
@@ -158,16 +164,18 @@ class Changes:
     def _corrected(self, change: UnderWay, before: RunningVersion) -> UnderWay:
         """A change that follows another version; the engine gets its gains again if they differ."""
         if change.is_gains:
-            after = faded(before, change.lines)
+            version_after = faded(before, change.lines)
         else:
-            after = on_other_faders(change.after, before.version, change.lines)
-        ratios = fader_ratios(after)
-        wanted = changed_ratios(before, after)
+            version_after = on_other_faders(change.after, before.version, change.lines)
+        ratios = fader_ratios(version_after)
+        wanted = changed_ratios(before, version_after)
         gains = {group: ratios[group] for group in {*change.gains, *wanted} if group in ratios}
         if gains != change.gains:
             with contextlib.suppress(EngineError):  # too many changes wait
-                self._corrections.add(self._engine.change(gains_at(change.frame, after, gains)))
-        return replace(change, before=before, after=after, gains=gains)
+                self._corrections.add(
+                    self._engine.change(gains_at(change.frame, version_after, gains))
+                )
+        return replace(change, before=before, after=version_after, gains=gains)
 
     def _sort_done(self) -> None:
         """Let the numbers of lines be in the order in which they act."""
@@ -179,52 +187,58 @@ class Changes:
         """Those of the versions for `undo` that are others in the order of effect, by their number:
         gains may act before lines that were typed earlier.
         """
-        for change in self.under_way:
-            before = change.before.version
-            for line, faders in zip(change.lines, faders_after(before, change.lines), strict=True):
-                known = past.get(line.number)
-                if known is None:
+        for pending_change in self.under_way:
+            version_before = pending_change.before.version
+            for waiting_line, faders in zip(
+                pending_change.lines,
+                faders_after(version_before, pending_change.lines),
+                strict=True,
+            ):
+                known_version = past.get(waiting_line.number)
+                if known_version is None:
                     continue
-                after = known
-                if change.is_gains:
-                    after = PastVersion.from_version(before, known.where, known.line)
-                after = replace(after, number=known.number, faders=faders)
-                if after != known:
-                    yield line.number, after
+                version_after = known_version
+                if pending_change.is_gains:
+                    version_after = PastVersion.from_version(
+                        version_before, known_version.where, known_version.line
+                    )
+                version_after = replace(version_after, number=known_version.number, faders=faders)
+                if version_after != known_version:
+                    yield waiting_line.number, version_after
 
-    def withdraw(self, frame: int) -> Returned:
+    def withdraw(self, first_frame: int) -> Returned:
         """Take back the changes from a frame on that were not made yet."""
         staged = (i for i, change in enumerate(self.under_way) if not change.is_gains)
-        index = next((i for i in staged if self.under_way[i].frame >= frame), None)
+        index = next((i for i in staged if self.under_way[i].frame >= first_frame), None)
         if index is None:
             return Returned((), self.running)
-        self._engine.revoke(frame)
+        self._engine.revoke(first_frame)
         return self._take_back(index)
 
-    def _take_back(self, index: int) -> Returned:
+    def _take_back(self, first_index: int) -> Returned:
         """Take back the changes from one on. Gains need no version, so that they act all the same,
         but for those of what is not there without the changes.
         """
-        back = self.under_way[index:]
-        del self.under_way[index:]
-        self.running = base = back[0].before
-        lines: list[WaitingLine] = []
-        gains: list[UnderWay] = []
-        for change in back:
-            if change.is_gains and can_move(base, change.lines):
-                gains.append(change)
+        back = self.under_way[first_index:]
+        del self.under_way[first_index:]
+        self.running = base_version = back[0].before
+        returned_lines: list[WaitingLine] = []
+        gain_changes: list[UnderWay] = []
+        for returned_change in back:
+            if returned_change.is_gains and can_move(base_version, returned_change.lines):
+                gain_changes.append(returned_change)
                 continue
-            lines += change.lines
-            if change.is_gains:
-                gains.append(replace(change, lines=()))
+            returned_lines += returned_change.lines
+            if returned_change.is_gains:
+                gain_changes.append(replace(returned_change, lines=()))
             else:
-                self._withdrawn[change.ticket] = change
-        numbers = {line.number for line in lines}
+                self._withdrawn[returned_change.ticket] = returned_change
+        numbers = {line.number for line in returned_lines}
         self.done = [number for number in self.done if number not in numbers]
-        self._follow(base, gains)
-        if gains:
+        self._follow(base_version, gain_changes)
+        if gain_changes:
             self.running = self.under_way[-1].after
-        return Returned(lines, base)
+        return Returned(returned_lines, base_version)
 
     def note_late(self, ticket: int, soonest: int) -> Returned:
         """Note that a change came too late: it and those after it are not made.
@@ -238,24 +252,24 @@ class Changes:
             self._corrections.add(self._engine.change(again))
             return Returned((), self.running)
         tickets = [change.ticket for change in self.under_way]
-        index = tickets.index(ticket) if ticket in tickets else None
-        if index is None:
+        change_index = tickets.index(ticket) if ticket in tickets else None
+        if change_index is None:
             return Returned((), self.running)
-        if not self.under_way[index].is_gains:
-            return self._take_back(index)
-        late, later = self.under_way[index], self.under_way[index + 1 :]
-        del self.under_way[index:]
+        if not self.under_way[change_index].is_gains:
+            return self._take_back(change_index)
+        late, later = self.under_way[change_index], self.under_way[change_index + 1 :]
+        del self.under_way[change_index:]
         self._follow(late.before, later)
         self._send_gains(self.ready_frame(soonest, late.lines), late.lines, late.number)
         return Returned((), self.running)
 
-    def note_done(self, event: EngineEvent) -> UnderWay | None:
+    def note_done(self, engine_event: EngineEvent) -> UnderWay | None:
         """Note that a change was made; returns it. None if the ticket is not known."""
-        self._corrections.discard(event.ticket or 0)
+        self._corrections.discard(engine_event.ticket or 0)
         for index, change in enumerate(self.under_way):
-            if change.ticket == event.ticket:
+            if change.ticket == engine_event.ticket:
                 return self.under_way.pop(index)
-        withdrawn = self._withdrawn.pop(event.ticket or 0, None)
+        withdrawn = self._withdrawn.pop(engine_event.ticket or 0, None)
         if withdrawn is not None:  # it was made before it could be withdrawn
             self.done += [line.number for line in withdrawn.lines]
             later, self.under_way = self.under_way, []

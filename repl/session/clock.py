@@ -94,29 +94,29 @@ class Entry(NamedTuple):
 
 def entry_of(
     clock: Clock,
-    before: TempoMap,
-    after: TempoMap,
-    beat: float,
+    tempo_before: TempoMap,
+    tempo_after: TempoMap,
+    line_beat: float,
     start: int,
     sets_running: bool | None,
     enter_beat: float | None,
     timing: Timing,
 ) -> Entry:
-    """The takeover of a line that acts on `beat`, at frame `start`.
+    """The takeover of a line that acts on `line_beat`, at frame `start`.
 
     It may start the piece at that beat, stop it (`sets_running`), or let it go on from
     `enter_beat`.
     """
-    seconds = start / timing.rate
+    start_seconds = start / timing.rate
     if sets_running is not None:
-        leave = clock.beat(before, seconds)
-        goes = running_clock(after, beat, seconds + timing.lead)
-        return Entry(goes if sets_running else Clock(None, leave), leave, beat)
+        leave = clock.beat(tempo_before, start_seconds)
+        goes = running_clock(tempo_after, line_beat, start_seconds + timing.lead)
+        return Entry(goes if sets_running else Clock(None, leave), leave, line_beat)
     if enter_beat is not None:
-        goes = clock_at_beat(clock, after, enter_beat, seconds + timing.lead)
-        return Entry(goes, beat, enter_beat)
+        goes = clock_at_beat(clock, tempo_after, enter_beat, start_seconds + timing.lead)
+        return Entry(goes, line_beat, enter_beat)
     goes, here = clock_after_takeover(
-        clock, before, after, beat, seconds + timing.lead, timing.tick
+        clock, tempo_before, tempo_after, line_beat, start_seconds + timing.lead, timing.tick
     )
     return Entry(goes, here, here)
 
@@ -132,32 +132,40 @@ def clock_at_beat(clock: Clock, tempo: TempoMap, beat: float, seconds: float) ->
 
 
 def clock_after_takeover(
-    clock: Clock, before: TempoMap, after: TempoMap, beat: float, seconds: float, tick: float
+    clock: Clock,
+    tempo_before: TempoMap,
+    tempo_after: TempoMap,
+    takeover_beat: float,
+    takeover_seconds: float,
+    tick: float,
 ) -> tuple[Clock, float]:
     """The clock and the beat with which a version takes over that may have another tempo map.
 
     If the piece has already jumped past that beat, one tick [s] before, it continues from where
     it is.
     """
-    if not clock.is_running or clock.beat(before, seconds - tick) <= beat + SAME:
-        return clock, beat
-    here = clock.beat(before, seconds)
-    is_same = after.seconds(here) == before.seconds(here)
-    return (clock if is_same else running_clock(after, here, seconds)), here
+    if (
+        not clock.is_running
+        or clock.beat(tempo_before, takeover_seconds - tick) <= takeover_beat + SAME
+    ):
+        return clock, takeover_beat
+    here = clock.beat(tempo_before, takeover_seconds)
+    is_same = tempo_after.seconds(here) == tempo_before.seconds(here)
+    return (clock if is_same else running_clock(tempo_after, here, takeover_seconds)), here
 
 
-def next_boundary(tempo: TempoMap, beat: float, grid: Length) -> float:
-    """The first beat, not before `beat`, that is a multiple of `grid`. Bars count from the first
-    one, beats from the beginning of their bar, seconds from the beginning of the piece.
+def next_boundary(tempo: TempoMap, from_beat: float, grid: Length) -> float:
+    """The first beat, not before `from_beat`, that is a multiple of `grid`. Bars count from the
+    first one, beats from the beginning of their bar, seconds from the beginning of the piece.
     """
-    bars = tempo.bars
-    bar, into = bars.bar_beat(beat)
+    bar_map = tempo.bars
+    bar_index, into = bar_map.bar_beat(from_beat)
     if grid.bars:
         step = max(1, round(grid.bars))
-        bar += into > 1.0 + SAME
-        return bars.start(bar + (1 - bar) % step)
+        bar_index += into > 1.0 + SAME
+        return bar_map.start(bar_index + (1 - bar_index) % step)
     if grid.beats:
         steps = math.ceil((into - 1.0 - SAME) / grid.beats)
-        return min(bars.start(bar) + steps * grid.beats, bars.start(bar + 1))
-    seconds = tempo.seconds(beat)
+        return min(bar_map.start(bar_index) + steps * grid.beats, bar_map.start(bar_index + 1))
+    seconds = tempo.seconds(from_beat)
     return tempo.beats(math.ceil(seconds / grid.seconds - SAME) * grid.seconds)

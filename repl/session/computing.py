@@ -46,15 +46,17 @@ class Computing:
         """Why a line is not taken whose computation was stopped."""
         if error.why == "cancelled":
             return "cancelled; nothing has changed"
-        steps: int = self._limit.steps
-        sentence = (
-            f"this line takes more than {_millions(steps)} steps to compute (visits of modules, "
+        step_limit: int = self._limit.steps
+        refusal_sentence = (
+            f"this line takes more than {_millions(step_limit)} steps to compute (visits of "
+            "modules, "
             "numbers of matrices, points); nothing has changed"
         )
-        if steps != LINE_STEPS:
-            return sentence
+        if step_limit != LINE_STEPS:
+            return refusal_sentence
         return (
-            f"{sentence}: make it smaller, or write it into the score and type `reload`, which has "
+            f"{refusal_sentence}: make it smaller, or write it into the score and type `reload`, "
+            "which has "
             f"{_millions(FILES_STEPS)}"
         )
 

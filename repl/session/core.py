@@ -166,40 +166,42 @@ class SessionCore:
         for command in commands:
             if isinstance(command, Guide):
                 check_guide(command, self.schedule, self.guidance.driven)
-        when: When = next((c.when for c in commands if c.when is not None), None)
-        if when is None and all(isinstance(command, DefineBlock) for command in commands):
-            when = NOW  # nothing is heard of it
+        line_time: When = next((c.when for c in commands if c.when is not None), None)
+        if line_time is None and all(isinstance(command, DefineBlock) for command in commands):
+            line_time = NOW  # nothing is heard of it
         is_read = any(type(command) in version_edits.READS_FILES for command in commands)
         edit = version_edits.combined(commands)
         kind = kind_of(commands, has_levels=bool(self.schedule.head.strike_levels))
-        where, running = self.queue(Entry(text, edit, kind, when, reads_files=is_read))
+        where, running = self.queue(Entry(text, edit, kind, line_time, reads_files=is_read))
         summaries = [version_edits.summary(command, running, where) for command in commands]
         summaries += self.log.force_messages(running)
         summaries += self.log.discard_messages(running.version)
         return Reply(True, f"ok {where} {'; '.join(filter(None, summaries))}".rstrip())
 
-    def queue(self, entry: Entry) -> tuple[str, RunningVersion]:
+    def queue(self, history_entry: Entry) -> tuple[str, RunningVersion]:
         """Queue a line for its frame; returns its beat as written, and its version, staged.
 
         Raises one of `REFUSALS`, and nothing has changed.
         """
-        entry = replace(entry, when=self.resolved(entry.when))
-        if self.journal is not None and self.journal.is_full and not entry.is_stop:
+        history_entry = replace(history_entry, when=self.resolved(history_entry.when))
+        if self.journal is not None and self.journal.is_full and not history_entry.is_stop:
             raise NotTakenError("the journal keeps no further line: make room on the disk")
         with self.schedule.lock:
             self._n_lines += 1
-            number = self._n_lines
+            line_number = self._n_lines
 
-        request = Request(entry, number, self.quant, self.schedule.n_drops)
-        with self.computing.limited(entry.steps):
-            draft = self.schedule.insert(request, lambda draft: self._note_line(entry, draft))
+        request = Request(history_entry, line_number, self.quant, self.schedule.n_drops)
+        with self.computing.limited(history_entry.steps):
+            draft = self.schedule.insert(
+                request, lambda draft: self._note_line(history_entry, draft)
+            )
         self.log.note_thawed(draft.checked)
         self.attend()
         for _ in range(_TRIES):  # it was late, and must be made again
-            if not self._is_due(number) or not self.schedule.make_due():
+            if not self._is_due(line_number) or not self.schedule.make_due():
                 break
             self.attend()
-        line = self.schedule.line(number) or draft.line
+        line = self.schedule.line(line_number) or draft.line
         return line.result().piece.tempo_map.written(line.beat), draft.checked
 
     def resolved(self, when: When) -> When:
@@ -219,37 +221,37 @@ class SessionCore:
         """Whether a line still waits that should act as soon as possible."""
         return any(one.number == number and one.is_now for one in self.schedule.waiting)
 
-    def _note_line(self, entry: Entry, draft: Draft) -> None:
+    def _note_line(self, history_entry: Entry, draft: Draft) -> None:
         """Note a line that waits from now on in journal and history."""
-        line, version = draft.line, draft.line.result()
+        waiting_line, version = draft.line, draft.line.result()
         optional: dict[str, object] = {}
-        if entry.replaces is not None:
-            optional["replaces"] = entry.replaces
-        if not entry.is_typed:
+        if history_entry.replaces is not None:
+            optional["replaces"] = history_entry.replaces
+        if not history_entry.is_typed:
             optional["typed"] = False
-        if line.start is not None:
-            optional["start"] = line.start
-        if entry.reads_files:
+        if waiting_line.start is not None:
+            optional["start"] = waiting_line.start
+        if history_entry.reads_files:
             optional |= self._fields_read(version)
-            self.log.note_read(line.number, version)
+            self.log.note_read(waiting_line.number, version)
         self.log.write(
             "line",
-            number=line.number,
-            line=line.line,
-            kind=line.kind.name.lower(),
-            beat=line.beat,
-            goes=entry.sets_running,
-            resets=entry.resets,
-            restores=entry.restores,
-            where=version.piece.tempo_map.written(line.beat),
+            number=waiting_line.number,
+            line=waiting_line.line,
+            kind=waiting_line.kind.name.lower(),
+            beat=waiting_line.beat,
+            goes=history_entry.sets_running,
+            resets=history_entry.resets,
+            restores=history_entry.restores,
+            where=version.piece.tempo_map.written(waiting_line.beat),
             **optional,
         )
-        if entry.restores is None and entry.is_typed:
-            self.history.add(line.number)
-            if entry.replaces is not None:
-                self.history.remove(entry.replaces)
-                self.schedule.past_versions.pop(entry.replaces, None)
-            if not entry.redoes:
+        if history_entry.restores is None and history_entry.is_typed:
+            self.history.add(waiting_line.number)
+            if history_entry.replaces is not None:
+                self.history.remove(history_entry.replaces)
+                self.schedule.past_versions.pop(history_entry.replaces, None)
+            if not history_entry.redoes:
                 self.cancelled.clear()
             self.history.sort(self.schedule.effect_order())
 
@@ -348,18 +350,18 @@ class SessionCore:
     def _take_events(self) -> None:
         """Take the engine's events, and write at once to the journal what happened."""
         schedule = self.schedule
-        for event in schedule.engine.events():
-            if event.act_ticket is not None:
-                self.acts.note_ended(event)
+        for engine_event in schedule.engine.events():
+            if engine_event.act_ticket is not None:
+                self.acts.note_ended(engine_event)
                 continue
-            for player, is_real in event.real.items():
-                self.log.write("hand", player=player, real=is_real, frame=event.frame)
-            if event.sentence:
-                self.log.say(f"{self.log.position_at(event.frame)} {event.sentence}")
-            elif event.ticket is not None:
-                if event.is_late:
-                    self.guidance.note_late(event.ticket)
-                schedule.note_event(event)
+            for player, is_real in engine_event.real.items():
+                self.log.write("hand", player=player, real=is_real, frame=engine_event.frame)
+            if engine_event.sentence:
+                self.log.say(f"{self.log.position_at(engine_event.frame)} {engine_event.sentence}")
+            elif engine_event.ticket is not None:
+                if engine_event.is_late:
+                    self.guidance.note_late(engine_event.ticket)
+                schedule.note_event(engine_event)
                 self.log.take_reports()
         for frame, begins in schedule.engine.silences():
             self.log.write("silence", frame=frame, begins=begins)
@@ -369,10 +371,10 @@ class SessionCore:
         folder = Path(self.schedule.head.texts.path).parent
         try:
             path = self.captures.write(take, folder, self.schedule.engine.tick_frames)
-            file = path.relative_to(folder).as_posix()
+            take_file = path.relative_to(folder).as_posix()
 
             def edit(version: Version, beat: float) -> Version:
-                return version_edits.with_take(version, take.name, file, take.player)
+                return version_edits.with_take(version, take.name, take_file, take.player)
 
             self.queue(Entry(f"# take {take.name}", edit, when=NOW, reads_files=True))
         except (NotTakenError, *REFUSALS) as error:
@@ -382,7 +384,7 @@ class SessionCore:
         seconds = (take.stop - take.start) / self.schedule.rate
         missing = take.n_missing * self.schedule.engine.tick_frames / self.schedule.rate
         cut = f", of which {missing:.3f} s were not recorded" if take.n_missing else ""
-        self.log.say(f"take {take.name}: {seconds:.1f} s{cut} -> {file}")
+        self.log.say(f"take {take.name}: {seconds:.1f} s{cut} -> {take_file}")
 
     def _take_sound_file(self) -> None:
         message, closed = self.sound_file.report_change(self.schedule.engine, self.schedule.rate)

@@ -61,44 +61,45 @@ class Disk:
         """
         self._known.update(hashes)
 
-    def unsaved_texts(self, texts: Texts) -> dict[str, str]:
+    def unsaved_texts(self, score_texts: Texts) -> dict[str, str]:
         """The unsaved texts of the score and the files that it uses, by file."""
-        folder = Path(texts.path).parent
+        folder = Path(score_texts.path).parent
         return {
             file: text
-            for file, text in ((texts.path, texts.text), *texts.overlay.items())
+            for file, text in ((score_texts.path, score_texts.text), *score_texts.overlay.items())
             if self._known.get(target_path(file, folder), self._known.get(file)) != text_hash(text)
         }
 
-    def check_writable(self, file: str, score: Path) -> None:
+    def check_writable(self, file_name: str, score: Path) -> None:
         """Raise NotTakenError if a session with this score may not write a file."""
-        path = Path(file)
+        path = Path(file_name)
         if is_shipped(path):
             raise NotTakenError(
-                f"{file} ships with ergon and is never changed; `save NAME` writes a copy"
+                f"{file_name} ships with ergon and is never changed; `save NAME` writes a copy"
             )
         # The score may be a link, and its target is written; other files must be in its folder.
         if path != score and not is_below(path, score.parent):
-            raise NotTakenError(f"{file} is outside the folder of the score, {score.parent}")
-        if not os.path.lexists(file):
-            if file in self._known:
+            raise NotTakenError(f"{file_name} is outside the folder of the score, {score.parent}")
+        if not os.path.lexists(file_name):
+            if file_name in self._known:
                 raise NotTakenError(
-                    f"{file} was deleted since it was read; `save NAME` writes another file"
+                    f"{file_name} was deleted since it was read; `save NAME` writes another file"
                 )
             return
-        known = self._known.get(file)
-        if known is None:
+        known_text = self._known.get(file_name)
+        if known_text is None:
             raise NotTakenError(
-                f"{file} already exists, and this session did not write it: choose another name"
+                f"{file_name} already exists, and this session did not write it: choose another "
+                "name"
             )
         file_text = read_text(path)
-        if file_text is None or text_hash(file_text) != known:
+        if file_text is None or text_hash(file_text) != known_text:
             raise NotTakenError(
-                f"{file} was changed on the disk since it was read: "
+                f"{file_name} was changed on the disk since it was read: "
                 "`save NAME` writes another file, `reload` reads the changed one"
             )
         if not is_score(file_text):
-            raise NotTakenError(f"{file} is not a score, so `save` does not replace it")
+            raise NotTakenError(f"{file_name} is not a score, so `save` does not replace it")
 
 
 def text_hash(text: str) -> str:

@@ -89,17 +89,21 @@ class Drafts:
         self._makings, self._making_time = makings, making_time
 
     def sketch(
-        self, request: Request, lines: WaitingLines, requested: WaitingLine | None = None
+        self, request: Request, waiting_lines: WaitingLines, requested: WaitingLine | None = None
     ) -> Sketch:
         """The place of a line among those that wait.
 
         A line that was `requested` before keeps its place, and was checked then. Raises
         NotTakenError where its beat is past.
         """
-        placed_line = self._behind_fence(requested or self._requested_line(request, lines), lines)
+        placed_line = self._behind_fence(
+            requested or self._requested_line(request, waiting_lines), waiting_lines
+        )
         placed_line = self._behind_changes(placed_line)
         soonest = self._moments.soonest_frame()
-        return Sketch(lines, self._changes.running, placed_line, soonest, requested is not None)
+        return Sketch(
+            waiting_lines, self._changes.running, placed_line, soonest, requested is not None
+        )
 
     def draft(self, sketch: Sketch) -> Draft:
         """A line among those that wait, and what must be made to check it.
@@ -107,86 +111,99 @@ class Drafts:
         Raises one of `REFUSALS`.
         """
         running, soonest = sketch.running, sketch.soonest
-        lines, line = sketch.lines.inserted(sketch.requested, soonest)
-        checked, staged = replace(running, version=line.result()), None
-        if not (sketch.is_checked or line.rule.is_quick):
+        inserted_lines, inserted_line = sketch.lines.inserted(sketch.requested, soonest)
+        checked, staged = replace(running, version=inserted_line.result()), None
+        if not (sketch.is_checked or inserted_line.rule.is_quick):
             began = self._making_time.began()
-            group = staged_group_of(lines.lines)
-            if line in group:
-                result = self._makings.stage(running, group)
-                staged = StagedGroup(group, running, result)
+            group = staged_group_of(inserted_lines.lines)
+            if inserted_line in group:
+                staged_result = self._makings.stage(running, group)
+                staged = StagedGroup(group, running, staged_result)
             else:  # it waits for others, so that it is only checked
-                start = soonest if line.start is None else line.start
-                result = self._makings.stage(running, [replace(line, start=start)])
-            if line.base is not None and not (line.reads_files or line.sets_all):
-                check_unheard(line.base.sounding, result.stage)
-            checked = replace(result, version=line.result())
+                start = soonest if inserted_line.start is None else inserted_line.start
+                staged_result = self._makings.stage(running, [replace(inserted_line, start=start)])
+            if inserted_line.base is not None and not (
+                inserted_line.reads_files or inserted_line.sets_all
+            ):
+                check_unheard(inserted_line.base.sounding, staged_result.stage)
+            checked = replace(staged_result, version=inserted_line.result())
             self._making_time.add(began)
-        return Draft(sketch.lines, lines, sketch.requested, line, checked, staged)
+        return Draft(sketch.lines, inserted_lines, sketch.requested, inserted_line, checked, staged)
 
     def joined_frame(self, request: Request, lines: WaitingLines) -> int | None:
         """The frame of the lines under way to the beat of a line, if there is time to make all of
         them: lines of one beat take effect together.
         """
-        entry = request.entry
+        line_entry = request.entry
         pending_changes = [change for change in self._changes.under_way if not change.is_gains]
-        if not pending_changes or RULES[entry.kind].is_quick or entry.sets_running is not None:
+        if (
+            not pending_changes
+            or RULES[line_entry.kind].is_quick
+            or line_entry.sets_running is not None
+        ):
             return None
-        last, ready_frame = (
+        last_frame, ready_frame = (
             pending_changes[-1],
             self._moments.tick_after(self._making_time.expected + _SPARE),
         )
         is_running = self._changes.running.clock.is_running
-        if not last.lines or not is_running or last.frame < ready_frame:
+        if not last_frame.lines or not is_running or last_frame.frame < ready_frame:
             return None
-        if any(line.sets_running is not None or line.resets for line in last.lines):
+        if any(line.sets_running is not None or line.resets for line in last_frame.lines):
             return None
         with contextlib.suppress(NotTakenError):
             tempo = lines.head.piece.tempo_map
-            beat, _ = self._moments.place_from(ready_frame, tempo, entry.when, request.grid)
-            if abs(beat - last.lines[-1].beat) <= SAME:
-                return last.frame
+            beat, _ = self._moments.place_from(ready_frame, tempo, line_entry.when, request.grid)
+            if abs(beat - last_frame.lines[-1].beat) <= SAME:
+                return last_frame.frame
         return None
 
-    def _requested_line(self, request: Request, lines: WaitingLines) -> WaitingLine:
+    def _requested_line(self, request: Request, waiting_lines: WaitingLines) -> WaitingLine:
         """The line of a request."""
-        entry = request.entry
-        tempo = lines.head.piece.tempo_map
-        beat, start = self._moments.place(tempo, entry.when, request.grid, entry.kind)
-        if start is None:
-            start = self._start_after_play(beat, entry.kind, lines)
-        is_now = entry.when is NOW or (entry.when is None and request.grid is None)
+        line_entry = request.entry
+        tempo = waiting_lines.head.piece.tempo_map
+        line_beat, start_frame = self._moments.place(
+            tempo, line_entry.when, request.grid, line_entry.kind
+        )
+        if start_frame is None:
+            start_frame = self._start_after_play(line_beat, line_entry.kind, waiting_lines)
+        is_now = line_entry.when is NOW or (line_entry.when is None and request.grid is None)
         return WaitingLine(
             number=request.number,
-            line=entry.line,
-            edit=entry.numbered_edit(request.number),
-            kind=entry.kind,
-            beat=beat if entry.enter is None else entry.enter,
-            start=start,
-            sets_running=entry.sets_running,
-            resets=entry.resets,
-            is_now=is_now or entry.sets_running is not None,
-            reads_files=entry.reads_files,
-            sets_all=entry.sets_all,
-            is_named=isinstance(entry.when, Position | Length),
+            line=line_entry.line,
+            edit=line_entry.numbered_edit(request.number),
+            kind=line_entry.kind,
+            beat=line_beat if line_entry.enter is None else line_entry.enter,
+            start=start_frame,
+            sets_running=line_entry.sets_running,
+            resets=line_entry.resets,
+            is_now=is_now or line_entry.sets_running is not None,
+            reads_files=line_entry.reads_files,
+            sets_all=line_entry.sets_all,
+            is_named=isinstance(line_entry.when, Position | Length),
         )
 
-    def _start_after_play(self, beat: float, kind: LineKind, lines: WaitingLines) -> int | None:
+    def _start_after_play(
+        self, beat: float, kind: LineKind, waiting_lines: WaitingLines
+    ) -> int | None:
         """The frame of a beat that is ahead, if the piece is about to start."""
-        start_line = next((line for line in lines.lines if line.sets_running), None)
+        start_line = next((line for line in waiting_lines.lines if line.sets_running), None)
         if start_line is None or start_line.clock is None or start_line.start is None:
             return None
-        tempo, lead = lines.head.piece.tempo_map, self._timing.lead_of(kind is LineKind.ENDS)
+        tempo, lead = (
+            waiting_lines.head.piece.tempo_map,
+            self._timing.lead_of(kind is LineKind.ENDS),
+        )
         return max(
             start_line.start, self._timing.takeover_frame(start_line.clock, tempo, beat, lead)
         )
 
-    def _behind_fence(self, line: WaitingLine, lines: WaitingLines) -> WaitingLine:
+    def _behind_fence(self, new_line: WaitingLine, lines: WaitingLines) -> WaitingLine:
         """A line that does not overtake an earlier one; it may move to that one's beat."""
-        fence = lines.fence(line)
+        fence = lines.fence(new_line)
         if fence is None:
-            return line
-        return replace(line.moved_to(fence.beat, fence.start), is_now=fence.is_now)
+            return new_line
+        return replace(new_line.moved_to(fence.beat, fence.start), is_now=fence.is_now)
 
     def _behind_changes(self, line: WaitingLine) -> WaitingLine:
         """A line that moves faders, not before the change under way that makes what it names; one
@@ -194,23 +211,23 @@ class Drafts:
         """
         if line.start is None:
             return line
-        pending_changes, start = (
+        pending_changes, start_frame = (
             [change for change in self._changes.under_way if change.lines],
             line.start,
         )
         if line.sets_all:
-            start = max([start, *(change.frame for change in pending_changes)])
+            start_frame = max([start_frame, *(change.frame for change in pending_changes)])
         elif line.kind is LineKind.FADERS:
-            start = self._changes.ready_frame(start, (line,))
-        if start == line.start:
+            start_frame = self._changes.ready_frame(start_frame, (line,))
+        if start_frame == line.start:
             return line
         beat = next(
             (
                 waiting_line.beat
                 for change in pending_changes
                 for waiting_line in change.lines
-                if change.frame == start
+                if change.frame == start_frame
             ),
             line.beat,
         )
-        return line.moved_to(beat, start)
+        return line.moved_to(beat, start_frame)

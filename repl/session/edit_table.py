@@ -36,12 +36,12 @@ def makes_edit(kind: type[Command]) -> Callable[[_Make], _Make]:
 def edits_texts(kind: type[Command]) -> Callable[[_Change], _Change]:
     """Decorate a function that gives the new texts from command, version and beat."""
 
-    def known(change: _Change) -> _Change:
+    def known(wanted_change: _Change) -> _Change:
         def make(command: Command) -> VersionEdit:
-            return lambda version, beat: with_texts(version, change(command, version, beat))
+            return lambda version, beat: with_texts(version, wanted_change(command, version, beat))
 
         VERSION_EDITS[kind] = make
-        return change
+        return wanted_change
 
     return known
 
@@ -51,15 +51,17 @@ def edits_faders(kind: type[Command]) -> Callable[[_Move], _Move]:
     instruments.
     """
 
-    def known(change: _Move) -> _Move:
+    def known(wanted_change: _Move) -> _Move:
         def make(command: Any) -> VersionEdit:
             return lambda version, beat: replace(
                 version,
-                faders=change(command, version.faders, instruments_of(version, command.name)),
+                faders=wanted_change(
+                    command, version.faders, instruments_of(version, command.name)
+                ),
             )
 
         VERSION_EDITS[kind] = make
-        return change
+        return wanted_change
 
     return known
 
@@ -69,31 +71,32 @@ def with_texts(version: Version, texts: Texts) -> Version:
     return replace(version, texts=texts, piece=piece_of(texts))
 
 
-def instruments_of(version: Version, name: str | None) -> frozenset[str]:
+def instruments_of(version: Version, instrument_name: str | None) -> frozenset[str]:
     """The named instrument or its notes, or the instruments that a player's key is linked to.
 
     Raises NotTakenError.
     """
     piece = version.piece
-    if name is None:
+    if instrument_name is None:
         return frozenset()
-    if name in piece.instruments:
-        return frozenset([name])
-    if name in piece.families:
-        return frozenset(piece.families[name])
-    player = piece.players.get(name)
+    if instrument_name in piece.instruments:
+        return frozenset([instrument_name])
+    if instrument_name in piece.families:
+        return frozenset(piece.families[instrument_name])
+    player = piece.players.get(instrument_name)
     if player is None:  # a line that was typed later and acts earlier has renamed or removed it
-        raise NotTakenError(f"{name} was renamed or removed by another line")
-    key = player.key
+        raise NotTakenError(f"{instrument_name} was renamed or removed by another line")
+    player_key = player.key
     touched = frozenset(
         end.part
         for instrument in piece.instruments.values()
         for module in instrument.modules
-        for end in _ends(module.fields.get("between"), key)
+        for end in _ends(module.fields.get("between"), player_key)
     )
     if not touched:
         raise NotTakenError(
-            f"key {key} of {name} is linked to no instrument; name the instrument to change instead"
+            f"key {player_key} of {instrument_name} is linked to no instrument; name the "
+            "instrument to change instead"
         )
     return touched
 

@@ -308,15 +308,17 @@ class SteppedEngine:
         while done < n_frames:
             self._do_due_changes()
             self._acts = []
-            stop = min([self.frame + n_frames - done, *(one.frame for _, one in self._changes[:1])])
+            stop_frame = min(
+                [self.frame + n_frames - done, *(one.frame for _, one in self._changes[:1])]
+            )
             if self._hands:
-                stop = min(stop, self._hold_hands())
-            n = stop - self.frame
+                stop_frame = min(stop_frame, self._hold_hands())
+            n = stop_frame - self.frame
             frames = np.zeros((n, self._simulation.n_out))
             self._simulation.process(frames)
             self._mixer.process(frames, mixed[done : done + n])
             done += n
-            self.frame = stop
+            self.frame = stop_frame
         return mixed
 
     def _hold_hands(self) -> int:
@@ -333,28 +335,28 @@ class SteppedEngine:
             is_done = self._do_change(change)
             self._events.append(EngineEvent(self.frame, ticket, is_late=not is_done))
 
-    def _do_change(self, change: Change) -> bool:
+    def _do_change(self, due_change: Change) -> bool:
         """Make a change; False, with nothing changed, if another stage plays than it replaces."""
-        if not change.is_gains:
-            is_other = change.old_stage.simulation is not self._simulation
-            if is_other and not change.resets:
+        if not due_change.is_gains:
+            is_other = due_change.old_stage.simulation is not self._simulation
+            if is_other and not due_change.resets:
                 return False
-            self._do_takeover(change)
-        for group, gain in change.gains.items():
+            self._do_takeover(due_change)
+        for group, gain in due_change.gains.items():
             self._mixer.set_gain(group, gain)
         return True
 
-    def _do_takeover(self, change: Change) -> None:
-        new = change.stage.simulation
-        outputs = [] if change.resets else new.take_over(self._simulation)
-        if change.needs_new_mixer:
-            mixer = change.stage.mixer(highpass=self._highpass, reference=self._reference)
+    def _do_takeover(self, due_change: Change) -> None:
+        new_simulation = due_change.stage.simulation
+        outputs = [] if due_change.resets else new_simulation.take_over(self._simulation)
+        if due_change.needs_new_mixer:
+            mixer = due_change.stage.mixer(highpass=self._highpass, reference=self._reference)
             mixer.take_over(self._mixer, outputs)
             self._mixer = mixer
-        self._simulation = new
-        new.damp(change.damp)
-        for act in self._acts if change.resets else ():  # nothing was taken over
-            act(new)
+        self._simulation = new_simulation
+        new_simulation.damp(due_change.damp)
+        for act in self._acts if due_change.resets else ():  # nothing was taken over
+            act(new_simulation)
 
     def silences(self) -> Sequence[tuple[int, bool]]:
         """None: nothing is silenced here."""

@@ -21,51 +21,57 @@ if TYPE_CHECKING:
 @makes_edit(Use)
 def _use(command: Use) -> VersionEdit:
     """Bring in a family; its file is read once, when the line is typed."""
-    read: dict[str, str] = {}
+    texts_by_file: dict[str, str] = {}
 
     def edit(version: Version, beat: float) -> Version:
         if command.family in version.piece.used:
             listing = f"instruments {command.family}"
             raise NotTakenError(f"{command.family} is in use already", listing)
         before = version.texts
-        before = replace(before, overlay={**read, **before.overlay})
-        texts, texts_read = families.use(before, command.family, command.file)
-        read.update(texts_read)
-        piece_from_files(replace(texts, sealed=False))  # a file outside the bounds is told of
-        new = {file: text for file, text in read.items() if file not in version.texts.overlay}
+        before = replace(before, overlay={**texts_by_file, **before.overlay})
+        texts_with_family, texts_read = families.use(before, command.family, command.file)
+        texts_by_file.update(texts_read)
+        piece_from_files(
+            replace(texts_with_family, sealed=False)
+        )  # a file outside the bounds is told of
+        new = {
+            file: text for file, text in texts_by_file.items() if file not in version.texts.overlay
+        }
         base = version.base or version.texts
         base = replace(base, overlay={**new, **base.overlay})
-        return replace(with_texts(version, texts), read_files=new, base=base)
+        return replace(with_texts(version, texts_with_family), read_files=new, base=base)
 
     return edit
 
 
-def with_brought(now: Texts, before: Texts) -> Texts:
+def with_brought(now: Texts, texts_before: Texts) -> Texts:
     """Texts of the disk with the files that `use` has brought in since, as they are there now.
 
-    `before` are the texts of the disk as the session knew them, with these files.
+    `texts_before` are the texts of the disk as the session knew them, with these files.
     """
-    brought = before.overlay.keys() - before.load().files.keys() - now.overlay.keys()
+    brought = texts_before.overlay.keys() - texts_before.load().files.keys() - now.overlay.keys()
     texts_read = {file: read_text(Path(file)) for file in brought}
     new = {
-        file: before.overlay[file] if text is None else text for file, text in texts_read.items()
+        file: texts_before.overlay[file] if text is None else text
+        for file, text in texts_read.items()
     }
     return replace(now, overlay={**now.overlay, **new})
 
 
 def summary(command: Use, piece: Piece) -> str:
     """The instruments that a family has brought, and those whose names are taken."""
-    sentence = f"{command.family}: {_names(command, piece)}"
+    summary_sentence = f"{command.family}: {_names(command, piece)}"
     free = families.unplayed(piece)
     full = [name for name in piece.available if name.startswith(f"{command.family}.")]
     plain = [(name.rpartition(".")[2], name) for name in full]
-    taken = [name for name, origin in plain if free.get(name) != origin]
-    if not taken:
-        return sentence
-    verb, each = ("is", "it") if len(taken) == 1 else ("are", "each")
-    example = f"{taken[0]}2 = {command.family}/{taken[0]}"
+    taken_names = [name for name, origin in plain if free.get(name) != origin]
+    if not taken_names:
+        return summary_sentence
+    verb, each = ("is", "it") if len(taken_names) == 1 else ("are", "each")
+    example = f"{taken_names[0]}2 = {command.family}/{taken_names[0]}"
     return (
-        f"{sentence}; {', '.join(taken)} {verb} not replaced, because the score has {each} already "
+        f"{summary_sentence}; {', '.join(taken_names)} {verb} not replaced, because the score has "
+        f"{each} already "
         f"(`{example}` adds another)"
     )
 

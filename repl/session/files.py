@@ -23,31 +23,31 @@ if TYPE_CHECKING:
     from ergon.repl.session.core import SessionCore
 
 
-def write_last_bars(session: SessionCore, length: Length, name: str) -> list[str]:
+def write_last_bars(session: SessionCore, excerpt_length: Length, file_name: str) -> list[str]:
     """Write the last bars as a score beside this one; the names of the written files."""
     version, now = session.schedule.head, session.schedule.beat_now()
     tempo = version.piece.tempo_map
     bar = tempo.bars.start(tempo.bar_beat(now)[0])
-    is_bars = length.bars and not length.beats and not length.seconds
+    is_bars = excerpt_length.bars and not excerpt_length.beats and not excerpt_length.seconds
     ends = [bar, now] if is_bars and bar > 0.0 else [now]  # whole bars are those that are over
     while True:
-        stop = ends.pop(0)
-        start = tempo.beats(tempo.seconds(stop) - length.seconds)
-        if not length.seconds:
-            start = stop - tempo.after(0.0, length)
+        stop_beat = ends.pop(0)
+        start_beat = tempo.beats(tempo.seconds(stop_beat) - excerpt_length.seconds)
+        if not excerpt_length.seconds:
+            start_beat = stop_beat - tempo.after(0.0, excerpt_length)
         try:
             excerpt_texts = excerpt.keep(
-                version.texts, version.piece, name, max(0.0, start), stop, value_on
+                version.texts, version.piece, file_name, max(0.0, start_beat), stop_beat, value_on
             )
             break
         except EditError:
             if not ends:
                 raise
     piece_of(excerpt_texts)
-    target = _target(excerpt_texts, Path(name))
+    target = _target(excerpt_texts, Path(file_name))
     if target is None:
         raise NotTakenError(
-            f"{name} is this score's own name: choose another name for the bars that are kept"
+            f"{file_name} is this score's own name: choose another name for the bars that are kept"
         )
     return _write(session, excerpt_texts, target)
 
@@ -63,14 +63,14 @@ def save(session: SessionCore, target: Path | None) -> list[str]:
     return _write(session, texts, None if target is None else _target(texts, target))
 
 
-def new_file_beside(texts: Texts, target: Path, suffix: str) -> Path:
+def new_file_beside(score_texts: Texts, target: Path, suffix: str) -> Path:
     """A new file in the folder that a session writes to. Raises NotTakenError."""
-    path = _with_suffix(texts, target, suffix)
+    path = _with_suffix(score_texts, target, suffix)
     if path.suffix.lower() != suffix:
         raise NotTakenError(
             f"{path.name} does not end in {suffix}", f"record audio {path.stem}{suffix}"
         )
-    folder = folder_of(texts)
+    folder = folder_of(score_texts)
     if _resolved(path).parent != folder.resolve():
         raise NotTakenError(
             f"a session writes only into {folder.resolve()}", f"record audio {path.name}"
@@ -107,46 +107,51 @@ def _resolved(path: Path) -> Path:
         raise NotTakenError(f"{str(path)!a} cannot be written: {error}") from None
 
 
-def _write(session: SessionCore, texts: Texts, target: Path | None) -> list[str]:
+def _write(session: SessionCore, score_texts: Texts, target: Path | None) -> list[str]:
     """Write texts over their files, or as another score; either all files are written or none."""
-    score_path, disk = Path(texts.path), session.disk
-    changed = disk.unsaved_texts(texts)
-    files: Mapping[str, str]
+    score_path, disk = Path(score_texts.path), session.disk
+    changed = disk.unsaved_texts(score_texts)
+    texts_by_file: Mapping[str, str]
     if target is None:
         # A piece that was typed from nothing has no file yet.
-        if texts.path not in disk.hashes() and os.path.lexists(score_path):
+        if score_texts.path not in disk.hashes() and os.path.lexists(score_path):
             raise NotTakenError(
                 f"this session has not read {score_path}: `save NAME` writes a file beside it"
             )
-        score, files = (
+        score, texts_by_file = (
             score_path,
             {target_path(file, score_path.parent): text for file, text in changed.items()},
         )
     else:
-        score, files = target, save_as.files(texts, changed.keys() - {texts.path}, target)
-    if not files:
+        score, texts_by_file = (
+            target,
+            save_as.files(score_texts, changed.keys() - {score_texts.path}, target),
+        )
+    if not texts_by_file:
         return []
-    _check_written(texts, changed, score, files)
+    _check_written(score_texts, changed, score, texts_by_file)
     try:
         write_all(
-            {Path(file): file_bytes(file, text) for file, text in files.items()},
+            {Path(file): file_bytes(file, text) for file, text in texts_by_file.items()},
             lambda path: disk.check_writable(str(path), score),
         )
     except (FileRefusedError, OSError) as error:
         raise NotTakenError(str(error)) from None
-    disk.note_written(files)
-    session.note_written(texts, is_own=target is None)
-    return [*files]
+    disk.note_written(texts_by_file)
+    session.note_written(score_texts, is_own=target is None)
+    return [*texts_by_file]
 
 
 def _check_written(
-    texts: Texts, changed: Mapping[str, str], score: Path, files: Mapping[str, str]
+    score_texts: Texts, changed: Mapping[str, str], score: Path, texts_by_file: Mapping[str, str]
 ) -> None:
     """Check that the written files give the piece that plays. Raises NotTakenError."""
-    unchanged = {file: text for file, text in texts.overlay.items() if file not in changed}
-    text = files.get(str(score), texts.text)
-    written_piece = Texts(str(score), text, {**unchanged, **files}, sealed=True).load().piece
-    if written_piece is None or digest_of(written_piece) != digest_of(piece_of(texts)):
+    unchanged = {file: text for file, text in score_texts.overlay.items() if file not in changed}
+    text = texts_by_file.get(str(score), score_texts.text)
+    written_piece = (
+        Texts(str(score), text, {**unchanged, **texts_by_file}, sealed=True).load().piece
+    )
+    if written_piece is None or digest_of(written_piece) != digest_of(piece_of(score_texts)):
         names = ", ".join(sorted(Path(file).name for file in changed))
         raise NotTakenError(
             f"the changes to {names} would be lost in {score.name}; `save` without a name writes "

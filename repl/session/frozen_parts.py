@@ -114,10 +114,10 @@ def load_frozen(
     """
     manifest = read_manifest(frozen.folder)
     by_file = {stem.path.name: stem for stem in manifest.stems}
-    for part in frozen.parts:
-        for stem in part.stems:
+    for frozen_part in frozen.parts:
+        for stem in frozen_part.stems:
             known = by_file.get(stem.file)
-            same = stem.sha256, part.name, len(stem.outputs)
+            same = stem.sha256, frozen_part.name, len(stem.outputs)
             if known is None or (known.sha256, known.part, len(known.taps)) != same:
                 raise NotFrozenError(
                     f"{frozen.folder} holds other frozen parts than those of this session"
@@ -130,17 +130,17 @@ def load_frozen(
         )
     verified = {stem.path.name: stem for stem in check(manifest, {}, 0)}
     loaded_parts = []
-    for part in frozen.parts:
-        is_as_frozen = part.name in version.sounding.instruments and (
-            digest_of(content(version.sounding, part.name)) == part.content
+    for frozen_part in frozen.parts:
+        is_as_frozen = frozen_part.name in version.sounding.instruments and (
+            digest_of(content(version.sounding, frozen_part.name)) == frozen_part.content
         )
-        if not is_as_frozen or _is_reached(version, part.name, real):
+        if not is_as_frozen or _is_reached(version, frozen_part.name, real):
             continue
         stems = tuple(
             (_core.FrozenOutputs(verified[stem.file].samples()), stem.outputs)
-            for stem in part.stems
+            for stem in frozen_part.stems
         )
-        loaded_parts.append(LoadedPart(part.name, manifest.n_frames, stems))
+        loaded_parts.append(LoadedPart(frozen_part.name, manifest.n_frames, stems))
     return tuple(loaded_parts)
 
 
@@ -158,19 +158,19 @@ def still_frozen(
 
 
 def place_samples(
-    parts: Sequence[LoadedPart], listening: Listening, clock: Clock, rate: float
+    loaded_parts: Sequence[LoadedPart], listening: Listening, clock: Clock, rate: float
 ) -> tuple[Placed, ...]:
     """The samples of parts, placed on the running piece; none while it is stopped."""
     if clock.began_at is None:
         return ()
     begins = math.floor(clock.began_at * rate + 0.5)
     taps: dict[str, list[int]] = {}
-    for part in parts:
+    for part in loaded_parts:
         for tap in listening.taps(part.name):
             taps.setdefault(listening.outputs[tap], []).append(tap)
     return tuple(
         Placed(samples, tuple(taps[name].pop(0) for name in names), begins)
-        for part in parts
+        for part in loaded_parts
         for samples, names in part.stems
     )
 
@@ -202,32 +202,34 @@ def frozen_fields(frozen: FrozenFolder) -> dict[str, object]:
     return {"frozen": frozen.name, "frozen_parts": parts}
 
 
-def frozen_of(first: JournalEvent, journal: Path, *, trust: bool) -> FrozenFolder | None:
+def frozen_of(first_event: JournalEvent, journal: Path, *, trust: bool) -> FrozenFolder | None:
     """The frozen parts named by a journal's first event; None if there are none.
 
     Raises JournalError, also if they lie outside both the journal's folder and the current one,
     and the journal is not trusted (`trust`).
     """
-    if "frozen" not in first.fields:
+    if "frozen" not in first_event.fields:
         return None
-    name = first.get("frozen", str)
-    if not name or "\0" in name:
-        first.refuse("the field 'frozen' is not the name of a folder")
-    folder = journal.parent / name
+    folder_name = first_event.get("frozen", str)
+    if not folder_name or "\0" in folder_name:
+        first_event.refuse("the field 'frozen' is not the name of a folder")
+    folder = journal.parent / folder_name
     if not trust and not any(is_below(folder, own) for own in (Path(), journal.parent)):
-        first.refuse(
-            f"its frozen parts are in {name!a}, outside this folder and the journal's; "
+        first_event.refuse(
+            f"its frozen parts are in {folder_name!a}, outside this folder and the journal's; "
             "--trust reads them"
         )
-    return FrozenFolder(folder, tuple(_part(row) for row in _rows(first, "frozen_parts")), name)
+    return FrozenFolder(
+        folder, tuple(_part(row) for row in _rows(first_event, "frozen_parts")), folder_name
+    )
 
 
-def _part(row: JournalEvent) -> FrozenPart:
+def _part(part_event: JournalEvent) -> FrozenPart:
     stems = tuple(
         FrozenStem(stem.get("file", str), stem.get("sha256", str), _names(stem))
-        for stem in _rows(row, "stems")
+        for stem in _rows(part_event, "stems")
     )
-    return FrozenPart(row.get("part", str), row.get("content", str), stems)
+    return FrozenPart(part_event.get("part", str), part_event.get("content", str), stems)
 
 
 def _names(stem: JournalEvent) -> tuple[str, ...]:

@@ -71,28 +71,36 @@ def faded(running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersi
 
 
 def on_other_faders(
-    result: RunningVersion, before: Version, lines: Sequence[WaitingLine]
+    new_running: RunningVersion, version_before: Version, waiting_lines: Sequence[WaitingLine]
 ) -> RunningVersion:
-    """A version that lines made, with the faders that they make of those of `before`."""
-    version = result.version
-    if not lines:  # the timeline is extended
-        number, text = before.number, before.line
-        version = replace(version, faders=before.faders, number=number, line=text)
+    """A version that lines made, with the faders that they make of those of `version_before`."""
+    version = new_running.version
+    if not waiting_lines:  # the timeline is extended
+        number, text = version_before.number, version_before.line
+        version = replace(version, faders=version_before.faders, number=number, line=text)
     else:
-        *_, faders = faders_after(before, lines)
+        *_, faders = faders_after(version_before, waiting_lines)
         version = replace(version, faders=faders)
-    return replace(result, version=version)
+    return replace(new_running, version=version)
 
 
 def faders_after(before: Version, lines: Sequence[WaitingLine]) -> Iterator[Faders]:
     """The faders after each of the lines that follow a version."""
     version = before
-    for line in lines:
-        base, result = line.base, line.version
-        keeps = base is not None and result is not None and base.faders == result.faders
-        if not keeps or line.sets_all or line.kind is LineKind.FADERS:
+    for waiting_line in lines:
+        base, result_version = waiting_line.base, waiting_line.version
+        keeps = (
+            base is not None and result_version is not None and base.faders == result_version.faders
+        )
+        if not keeps or waiting_line.sets_all or waiting_line.kind is LineKind.FADERS:
             try:
-                version = replace(version, faders=line.edit(version, line.beat).faders)
+                version = replace(
+                    version, faders=waiting_line.edit(version, waiting_line.beat).faders
+                )
             except REFUSALS:  # it was made of what this version lacks
-                version = version if result is None else replace(version, faders=result.faders)
+                version = (
+                    version
+                    if result_version is None
+                    else replace(version, faders=result_version.faders)
+                )
         yield version.faders

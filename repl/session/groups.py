@@ -15,12 +15,14 @@ if TYPE_CHECKING:
     from ergon.repl.session.waiting_lines import WaitingLine
 
 
-def group_of(lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
+def group_of(waiting_lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
     """The first lines that take effect together: those of one frame and one way to the engine."""
-    if not lines or lines[0].start is None:
+    if not waiting_lines or waiting_lines[0].start is None:
         return ()
-    start, timing = lines[0].start, _line_kind(lines[0])
-    return tuple(takewhile(lambda one: one.start == start and _line_kind(one) is timing, lines))
+    start, timing = waiting_lines[0].start, _line_kind(waiting_lines[0])
+    return tuple(
+        takewhile(lambda one: one.start == start and _line_kind(one) is timing, waiting_lines)
+    )
 
 
 def staged_group_of(lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:

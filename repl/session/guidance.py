@@ -40,13 +40,13 @@ def guide_of(command: Guide) -> HandGuide:
         raise NotTakenError(
             f"K={stiffness:g}N/m is too stiff to guide a hand: {stiffest:g}N/m at most"
         )
-    share = stiffness / stiffest
-    viscosity = share * thickest if command.viscosity is None else command.viscosity
+    stiffness_share = stiffness / stiffest
+    viscosity = stiffness_share * thickest if command.viscosity is None else command.viscosity
     if viscosity > thickest:
         raise NotTakenError(
             f"Z={viscosity:g}Ns/m is too viscous to guide a hand: {thickest:g}Ns/m at most"
         )
-    return HandGuide(command.by, share, viscosity / thickest)
+    return HandGuide(command.by, stiffness_share, viscosity / thickest)
 
 
 def check_guide(command: Guide, schedule: Schedule, driven: Collection[str] = ()) -> None:
@@ -106,13 +106,14 @@ class Guidance:
         if not guides and not self._guided:
             return None
         began = self._making.began()
-        frame, rate, tick_frames = (
+        first_frame, rate, tick_frames = (
             schedule.moments.first_frame(self._making.expected),
             schedule.rate,
             schedule.engine.tick_frames,
         )
         ticks = range(
-            frame // tick_frames, frame // tick_frames + int(_PATH_SECONDS * rate) // tick_frames
+            first_frame // tick_frames,
+            first_frame // tick_frames + int(_PATH_SECONDS * rate) // tick_frames,
         )
         paths = dict(self._release_paths(guides))
         paths |= {
@@ -121,10 +122,10 @@ class Guidance:
             )
             for player, guide in guides.items()
         }
-        self._remake_at = frame + int(_PATH_SECONDS / 2 * rate)
+        self._remake_at = first_frame + int(_PATH_SECONDS / 2 * rate)
         self._guided = frozenset(guides)
         self._making.add(began)
-        return frame, paths
+        return first_frame, paths
 
     def _release_paths(self, guides: Mapping[str, HandGuide]) -> Iterator[tuple[str, GuidedPath]]:
         import numpy as np
@@ -150,19 +151,19 @@ def _guided_path(
     player: str,
     guide: HandGuide,
     ticks: range,
-    every: int,
+    tick_frames: int,
     *,
     drives: bool,
 ) -> GuidedPath:
     """The path of a guided player in the next ticks, within the travel of its own key."""
     import numpy as np
 
-    piece, period = running.version.piece, every / running.stage.rate
-    forces = None
+    piece, period = running.version.piece, tick_frames / running.stage.rate
+    path_forces = None
     if drives:
         delay = delay_of(piece.keys[piece.players[player].key])
-        forces = TickForces(period, delay, ticks.start, np.zeros(len(ticks)))
-    path, plays = leading(piece, guide.by, running.spans, every, ticks, forces)
+        path_forces = TickForces(period, delay, ticks.start, np.zeros(len(ticks)))
+    path, plays = leading(piece, guide.by, running.spans, tick_frames, ticks, path_forces)
     travel = piece.keys[piece.players[player].key].travel
     if travel is not None:
         np.clip(path, *travel, out=path)
@@ -177,7 +178,7 @@ def _guided_path(
     first = sum(at <= 0 for at, *_ in steps) - 1
     now = (0, *steps[first][1:])
     until_end = (step for step in steps[first + 1 :] if step[0] <= len(path))
-    return GuidedPath(path, (now, *until_end), () if forces is None else forces.newtons)
+    return GuidedPath(path, (now, *until_end), () if path_forces is None else path_forces.newtons)
 
 
 def _without_short_rests(plays: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

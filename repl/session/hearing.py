@@ -53,7 +53,7 @@ class Hearing:
         """Strike as soon as it can be done; returns what is struck. Raises one of `REFUSALS`."""
         schedule = self._schedule
         playing = schedule.changes.playing_at(schedule.engine.frame).version
-        number, prefix = playing.number, ""  # a version that is due may yet be late
+        version_number, prefix = playing.number, ""  # a version that is due may yet be late
         if command.name not in playing.maps:
             edit, head = version_edits.combined([command]), schedule.head
             brings = edit(head, 0.0).texts is not head.texts
@@ -61,17 +61,19 @@ class Hearing:
             # What brings an instrument in is a line like any other, so that `undo` takes it away.
             line = f"hear {command.words['stroke'].text}"
             where, ready = self._queue(Entry(line, edit, kind, NOW, is_typed=brings))
-            playing, number = ready.version, ready.version.number
-            waits = schedule.line(number)
+            playing, version_number = ready.version, ready.version.number
+            waits = schedule.line(version_number)
             if waits is not None and waits.frame > schedule.engine.frame + _SOON * schedule.rate:
                 prefix = f"{where} "  # with a line that it needs
-        struck = [*strokes(playing, command)]
-        begin = [(stroke.place, stroke.impulse) for stroke in struck]
-        end = [(stroke.place, -stroke.impulse) for stroke in struck if stroke.lasts]
+        struck_strokes = [*strokes(playing, command)]
+        begin = [(stroke.place, stroke.impulse) for stroke in struck_strokes]
+        end = [(stroke.place, -stroke.impulse) for stroke in struck_strokes if stroke.lasts]
         with schedule.lock:
-            self._awaited.append(_Awaited(begin, end, number))
+            self._awaited.append(_Awaited(begin, end, version_number))
             self.strike_due()
-        shown = [s.impulse for s in struck if not s.lasts] or [s.impulse for s in struck]
+        shown = [s.impulse for s in struck_strokes if not s.lasts] or [
+            s.impulse for s in struck_strokes
+        ]
         impulses = ", ".join(dict.fromkeys(f"{1e3 * impulse:.3g} mN·s" for impulse in shown))
         return f"{prefix}{command.words['stroke'].text}: {impulses}"
 

@@ -53,17 +53,17 @@ class History:
         if number in self.numbers:
             self.index = self.numbers.index(number)
 
-    def sort(self, order: Mapping[int, float]) -> None:
+    def sort(self, frame_order: Mapping[int, float]) -> None:
         """Sort the versions that were not undone into the order in which they take effect.
 
-        Versions that are not in `order` come first: they have taken effect long before.
+        Versions that are not in `frame_order` come first: they have taken effect long before.
         """
-        stop = self.index + 1
-        first = max(0, stop - len(order) - 1)  # those before it are in order
-        begun = self.numbers[first:stop]
-        settled = [number for number in begun if number not in order]
-        moving = sorted([n for n in begun if n in order], key=order.__getitem__)
-        self.numbers[first:stop] = settled + moving
+        stop_index = self.index + 1
+        first = max(0, stop_index - len(frame_order) - 1)  # those before it are in order
+        begun = self.numbers[first:stop_index]
+        settled = [number for number in begun if number not in frame_order]
+        moving = sorted([n for n in begun if n in frame_order], key=frame_order.__getitem__)
+        self.numbers[first:stop_index] = settled + moving
 
 
 @dataclass(frozen=True, slots=True)

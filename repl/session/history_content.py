@@ -47,36 +47,38 @@ def sounding_field(names: SoundingNames) -> dict[str, object]:
     return {"sounds_as": dict(names.names)} if names.names else {}
 
 
-def read_sounding(event: JournalEvent) -> SoundingNames:
+def read_sounding(journal_event: JournalEvent) -> SoundingNames:
     """The names under which keys and instruments sound, in a journal's event. Raises
     JournalError.
     """
-    if "sounds_as" not in event.fields:
+    if "sounds_as" not in journal_event.fields:
         return SoundingNames()
-    names_by_sound = event.mapping("sounds_as", str)
+    names_by_sound = journal_event.mapping("sounds_as", str)
     if not all(NAME.fullmatch(name) for pair in names_by_sound.items() for name in pair):
-        event.refuse("the field 'sounds_as' has the wrong value")
+        journal_event.refuse("the field 'sounds_as' has the wrong value")
     return SoundingNames(names_by_sound)
 
 
 def history_fields(history: PastVersions) -> dict[str, object]:
     """The journal fields for a history; empty if it has only its beginning."""
-    first = max(0, history.index + 1 - _VERSIONS)
-    versions = history.versions[first:]
+    first_index = max(0, history.index + 1 - _VERSIONS)
+    versions = history.versions[first_index:]
     if len(versions) < 2:
         return {}
-    rows, before = [], dict[str, str]()
+    history_rows, texts_before = [], dict[str, str]()
     for version in versions:
-        files = _files(version.texts)
-        changed = {name: _delta(before.get(name, ""), text) for name, text in files.items()}
-        rows.append(
+        texts_by_file = _files(version.texts)
+        changed = {
+            name: _delta(texts_before.get(name, ""), text) for name, text in texts_by_file.items()
+        }
+        history_rows.append(
             {
                 "number": version.number,
                 "line": version.line,
                 "where": version.where,
                 "score": version.texts.path,
                 "files": {name: delta for name, delta in changed.items() if delta is not None},
-                "gone": sorted(before.keys() - files.keys()),
+                "gone": sorted(texts_before.keys() - texts_by_file.keys()),
                 **faders_fields(version.faders),
                 **maps_field(version.maps),
                 **rules_field(version.rules),
@@ -84,57 +86,63 @@ def history_fields(history: PastVersions) -> dict[str, object]:
                 **levels_fields(version.strike_levels),
             }
         )
-        before = files
-    return {"history": rows, "index": history.index - first}
+        texts_before = texts_by_file
+    return {"history": history_rows, "index": history.index - first_index}
 
 
-def read_history(event: JournalEvent, texts: ReadTexts, faders: ReadFaders) -> PastVersions | None:
+def read_history(
+    journal_event: JournalEvent, texts: ReadTexts, faders: ReadFaders
+) -> PastVersions | None:
     """The history in a journal's event; None where it has none. Raises JournalError."""
-    if "history" not in event.fields:
+    if "history" not in journal_event.fields:
         return None
-    rows: list[Any] = event.get("history", list)
-    index = event.number_of("index", int, 0, len(rows) - 1)
-    files: dict[str, str] = {}
-    left, versions = _CHARACTERS, []
-    for fields in rows:
+    history_rows: list[Any] = journal_event.get("history", list)
+    index = journal_event.number_of("index", int, 0, len(history_rows) - 1)
+    texts_by_file: dict[str, str] = {}
+    characters_left, versions = _CHARACTERS, []
+    for fields in history_rows:
         if not isinstance(fields, dict):
-            event.refuse("the field 'history' has the wrong type or value")
-        row = JournalEvent(event.file, event.number, "history", fields)
-        gone = row.name_set("gone")
-        files = {name: text for name, text in files.items() if name not in gone}
-        for name, delta in row.get("files", dict).items():
-            files[name] = _apply_delta(row, files.get(name, ""), delta)
-        left -= sum(map(len, files.values()))
-        if left < 0:
-            event.refuse("its history is longer than that of a session can be")
-        named = {"score": row.get("score", str), "text": files.get("", ""), "overlay": _used(files)}
-        read = texts(JournalEvent(event.file, event.number, "history", named))
+            journal_event.refuse("the field 'history' has the wrong type or value")
+        row_event = JournalEvent(journal_event.file, journal_event.number, "history", fields)
+        gone = row_event.name_set("gone")
+        texts_by_file = {name: text for name, text in texts_by_file.items() if name not in gone}
+        for name, delta in row_event.get("files", dict).items():
+            texts_by_file[name] = _apply_delta(row_event, texts_by_file.get(name, ""), delta)
+        characters_left -= sum(map(len, texts_by_file.values()))
+        if characters_left < 0:
+            journal_event.refuse("its history is longer than that of a session can be")
+        named = {
+            "score": row_event.get("score", str),
+            "text": texts_by_file.get("", ""),
+            "overlay": _used(texts_by_file),
+        }
+        read = texts(JournalEvent(journal_event.file, journal_event.number, "history", named))
         versions.append(
             PastVersion(
-                row.number_of("number", int, -len(rows) - 1, 0),
-                row.get("line", str, ""),
+                row_event.number_of("number", int, -len(history_rows) - 1, 0),
+                row_event.get("line", str, ""),
                 read,
-                faders(row),
+                faders(row_event),
                 {},
-                row.get("where", str, ""),
-                maps=read_maps(row),
-                rules=read_rules(row),
-                sounds_as=read_sounding(row),
-                strike_levels=read_levels(row),
+                row_event.get("where", str, ""),
+                maps=read_maps(row_event),
+                rules=read_rules(row_event),
+                sounds_as=read_sounding(row_event),
+                strike_levels=read_levels(row_event),
             )
         )
     if len({version.number for version in versions}) < len(versions):
-        event.refuse("two versions of its history have one number")
+        journal_event.refuse("two versions of its history have one number")
     return PastVersions(versions, index)
 
 
-def _files(texts: Texts) -> dict[str, str]:
+def _files(score_texts: Texts) -> dict[str, str]:
     """The texts by the names of their files in the journal; the name of the score is ''."""
-    folder = Path(texts.path).parent
-    texts = texts if texts.sealed else texts.complete()
+    folder = Path(score_texts.path).parent
+    score_texts = score_texts if score_texts.sealed else score_texts.complete()
     return {
-        "": texts.text,
-        **{journal_name(file, folder): text for file, text in texts.overlay.items()},
+        "": score_texts.text,
+        **{journal_name(file, folder): text for file, text in score_texts.overlay.items()},
     }
 
 
@@ -142,18 +150,18 @@ def _used(files: Mapping[str, str]) -> dict[str, str]:
     return {name: text for name, text in files.items() if name}
 
 
-def _delta(before: str, text: str) -> list[object] | None:
+def _delta(text_before: str, text: str) -> list[object] | None:
     """[characters kept in front, characters kept at the end, new text between]; None if equal."""
-    if before == text:
+    if text_before == text:
         return None
-    start, end, new = difference(before, text)
-    return [start, len(before) - end, new]
+    start, end, new = difference(text_before, text)
+    return [start, len(text_before) - end, new]
 
 
-def _apply_delta(row: JournalEvent, before: str, delta: object) -> str:
+def _apply_delta(row: JournalEvent, text_before: str, delta: object) -> str:
     match delta:
         case [int(front), int(behind), str(text)] if (
-            front >= 0 and behind >= 0 and front + behind <= len(before)
+            front >= 0 and behind >= 0 and front + behind <= len(text_before)
         ):
-            return before[:front] + text + before[len(before) - behind :]
+            return text_before[:front] + text + text_before[len(text_before) - behind :]
     row.refuse("the field 'history' has the wrong type or value")

@@ -57,7 +57,7 @@ _SECTIONS = (
 )
 
 
-def draw_name(version: Version, name: str, sounding: Piece, now: float) -> list[str]:
+def draw_name(version: Version, gesture_name: str, sounding: Piece, now: float) -> list[str]:
     """The written and the played curve of a gesture or take; for any other name, the result of
     `definition_lines`.
 
@@ -67,65 +67,73 @@ def draw_name(version: Version, name: str, sounding: Piece, now: float) -> list[
     from ergon.view.motion import asked_and_done
 
     piece = version.piece
-    axes = space_path.played(name, piece.gestures)
-    if name not in piece.gestures and axes:
+    axes = space_path.played(gesture_name, piece.gestures)
+    if gesture_name not in piece.gestures and axes:
         return [line for axis in axes for line in draw_name(version, axis, sounding, now)]
-    if name not in piece.gestures and name not in piece.takes:
-        return definition_lines(version, name, sounding, now)
+    if gesture_name not in piece.gestures and gesture_name not in piece.takes:
+        return definition_lines(version, gesture_name, sounding, now)
     if not piece.keys:
         raise NotTakenError("a gesture is drawn on a key, and this score has none")
-    rehearsal = rehearsal_stage(piece, name)
+    rehearsal = rehearsal_stage(piece, gesture_name)
     assert rehearsal is not None  # there is a key
-    first = rehearsal.gestures[0]
-    start, stop = max(0.0, first.start - _LEAD_IN), first.stop
-    reach = piece.keys[first.key].reach
+    first_gesture = rehearsal.gestures[0]
+    start, stop = max(0.0, first_gesture.start - _LEAD_IN), first_gesture.stop
+    reach = piece.keys[first_gesture.key].reach
     width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
     curves = asked_and_done(
-        rehearsal.simulation, first.key_index, first.struck, start, stop, reach, _POINTS * width
+        rehearsal.simulation,
+        first_gesture.key_index,
+        first_gesture.struck,
+        start,
+        stop,
+        reach,
+        _POINTS * width,
     )
     text = plot(curves, width=width, height=_HEIGHT, x_label="position [mm]")
-    return [f"{name} on {first.key}", *text.splitlines()]
+    return [f"{gesture_name} on {first_gesture.key}", *text.splitlines()]
 
 
 def draw_trace(
     running: RunningVersion,
     frame: int,
-    name: str,
-    every: int,
+    player_name: str,
+    tick_frames: int,
     hands: Path | None,
     *,
     height: int = _HEIGHT,
 ) -> list[str]:
     """Draw where a player's key was in the last seconds.
 
-    The path of a real hand is read from the recording `hands`, in ticks of `every` frames; for
-    any other player it is the path of its part, without the effect of what the key touches.
+    The path of a real hand is read from the recording `hands`, in ticks of `tick_frames` frames;
+    for any other player it is the path of its part, without the effect of what the key touches.
     Raises NotTakenError.
     """
     from ergon.view.braille import plot
     from ergon.view.curve import Curve
 
     piece, rate = running.version.piece, running.stage.rate
-    if name not in piece.players:
-        near = nearest(name, piece.players)
-        raise NotTakenError(f"'{name}' is not a player", None if near is None else f"scope {near}")
-    key = piece.players[name].key
-    last = frame // every
-    ticks = range(max(0, last - int(_TRACE_SECONDS * rate) // every), last)
-    is_real = hands is not None and any(hand.player == name for hand in running.stage.live)
+    if player_name not in piece.players:
+        near = nearest(player_name, piece.players)
+        raise NotTakenError(
+            f"'{player_name}' is not a player", None if near is None else f"scope {near}"
+        )
+    key = piece.players[player_name].key
+    last = frame // tick_frames
+    ticks = range(max(0, last - int(_TRACE_SECONDS * rate) // tick_frames), last)
+    is_real = hands is not None and any(hand.player == player_name for hand in running.stage.live)
     if len(ticks) < _TRACE_TICKS_MIN:
-        raise NotTakenError(f"{name} has not moved yet, so there is nothing to draw")
+        raise NotTakenError(f"{player_name} has not moved yet, so there is nothing to draw")
     if is_real and hands is not None:
-        path = _recorded_positions(hands, name, ticks)
+        path = _recorded_positions(hands, player_name, ticks)
     else:
-        path, _ = leading(piece, name, running.spans, every, ticks)
+        path, _ = leading(piece, player_name, running.spans, tick_frames, ticks)
     width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
     step = max(1, len(path) // (_POINTS * width))
-    seconds = [(number - len(path)) * every / rate for number in range(0, len(path), step)]
-    curve = Curve(name, seconds, [1e3 * float(x) for x in path[::step]])
+    seconds = [(number - len(path)) * tick_frames / rate for number in range(0, len(path), step)]
+    curve = Curve(player_name, seconds, [1e3 * float(x) for x in path[::step]])
     text = plot([curve], width=width, height=height, x_label="position [mm]")
     whose = "its hand" if is_real else "as its part moves it"
-    head = f"{name} on {key}, the last {len(path) * every / rate:.1f} s, {whose}"
+    head = f"{player_name} on {key}, the last {len(path) * tick_frames / rate:.1f} s, {whose}"
     return [head, *text.splitlines()]
 
 
@@ -143,57 +151,63 @@ def _recorded_positions(hands: Path, player: str, ticks: range) -> NDArray[np.fl
     return recording.positions()[:, number]
 
 
-def definition_lines(version: Version, name: str, sounding: Piece, now: float) -> list[str]:
+def definition_lines(version: Version, defined_name: str, sounding: Piece, now: float) -> list[str]:
     """The lines of the score that define a name, with their numbers.
 
     A parameter (`bell.m.f`) is shown with its value at beat `now` of the piece that is
     `sounding`, which waiting lines have not changed yet.
     """
-    if name == TUNING:
+    if defined_name == TUNING:
         with contextlib.suppress(NotTakenError):  # a gesture may have this name
-            return _lines_of_score(version.texts, name)
+            return _lines_of_score(version.texts, defined_name)
         return list(tuning_lines(version.piece))
-    head, _, parameter = name.rpartition(".")
+    head, _, parameter_name = defined_name.rpartition(".")
     module_named = (
         automatable.named_module(head, sounding.keys, sounding.instruments) if head else None
     )
     if module_named is None:
-        return _lines_of_score(version.texts, name)
-    part, module, is_ca = module_named
-    value, is_led = _value(sounding, (part, module.name), module, parameter, now)
+        return _lines_of_score(version.texts, defined_name)
+    part_name, module, is_ca = module_named
+    value, is_led = _value(sounding, (part_name, module.name), module, parameter_name, now)
     shown = []
     if value is not None:
         where = f" at {sounding.tempo_map.written(now)}, by its automation"
-        amount = written_quantity(float(f"{value:.6g}"), parameter, is_ca=is_ca)
-        shown.append(f"{name}: {amount}{where if is_led else ''}")
+        amount = written_quantity(float(f"{value:.6g}"), parameter_name, is_ca=is_ca)
+        shown.append(f"{defined_name}: {amount}{where if is_led else ''}")
     with contextlib.suppress(NotTakenError):  # it stands in a file that the score uses
-        shown += _lines_of_score(version.texts, part)
-    return shown or _lines_of_score(version.texts, name)
+        shown += _lines_of_score(version.texts, part_name)
+    return shown or _lines_of_score(version.texts, defined_name)
 
 
 def _value(
-    piece: Piece, where: tuple[str, str], module: Module, parameter: str, now: float
+    piece: Piece,
+    module_place: tuple[str, str],
+    written_module: Module,
+    parameter_name: str,
+    now: float,
 ) -> tuple[float | None, bool]:
     """The value of a parameter at a beat, or None if it is not one number; and whether it is
     automated.
     """
     for entry in piece.automation:
-        if where in entry.modules and entry.parameter == parameter:
-            return value_on(piece, where, parameter, now), True
-    value = {**module.fields.get("constants", {}), **module.fields}.get(parameter)
-    if not isinstance(value, float) and module.kind in ("CEL", "BANK"):  # f of K, K of f
-        led = Led.from_piece(piece, where)
-        value = None if led is None else led.numbers_written.get(parameter)
+        if module_place in entry.modules and entry.parameter == parameter_name:
+            return value_on(piece, module_place, parameter_name, now), True
+    value = {**written_module.fields.get("constants", {}), **written_module.fields}.get(
+        parameter_name
+    )
+    if not isinstance(value, float) and written_module.kind in ("CEL", "BANK"):  # f of K, K of f
+        led = Led.from_piece(piece, module_place)
+        value = None if led is None else led.numbers_written.get(parameter_name)
     return (value, False) if isinstance(value, float) else (None, False)
 
 
-def _tempo_row(entry: TempoEntry) -> str:
-    if entry.tempos:
-        count = len(entry.tempos)
+def _tempo_row(tempo_entry: TempoEntry) -> str:
+    if tempo_entry.tempos:
+        count = len(tempo_entry.tempos)
         return f"1|1: {count:,} tempo{'s' if count > 1 else ''} of a MIDI file"
-    words = [f"{entry.bpm} bpm"] if entry.bpm else []
-    words += [str(entry.meter)] if entry.meter else []
-    return f"{entry.at.text}: {', '.join(words)}"
+    words = [f"{tempo_entry.bpm} bpm"] if tempo_entry.bpm else []
+    words += [str(tempo_entry.meter)] if tempo_entry.meter else []
+    return f"{tempo_entry.at.text}: {', '.join(words)}"
 
 
 def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
@@ -203,13 +217,13 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
     `playing` are the gestures in flight: (player, gesture).
     """
     piece = version.piece
-    rows = [_tempo_row(entry) for entry in piece.tempo]
-    rows += [] if piece.tuning is None else [f"tuning: {piece.tuning.words()}"]
-    rows += [f"tuning of {name}: {tuned.words()}" for name, tuned in piece.tunings.items()]
+    playing_rows = [_tempo_row(entry) for entry in piece.tempo]
+    playing_rows += [] if piece.tuning is None else [f"tuning: {piece.tuning.words()}"]
+    playing_rows += [f"tuning of {name}: {tuned.words()}" for name, tuned in piece.tunings.items()]
     for player in piece.players.values():
-        lines = entries.lines(version.texts, piece, player.name)
+        entry_lines = entries.lines(version.texts, piece, player.name)
         sounding = [what for name, what in playing if name == player.name]
-        begun = [line for line in lines if line.begin <= now]
+        begun = [line for line in entry_lines if line.begin <= now]
         goes_on = [line for line in begun if line.is_open(now, piece)]
         # An entry that begins nothing more may still have its last occurrence in flight.
         shown_names = {name for line in goes_on for name in line.play.names}
@@ -217,20 +231,22 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
             goes_on += [
                 line for line in begun if what in line.play.names and what not in shown_names
             ][-1:]
-        coming = sorted((line for line in lines if line.begin > now), key=lambda line: line.begin)
+        coming = sorted(
+            (line for line in entry_lines if line.begin > now), key=lambda line: line.begin
+        )
         words = [_entry(line.play) for line in goes_on] or ["nothing"]
         words += [f"then {_entry(line.play)}" for line in coming[:1]]
-        rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(words)}")
+        playing_rows.append(f"{player.name} ({player.hand}, {player.key}): {', '.join(words)}")
     levels = version.strike_levels
     for strikes in piece.strikes:
         if _goes_on(strikes, piece, now):
             state = _state(levels, levels.key(strikes.name))
-            rows.append(", ".join([_striking(strikes), *state]))
+            playing_rows.append(", ".join([_striking(strikes), *state]))
     for name in (*piece.instruments, *piece.families):
         if state := _state(version.faders, name):
-            rows.append(f"{name} (instrument): {', '.join(state)}")
-    rows += [f"{name}: {rule.trigger.text}" for name, rule in version.rules.items()]
-    return rows
+            playing_rows.append(f"{name} (instrument): {', '.join(state)}")
+    playing_rows += [f"{name}: {rule.trigger.text}" for name, rule in version.rules.items()]
+    return playing_rows
 
 
 def _state(levels: Faders | StrikeLevels, name: str) -> list[str]:
@@ -268,26 +284,26 @@ def _until(position: Position | None) -> str:
     return "" if position is None or is_endless else f" until {position.text}"
 
 
-def _lines_of_score(texts: Texts, name: str) -> list[str]:
+def _lines_of_score(texts: Texts, defined_name: str) -> list[str]:
     defined_names: list[str] = []
     for file in (texts.path, *texts.overlay):
         document = texts.document(file)
         if not isinstance(document.root, Mapping):
             continue
         for section in _SECTIONS:
-            node = document.root.get(section)
-            if not isinstance(node, Mapping):
+            section_node = document.root.get(section)
+            if not isinstance(section_node, Mapping):
                 continue
-            defined_names += node.entries
-            if name in node.entries:
-                first, last = node.entries[name]
+            defined_names += section_node.entries
+            if defined_name in section_node.entries:
+                first, last = section_node.entries[defined_name]
                 # A block of YAML reaches to the next entry: blank lines at its end are not part of
                 # it.
                 end = last.start + len(document.text[last.start : last.end].rstrip())
                 row, stop = document.row(first.start), document.row(max(end - 1, last.start))
                 numbers: Sequence[int] = range(row + 1, min(stop + 2, row + 1 + _LINES_MAX))
                 return [f"{number:5} {document.line(number)}" for number in numbers]
-    near = nearest(name, defined_names)
+    near = nearest(defined_name, defined_names)
     raise NotTakenError(
-        f"'{name}' is not defined in this score", None if near is None else f"show {near}"
+        f"'{defined_name}' is not defined in this score", None if near is None else f"show {near}"
     )

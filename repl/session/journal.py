@@ -89,15 +89,17 @@ class Journal:
                 return
             self._n_events += 1
             head = {"v": VERSION, "n": self._n_events, "event": event}
-            line = json.dumps({**head, **fields}, ensure_ascii=True).encode() + b"\n"
-            if len(line) > MAX_LINE or self.is_full:
-                why = "is too long for it" if len(line) > MAX_LINE else "found no room in memory"
+            json_line = json.dumps({**head, **fields}, ensure_ascii=True).encode() + b"\n"
+            if len(json_line) > MAX_LINE or self.is_full:
+                why = (
+                    "is too long for it" if len(json_line) > MAX_LINE else "found no room in memory"
+                )
                 self._trouble = (
-                    f"the journal lacks an event that {why}: '{event}', {len(line):,} bytes"
+                    f"the journal lacks an event that {why}: '{event}', {len(json_line):,} bytes"
                 )
                 self._has_lost = True
                 return
-            self._waiting += line
+            self._waiting += json_line
             self._write()
         self._has_news.set()
 
@@ -107,13 +109,14 @@ class Journal:
             while self._waiting:
                 del self._waiting[: self._file.write(self._waiting)]
         except OSError as error:
-            reason = error.strerror or str(error)
-            if reason != self._reason:
+            failure_reason = error.strerror or str(error)
+            if failure_reason != self._reason:
                 self._trouble = (
-                    f"the journal cannot be written: {reason}; what is typed is kept in memory "
+                    f"the journal cannot be written: {failure_reason}; what is typed is kept in "
+                    "memory "
                     "until it can be"
                 )
-            self._reason = reason
+            self._reason = failure_reason
             return
         if self._reason:
             rest = "" if self._has_lost else ", and lacks nothing"
@@ -169,25 +172,28 @@ class JournalEvent:
 
     def get(self, name: str, kind: type, default: Any = None) -> Any:
         """A field of a type. Raises JournalError where it is missing or of another type."""
-        value = self.fields.get(name, default)
-        if value is None:
+        field_value = self.fields.get(name, default)
+        if field_value is None:
             self.refuse(f"the field '{name}' is missing")
-        if kind is float and type(value) is int and abs(value) <= _LATEST:
-            value = float(value)
-        if type(value) is not kind:
+        if kind is float and type(field_value) is int and abs(field_value) <= _LATEST:
+            field_value = float(field_value)
+        if type(field_value) is not kind:
             self.refuse(f"the field '{name}' has the wrong type or value")
-        if kind is str and not _is_text(value):
+        if kind is str and not _is_text(field_value):
             self.refuse(f"the field '{name}' is not valid Unicode text")
-        return value
+        return field_value
 
-    def number_of(self, name: str, kind: type, low: float, high: float, default: Any = None) -> Any:
+    def number_of(
+        self, field_name: str, kind: type, low_bound: float, high_bound: float, default: Any = None
+    ) -> Any:
         """A number within bounds. Raises JournalError."""
-        value = self.get(name, kind, default)
-        if not low <= value <= high:  # also refuses NaN
+        field_value = self.get(field_name, kind, default)
+        if not low_bound <= field_value <= high_bound:  # also refuses NaN
             self.refuse(
-                f"the field '{name}' is {str(value)[:20]}; it must be from {low:g} to {high:g}"
+                f"the field '{field_name}' is {str(field_value)[:20]}; it must be from "
+                f"{low_bound:g} to {high_bound:g}"
             )
-        return value
+        return field_value
 
     def mapping(self, name: str, kind: type, count_max: int = 10_000) -> dict[str, Any]:
         """Values of one type by name; empty where the field is missing. Raises JournalError."""
@@ -233,25 +239,27 @@ def read_events(path: Path) -> Iterator[JournalEvent]:
 
 def _events(path: Path, file: IO[bytes]) -> Iterator[JournalEvent]:
     left = MAX_BYTES
-    for number in itertools.count(1):
-        line = file.readline(MAX_LINE)
-        left -= len(line)
-        if not line or left < 0:
+    for line_number in itertools.count(1):
+        json_line = file.readline(MAX_LINE)
+        left -= len(json_line)
+        if not json_line or left < 0:
             return
-        if not line.strip():
+        if not json_line.strip():
             continue
         try:
-            fields = parse_json(line)
+            event_fields = parse_json(json_line)
         except MalformedTextError:
             if (
-                not line.endswith(b"\n") and len(line) < MAX_LINE
+                not json_line.endswith(b"\n") and len(json_line) < MAX_LINE
             ):  # the program ended while it was written
                 return
-            fields = None
-        if not isinstance(fields, dict) or fields.get("v") != VERSION:
-            raise JournalError(f"{path}, line {number}: this is not a session's journal")
-        name = fields.get("event")
-        yield JournalEvent(str(path), number, name if isinstance(name, str) else "", fields)
+            event_fields = None
+        if not isinstance(event_fields, dict) or event_fields.get("v") != VERSION:
+            raise JournalError(f"{path}, line {line_number}: this is not a session's journal")
+        name = event_fields.get("event")
+        yield JournalEvent(
+            str(path), line_number, name if isinstance(name, str) else "", event_fields
+        )
 
 
 def numbered_paths(path: Path) -> Iterator[Path]:

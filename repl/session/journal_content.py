@@ -107,23 +107,25 @@ class SessionStart:
         }
 
 
-def text_fields(texts: Texts) -> dict[str, object]:
+def text_fields(score_texts: Texts) -> dict[str, object]:
     """The journal fields for texts; they include all files that the score uses, which may change
     later.
     """
-    folder = Path(texts.path).parent
-    overlay = {journal_name(file, folder): text for file, text in texts.complete().overlay.items()}
-    return {"score": texts.path, "text": texts.text, "overlay": overlay}
+    folder = Path(score_texts.path).parent
+    overlay = {
+        journal_name(file, folder): text for file, text in score_texts.complete().overlay.items()
+    }
+    return {"score": score_texts.path, "text": score_texts.text, "overlay": overlay}
 
 
 def effect_fields(version: Version) -> dict[str, object]:
     """The journal fields for how a version read from files takes over."""
-    fields: dict[str, object] = {}
+    effect_values: dict[str, object] = {}
     if version.glide != GLIDE:
-        fields["glide"] = version.glide
+        effect_values["glide"] = version.glide
     if version.enter_beat is not None:
-        fields["enters"] = version.enter_beat
-    return fields
+        effect_values["enters"] = version.enter_beat
+    return effect_values
 
 
 class JournalAct(NamedTuple):
@@ -162,14 +164,14 @@ class JournalGaps:
     n_missing: int = 0
     first: int = 0  # the line of the file before which the first is missing
 
-    def see(self, event: JournalEvent) -> None:
+    def see(self, journal_event: JournalEvent) -> None:
         """Note the next event. Journals of earlier versions have no numbers."""
-        if "n" not in event.fields:
+        if "n" not in journal_event.fields:
             return
-        number = event.number_of("n", int, 1, _NUMBER_MAX)
+        number = journal_event.number_of("n", int, 1, _NUMBER_MAX)
         if number > self.last + 1:
             self.n_missing += number - self.last - 1
-            self.first = self.first or event.number
+            self.first = self.first or journal_event.number
         self.last = number
 
     def sentence(self, file: str) -> str:
@@ -235,18 +237,18 @@ class JournalContent:
         if before is not None:
             history = History([one.number for one in before.versions], before.index)
         order = self.order()
-        for event in self.events:
-            number = event.get("number", int)
-            restores = event.fields.get("restores")
-            if event.name == "dropped":
-                history.remove(number)
-            elif event.fields.get("typed") is False:
+        for journal_event in self.events:
+            line_number = journal_event.get("number", int)
+            restores = journal_event.fields.get("restores")
+            if journal_event.name == "dropped":
+                history.remove(line_number)
+            elif journal_event.fields.get("typed") is False:
                 continue
             elif isinstance(restores, int):
                 history.go_to(restores)
             else:
-                history.add(number)
-                replaced = event.fields.get("replaces")
+                history.add(line_number)
+                replaced = journal_event.fields.get("replaces")
                 if isinstance(replaced, int):
                     history.remove(replaced)
                 history.sort(order)
@@ -267,48 +269,50 @@ def read_journal(
     the journal's folder or the current one: otherwise, a journal that `resumes` is refused, and
     any other is read as if the score were beside it.
     """
-    events = read_events(path)
-    first = next(events, None)
-    if first is None or first.name != "session":
+    journal_events = read_events(path)
+    first_event = next(journal_events, None)
+    if first_event is None or first_event.name != "session":
         raise JournalError(f"{path}: this is not a session's journal")
-    where = _FileLocations(path, first.get("score", str), score, resumes, trust)
-    texts = where.texts(first)
+    file_locations = _FileLocations(path, first_event.get("score", str), score, resumes, trust)
+    first_texts = file_locations.texts(first_event)
     opening = SessionStart(
-        texts,
-        _beat(first, "at", 0.0),
-        _read_faders(first),
-        first.number_of("every", int, 1, _EVERY_MAX),
-        first.number_of("gain", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
-        first.number_of("limit", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
+        first_texts,
+        _beat(first_event, "at", 0.0),
+        _read_faders(first_event),
+        first_event.number_of("every", int, 1, _EVERY_MAX),
+        first_event.number_of("gain", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
+        first_event.number_of("limit", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
         None
-        if first.fields.get("highpass") is None
-        else first.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
-        read_history(first, where.texts, _read_faders),
-        take=take_of(first, path),
-        maps=read_maps(first),
-        rules=read_rules(first),
-        sounds_as=read_sounding(first),
-        frozen=frozen_of(first, path, trust=trust),
+        if first_event.fields.get("highpass") is None
+        else first_event.number_of("highpass", float, 0.01, _HIGHPASS_MAX),
+        read_history(first_event, file_locations.texts, _read_faders),
+        take=take_of(first_event, path),
+        maps=read_maps(first_event),
+        rules=read_rules(first_event),
+        sounds_as=read_sounding(first_event),
+        frozen=frozen_of(first_event, path, trust=trust),
         reference=None
-        if first.fields.get("reference") is None  # a journal that knows no reference level
-        else first.number_of("reference", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
-        is_seen=_is_seen(first),
-        strike_levels=read_levels(first),
+        if first_event.fields.get("reference") is None  # a journal that knows no reference level
+        else first_event.number_of("reference", float, 1.0 / _RATIO_MAX**2, _RATIO_MAX),
+        is_seen=_is_seen(first_event),
+        strike_levels=read_levels(first_event),
     )
-    replay = JournalContent(opening, first, Disk.from_texts(texts))
-    replay.disk.add_hashes(where.hashes(first))
-    replay.base = opening.texts
-    if "base" in first.fields:
-        fields = first.get("base", dict)
-        replay.base = where.texts(JournalEvent(first.file, first.number, "base", fields))
-    replay.gaps.see(first)
-    for event in events:
-        replay.gaps.see(event)
-        _add_event(replay, event, where)
-    replay.commits.sort(key=lambda commit: commit.frame)
-    replay.skips.sort()
-    replay.acts.sort(key=lambda act: act.frame)
-    return replay
+    journal_content = JournalContent(opening, first_event, Disk.from_texts(first_texts))
+    journal_content.disk.add_hashes(file_locations.hashes(first_event))
+    journal_content.base = opening.texts
+    if "base" in first_event.fields:
+        fields = first_event.get("base", dict)
+        journal_content.base = file_locations.texts(
+            JournalEvent(first_event.file, first_event.number, "base", fields)
+        )
+    journal_content.gaps.see(first_event)
+    for event in journal_events:
+        journal_content.gaps.see(event)
+        _add_event(journal_content, event, file_locations)
+    journal_content.commits.sort(key=lambda commit: commit.frame)
+    journal_content.skips.sort()
+    journal_content.acts.sort(key=lambda act: act.frame)
+    return journal_content
 
 
 def _is_seen(first: JournalEvent) -> bool:
@@ -331,21 +335,21 @@ class _FileLocations:
 
     def path(self, event: JournalEvent) -> Path:
         """The score that an event names."""
-        name = event.get("score", str)
-        if name == self.named and self.score is not None:
+        score_name = event.get("score", str)
+        if score_name == self.named and self.score is not None:
             return Path(self.score)
         try:
-            path = score_named(name, self.journal)
+            path = score_named(score_name, self.journal)
         except JournalNameError as error:
             event.refuse(str(error))
         if path is not None:
             return path
-        if self.resumes and name == self.named:
+        if self.resumes and score_name == self.named:
             event.refuse(
                 "its score is outside this folder and the journal's: name it, "
-                f"`ergon repl {name} --resume FILE`"
+                f"`ergon repl {score_name} --resume FILE`"
             )
-        return self.journal.parent / Path(name).name
+        return self.journal.parent / Path(score_name).name
 
     def texts(self, event: JournalEvent) -> Texts:
         """The texts that an event holds; no file is read."""
@@ -387,62 +391,81 @@ def _read_version(event: JournalEvent, where: _FileLocations) -> FileVersion:
     return FileVersion(where.texts(event), glide, enters)
 
 
-def _add_event(replay: JournalContent, event: JournalEvent, where: _FileLocations) -> None:
-    if event.name in ("line", "commit", "late", "dropped"):
-        number = event.number_of("number", int, 0, _NUMBER_MAX)
-    if event.name in ("line", "dropped"):
-        replay.events.append(event)
-    if event.name == "line":
-        replay.lines[number] = event
-        event.get("line", str)
-        _beat(event, "beat")
-        if "text" in event.fields:
-            replay.versions_from_files[event.number] = version = _read_version(event, where)
-            replay.disk.note_read(version.texts)
-    elif event.name == "commit":
-        if number not in replay.lines:
-            event.refuse(f"the journal has no line with the number {number}")
-        if "text" in event.fields:  # other than when the line was typed
-            replay.versions_from_files[replay.lines[number].number] = _read_version(event, where)
-        frame = event.number_of("frame", int, 0, FRAME_MAX)
+def _add_event(
+    journal_content: JournalContent, journal_event: JournalEvent, file_locations: _FileLocations
+) -> None:
+    if journal_event.name in ("line", "commit", "late", "dropped"):
+        line_number = journal_event.number_of("number", int, 0, _NUMBER_MAX)
+    if journal_event.name in ("line", "dropped"):
+        journal_content.events.append(journal_event)
+    if journal_event.name == "line":
+        journal_content.lines[line_number] = journal_event
+        journal_event.get("line", str)
+        _beat(journal_event, "beat")
+        if "text" in journal_event.fields:
+            journal_content.versions_from_files[journal_event.number] = version = _read_version(
+                journal_event, file_locations
+            )
+            journal_content.disk.note_read(version.texts)
+    elif journal_event.name == "commit":
+        if line_number not in journal_content.lines:
+            journal_event.refuse(f"the journal has no line with the number {line_number}")
+        if "text" in journal_event.fields:  # other than when the line was typed
+            journal_content.versions_from_files[journal_content.lines[line_number].number] = (
+                _read_version(journal_event, file_locations)
+            )
+        event_frame = journal_event.number_of("frame", int, 0, FRAME_MAX)
         change = (
-            event.number_of("change", int, 0, _NUMBER_MAX, -1) if "change" in event.fields else None
+            journal_event.number_of("change", int, 0, _NUMBER_MAX, -1)
+            if "change" in journal_event.fields
+            else None
         )
-        replay.commits.append(
-            JournalCommit(frame, _beat(event, "beat"), replay.lines[number], change)
+        journal_content.commits.append(
+            JournalCommit(
+                event_frame,
+                _beat(journal_event, "beat"),
+                journal_content.lines[line_number],
+                change,
+            )
         )
-    elif event.name == "late":
-        replay.late[number] = _beat(event, "beat")
-        replay.starts[number] = event.number_of("start", int, 0, FRAME_MAX, FRAME_MAX)
-    elif event.name == "dropped":
-        replay.dropped.add(number)
-    elif event.name == "skip":
-        frame = event.number_of("frame", int, 0, FRAME_MAX)
-        replay.skips.append((frame, _beat(event, "begin")))
-    elif event.name in _ACTS:
-        replay.acts.append(_ACTS[event.name](event))
-    elif event.name == "silence":
-        _add_silence(replay, event)
-    elif event.name == "end":
-        replay.ended = True
-    if "base" in event.fields:
-        fields = event.get("base", dict)
-        replay.base = where.texts(JournalEvent(event.file, event.number, "base", fields))
-    if event.name in ("line", "saved"):
-        replay.disk.add_hashes(where.hashes(event))
-    if "frame" in event.fields:
-        frame = event.number_of("frame", int, 0, FRAME_MAX)
-        replay.n_frames = max(replay.n_frames, frame)
+    elif journal_event.name == "late":
+        journal_content.late[line_number] = _beat(journal_event, "beat")
+        journal_content.starts[line_number] = journal_event.number_of(
+            "start", int, 0, FRAME_MAX, FRAME_MAX
+        )
+    elif journal_event.name == "dropped":
+        journal_content.dropped.add(line_number)
+    elif journal_event.name == "skip":
+        event_frame = journal_event.number_of("frame", int, 0, FRAME_MAX)
+        journal_content.skips.append((event_frame, _beat(journal_event, "begin")))
+    elif journal_event.name in _ACTS:
+        journal_content.acts.append(_ACTS[journal_event.name](journal_event))
+    elif journal_event.name == "silence":
+        _add_silence(journal_content, journal_event)
+    elif journal_event.name == "end":
+        journal_content.ended = True
+    if "base" in journal_event.fields:
+        fields = journal_event.get("base", dict)
+        journal_content.base = file_locations.texts(
+            JournalEvent(journal_event.file, journal_event.number, "base", fields)
+        )
+    if journal_event.name in ("line", "saved"):
+        journal_content.disk.add_hashes(file_locations.hashes(journal_event))
+    if "frame" in journal_event.fields:
+        event_frame = journal_event.number_of("frame", int, 0, FRAME_MAX)
+        journal_content.n_frames = max(journal_content.n_frames, event_frame)
 
 
-def _strike(event: JournalEvent) -> JournalAct:
+def _strike(journal_event: JournalEvent) -> JournalAct:
     place = (
-        event.get("part", str),
-        event.get("module", str),
-        event.number_of("member", int, -1, _NUMBER_MAX),
+        journal_event.get("part", str),
+        journal_event.get("module", str),
+        journal_event.number_of("member", int, -1, _NUMBER_MAX),
     )
-    impulse = event.number_of("impulse", float, -_RATIO_MAX, _RATIO_MAX)
-    return JournalAct(event.number_of("frame", int, 0, FRAME_MAX), place, impulse, event.number)
+    impulse = journal_event.number_of("impulse", float, -_RATIO_MAX, _RATIO_MAX)
+    return JournalAct(
+        journal_event.number_of("frame", int, 0, FRAME_MAX), place, impulse, journal_event.number
+    )
 
 
 def _value(event: JournalEvent) -> JournalAct:
@@ -454,15 +477,17 @@ def _value(event: JournalEvent) -> JournalAct:
 _ACTS = {"strike": _strike, "value": _value}
 
 
-def _add_silence(replay: JournalContent, event: JournalEvent) -> None:
+def _add_silence(journal_content: JournalContent, journal_event: JournalEvent) -> None:
     """Add the begin or the end of a panic's silence; they must alternate."""
-    frame = event.number_of("frame", int, 0, FRAME_MAX)
-    last = replay.silences[-1] if replay.silences else None
-    is_open = last is not None and last.stop is None
-    begins = event.get("begins", bool)
-    if begins is is_open or (last is not None and frame < (last.stop or last.start)):
-        event.refuse("silences neither overlap nor end before they begin")
-    if last is not None and is_open:
-        replay.silences[-1] = Silence(last.start, frame)
+    event_frame = journal_event.number_of("frame", int, 0, FRAME_MAX)
+    last_silence = journal_content.silences[-1] if journal_content.silences else None
+    is_open = last_silence is not None and last_silence.stop is None
+    begins = journal_event.get("begins", bool)
+    if begins is is_open or (
+        last_silence is not None and event_frame < (last_silence.stop or last_silence.start)
+    ):
+        journal_event.refuse("silences neither overlap nor end before they begin")
+    if last_silence is not None and is_open:
+        journal_content.silences[-1] = Silence(last_silence.start, event_frame)
     else:
-        replay.silences.append(Silence(frame))
+        journal_content.silences.append(Silence(event_frame))

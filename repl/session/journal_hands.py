@@ -58,20 +58,29 @@ class RecordedHands:
     warnings: tuple[str, ...]
 
 
-def take_of(first: JournalEvent, journal: Path) -> JournalTake | None:
+def take_of(first_event: JournalEvent, journal: Path) -> JournalTake | None:
     """The recording named by a journal's first event; None without real hands.
 
     Raises JournalError.
     """
-    if "take" not in first.fields:
+    if "take" not in first_event.fields:
         return None
-    name = first.get("take", str)
-    if Path(name).name != name or Path(name).suffix != _SUFFIX or "\\" in name or "\0" in name:
-        first.refuse(f"the field 'take' is not the name of a {_SUFFIX} file beside the journal")
-    listed = first.get("hands", list)
+    take_name = first_event.get("take", str)
+    if (
+        Path(take_name).name != take_name
+        or Path(take_name).suffix != _SUFFIX
+        or "\\" in take_name
+        or "\0" in take_name
+    ):
+        first_event.refuse(
+            f"the field 'take' is not the name of a {_SUFFIX} file beside the journal"
+        )
+    listed = first_event.get("hands", list)
     if not 1 <= len(listed) <= _HANDS_MAX or not all(isinstance(one, dict) for one in listed):
-        first.refuse("the field 'hands' has the wrong type or value")
-    rows = [JournalEvent(first.file, first.number, first.name, one) for one in listed]
+        first_event.refuse("the field 'hands' has the wrong type or value")
+    rows = [
+        JournalEvent(first_event.file, first_event.number, first_event.name, one) for one in listed
+    ]
     hands = tuple(
         JournalHand(
             row.get("player", str),
@@ -82,27 +91,29 @@ def take_of(first: JournalEvent, journal: Path) -> JournalTake | None:
         )
         for row in rows
     )
-    return JournalTake(journal.parent / name, hands)
+    return JournalTake(journal.parent / take_name, hands)
 
 
-def recorded_hands(take: JournalTake, stage: Stage, every: int) -> RecordedHands:
-    """The movement of real hands of a stage, in ticks of `every` frames. Raises JournalError."""
+def recorded_hands(take: JournalTake, stage: Stage, tick_frames: int) -> RecordedHands:
+    """The movement of a stage's real hands, in ticks of `tick_frames`. Raises JournalError."""
     import numpy as np
 
     recording = _recording(take)
     who = ", ".join(hand.player for hand in take.hands)
     axes = [(hand.player, hand.key) for hand in stage.live]
-    if recording.rate != stage.rate or recording.frames != every or recording.axes != axes:
+    if recording.rate != stage.rate or recording.frames != tick_frames or recording.axes != axes:
         raise JournalError(f"{take.path} does not record {who} of this session")
     try:
-        positions = from_start(recording)
+        tick_positions = from_start(recording)
     except NotRecordingError as error:
         raise JournalError(f"{take.path}: {error}") from None
     hands = tuple(
-        RecordedHand(hand.index, hand.reach, np.ascontiguousarray(positions[:, number]))
+        RecordedHand(hand.index, hand.reach, np.ascontiguousarray(tick_positions[:, number]))
         for number, hand in enumerate(stage.live)
     )
-    return RecordedHands(hands, len(positions) * every, tuple(_warnings(take, recording)))
+    return RecordedHands(
+        hands, len(tick_positions) * tick_frames, tuple(_warnings(take, recording))
+    )
 
 
 def _recording(take: JournalTake) -> _core.Recording:

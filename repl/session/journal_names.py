@@ -21,35 +21,35 @@ class JournalNameError(ErgonError):
     """A journal names a file in a way that is not allowed: one sentence."""
 
 
-def journal_name(file: str, folder: Path) -> str:
+def journal_name(file_name: str, folder: Path) -> str:
     """The name that a journal gives a file, for a score in `folder`."""
-    name = shipped(Path(file))
+    name = shipped(Path(file_name))
     if name is not None:
         return LIBRARY + name
-    return Path(os.path.relpath(file, folder)).as_posix()
+    return Path(os.path.relpath(file_name, folder)).as_posix()
 
 
-def file_named(name: str, folder: Path) -> str:
+def file_named(written_name: str, folder: Path) -> str:
     """The file that a journal names, for a score in `folder`. Raises JournalNameError."""
-    if name.startswith(LIBRARY):
-        path = installed_path(_check_relative(name.removeprefix(LIBRARY)))
+    if written_name.startswith(LIBRARY):
+        path = installed_path(_check_relative(written_name.removeprefix(LIBRARY)))
         if path.suffix != ".yaml" or not is_shipped(path):
-            raise JournalNameError(f"{_printable(name)} is not a file of the library")
+            raise JournalNameError(f"{_printable(written_name)} is not a file of the library")
         return str(path)
-    path = folder / _check_relative(name)
+    path = folder / _check_relative(written_name)
     if not is_below(path, folder):
-        raise JournalNameError(f"{_printable(name)} is outside the folder of the score")
+        raise JournalNameError(f"{_printable(written_name)} is outside the folder of the score")
     return str(path)
 
 
-def score_named(name: str, journal: Path) -> Path | None:
+def score_named(score_name: str, journal: Path) -> Path | None:
     """The score that a journal names, if it is below the journal's folder or the current one; else
     None.
 
     Raises JournalNameError if no score can have such a name.
     """
-    _check_file_name(name)
-    path = Path(name)
+    _check_file_name(score_name)
+    path = Path(score_name)
     beside = journal.parent / path
     if not is_file(path) and is_file(beside):
         path = beside
@@ -58,23 +58,27 @@ def score_named(name: str, journal: Path) -> Path | None:
     return None
 
 
-def _check_relative(name: str) -> str:
+def _check_relative(relative_name: str) -> str:
     """Check that a name is relative and does not go up, on any system."""
-    _check_file_name(name)
-    windows, posix = PureWindowsPath(name), PurePosixPath(name)
+    _check_file_name(relative_name)
+    windows, posix = PureWindowsPath(relative_name), PurePosixPath(relative_name)
     if windows.drive or windows.root or posix.is_absolute() or not posix.parts:
-        raise JournalNameError(f"{_printable(name)} is not relative to the folder of the score")
+        raise JournalNameError(
+            f"{_printable(relative_name)} is not relative to the folder of the score"
+        )
     if ".." in (*windows.parts, *posix.parts):
-        raise JournalNameError(f"{_printable(name)} is outside the folder of the score")
+        raise JournalNameError(f"{_printable(relative_name)} is outside the folder of the score")
     return str(posix)
 
 
-def _check_file_name(name: str) -> None:
+def _check_file_name(file_name: str) -> None:
     """Check that a file can have such a name."""
-    if not name or _CONTROL.search(name) or Path(name).name in ("", ".."):
-        raise JournalNameError(f"{_printable(name)} is not a valid file name")
-    if len(name) > _NAME_MAX or any(len(part.encode()) > _PART_MAX for part in name.split("/")):
-        raise JournalNameError(f"{_printable(name)} is too long for a file name")
+    if not file_name or _CONTROL.search(file_name) or Path(file_name).name in ("", ".."):
+        raise JournalNameError(f"{_printable(file_name)} is not a valid file name")
+    if len(file_name) > _NAME_MAX or any(
+        len(part.encode()) > _PART_MAX for part in file_name.split("/")
+    ):
+        raise JournalNameError(f"{_printable(file_name)} is too long for a file name")
 
 
 def _printable(name: str) -> str:

@@ -109,13 +109,13 @@ def _leveled(version: Version, faders: Faders, levels: StrikeLevels) -> Version:
     return replace(version, faders=faders, strike_levels=levels)
 
 
-def _key(version: Version, name: str) -> str:
+def _key(version: Version, strikes_name: str) -> str:
     """The name under which strikes have their level. Raises NotTakenError if they are gone."""
     names = {strikes.name for strikes in version.piece.strikes}
-    if name not in names:
-        raise NotTakenError(f"{name} was removed by another line")
-    first = unnumbered(name)
-    return first if first in names else name
+    if strikes_name not in names:
+        raise NotTakenError(f"{strikes_name} was removed by another line")
+    first = unnumbered(strikes_name)
+    return first if first in names else strikes_name
 
 
 def _struck(version: Version, name: str) -> frozenset[str]:
@@ -125,10 +125,10 @@ def _struck(version: Version, name: str) -> frozenset[str]:
 
 def _played(version: Version) -> frozenset[str]:
     """The instruments that the keys of players are linked to."""
-    parts: set[str] = set()
+    played_parts: set[str] = set()
     for player in version.piece.players:
         try:
-            parts |= instruments_of(version, player)
+            played_parts |= instruments_of(version, player)
         except NotTakenError:  # a key that touches nothing
             continue
-    return frozenset(parts)
+    return frozenset(played_parts)

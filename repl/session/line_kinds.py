@@ -83,10 +83,10 @@ def kind_of(commands: Sequence[Command], *, has_levels: bool = False) -> LineKin
 
     A line that ends all mute or solo needs a stage where strikes have levels (`has_levels`).
     """
-    kinds = {_KINDS.get(type(command), LineKind.STRUCTURE) for command in commands}
+    command_kinds = {_KINDS.get(type(command), LineKind.STRUCTURE) for command in commands}
     if has_levels and any(isinstance(command, Solo | Unmute) for command in commands):
-        kinds = {*(kinds - {LineKind.FADERS}), LineKind.VALUES}
-    if len(kinds) == 1:
-        return kinds.pop()
+        command_kinds = {*(command_kinds - {LineKind.FADERS}), LineKind.VALUES}
+    if len(command_kinds) == 1:
+        return command_kinds.pop()
     # A block that ends what plays and changes something else needs a stage.
-    return max(LineKind.VALUES, *kinds, key=lambda kind: kind.value)
+    return max(LineKind.VALUES, *command_kinds, key=lambda kind: kind.value)

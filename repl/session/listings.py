@@ -36,62 +36,68 @@ def instrument_lines(texts: Texts, piece: Piece) -> list[str]:
     parts |= {name: members[0] for name, members in piece.families.items()}
     routes = {name: _routes(piece, part) for name, part in parts.items()}
     rows = _rows(routes) or ["no instrument yet"]
-    counts = {
+    instrument_counts = {
         name: f"{len(members)} instruments" if len(members) > 1 else "1 instrument"
         for name, members in _families(texts, piece).items()
     }
-    in_use = {name: f"{text}, in use" for name, text in counts.items() if name in piece.used}
-    return [*rows, "families, by `use NAME`:", *_rows({**counts, **in_use}, indent="  ")]
+    in_use = {
+        name: f"{text}, in use" for name, text in instrument_counts.items() if name in piece.used
+    }
+    return [*rows, "families, by `use NAME`:", *_rows({**instrument_counts, **in_use}, indent="  ")]
 
 
-def family_lines(texts: Texts, piece: Piece, name: str) -> list[str]:
+def family_lines(texts: Texts, piece: Piece, family_name: str) -> list[str]:
     """The instruments of a family, with what each is. Raises NotTakenError."""
-    known = _families(texts, piece)
-    if name not in known:
-        near = nearest(name, known)
-        message = f"no family of instruments is called {name}"
+    known_families = _families(texts, piece)
+    if family_name not in known_families:
+        near = nearest(family_name, known_families)
+        message = f"no family of instruments is called {family_name}"
         raise NotTakenError(message, None if near is None else f"instruments {near}")
-    return _rows({member.name: member.about for member in known[name]})
+    return _rows({member.name: member.about for member in known_families[family_name]})
 
 
 def gesture_lines(piece: Piece) -> list[str]:
     """The gestures with their lengths and numbers of points, then the takes."""
-    rows: dict[str, str] = {}
-    for name, gesture in piece.gestures.items():
-        path = name.rpartition(".")[0]
+    gesture_rows: dict[str, str] = {}
+    for gesture_name, gesture in piece.gestures.items():
+        path = gesture_name.rpartition(".")[0]
         axes = space_path.played(path, piece.gestures) if path else []
-        if name in axes:
-            rows[path] = f"a path in space, {_shape(gesture)}"
+        if gesture_name in axes:
+            gesture_rows[path] = f"a path in space, {_shape(gesture)}"
         else:
-            rows[name] = _shape(gesture)
-    for name, take in piece.takes.items():
-        rows[name] = f"take, {take.path.name}" if take.path else "take, an input"
-    return _rows(rows) or ["no gesture yet; `knock = 0@0 smooth 7@1/8 smooth 0@1/4` defines one"]
+            gesture_rows[gesture_name] = _shape(gesture)
+    for gesture_name, take in piece.takes.items():
+        gesture_rows[gesture_name] = f"take, {take.path.name}" if take.path else "take, an input"
+    return _rows(gesture_rows) or [
+        "no gesture yet; `knock = 0@0 smooth 7@1/8 smooth 0@1/4` defines one"
+    ]
 
 
-def scene_lines(texts: Texts) -> list[str]:
+def scene_lines(score_texts: Texts) -> list[str]:
     """The scores beside a score, with their lengths."""
-    path_here = Path(texts.path).resolve()
-    others = [path.stem for path in scores_in(folder_of(texts)) if path.resolve() != path_here]
-    rows = {}
-    for number, name in enumerate(dict.fromkeys(others)):
-        rows[name] = ""
+    path_here = Path(score_texts.path).resolve()
+    others = [
+        path.stem for path in scores_in(folder_of(score_texts)) if path.resolve() != path_here
+    ]
+    scene_rows = {}
+    for number, scene_name in enumerate(dict.fromkeys(others)):
+        scene_rows[scene_name] = ""
         if number < _SCENES_MAX:
             try:
-                rows[name] = _length(scene_of(texts, name))
+                scene_rows[scene_name] = _length(scene_of(score_texts, scene_name))
             except (NotTakenError, EditError) as error:
-                rows[name] = f"cannot be played: {error}"
-    return _rows(rows) or ["no scene yet; `keep 8bar as verse-2` makes one"]
+                scene_rows[scene_name] = f"cannot be played: {error}"
+    return _rows(scene_rows) or ["no scene yet; `keep 8bar as verse-2` makes one"]
 
 
 def _families(texts: Texts, piece: Piece) -> Mapping[str, Sequence[Member]]:
     """The families that ship, and the files that a score uses."""
-    known = dict(families.library())
+    known_families = dict(families.library())
     names, _ = texts.names()
     for name in piece.used:
         if name in names.used:
-            known[name] = families.members(names.used[name].document)
-    return known
+            known_families[name] = families.members(names.used[name].document)
+    return known_families
 
 
 def _routes(piece: Piece, part: str) -> str:
@@ -121,14 +127,16 @@ def _route(route: Route) -> Iterator[str]:
 
 
 def _shape(gesture: Gesture) -> str:
-    last = gesture.points[-1].at
-    lengths = []
-    if last.beats:
-        lengths.append(f"{last.beats:g} beat{'s' if last.beats != 1.0 else ''}")
-    if last.seconds or not lengths:
-        lengths.append(f"{1e3 * last.seconds:g} ms")
+    last_position = gesture.points[-1].at
+    length_texts = []
+    if last_position.beats:
+        length_texts.append(
+            f"{last_position.beats:g} beat{'s' if last_position.beats != 1.0 else ''}"
+        )
+    if last_position.seconds or not length_texts:
+        length_texts.append(f"{1e3 * last_position.seconds:g} ms")
     count = len(gesture.points)
-    return f"{' + '.join(lengths)}, {count} point{'s' if count > 1 else ''}"
+    return f"{' + '.join(length_texts)}, {count} point{'s' if count > 1 else ''}"
 
 
 def _length(scene: Scene) -> str:

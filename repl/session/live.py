@@ -187,31 +187,39 @@ class LiveEngine:
 
     def events(self) -> Sequence[EngineEvent]:
         """Events since the last call."""
-        events = []
-        for event in self._unreported if self._final_status else self._performance.events():
-            frame, what, number = event
-            if what in ("changed", "late"):
-                events.append(EngineEvent(frame, int(number), is_late=what == "late"))
-            elif what in ("acted", "missed"):
-                events.append(EngineEvent(frame, act_ticket=int(number), is_late=what == "missed"))
-            elif sentence := event_sentence(event, self._players, self._boards):
-                real = self._real_now(event)
-                seconds = number if what == "lost" else 0.0
-                events += [
+        engine_events = []
+        for raw_event in self._unreported if self._final_status else self._performance.events():
+            frame, event_kind, event_number = raw_event
+            if event_kind in ("changed", "late"):
+                engine_events.append(
+                    EngineEvent(frame, int(event_number), is_late=event_kind == "late")
+                )
+            elif event_kind in ("acted", "missed"):
+                engine_events.append(
+                    EngineEvent(frame, act_ticket=int(event_number), is_late=event_kind == "missed")
+                )
+            elif event_text := event_sentence(raw_event, self._players, self._boards):
+                real = self._real_now(raw_event)
+                seconds = event_number if event_kind == "lost" else 0.0
+                engine_events += [
                     EngineEvent(event_frame, sentence=line, real=real)
-                    for event_frame, line in self._notices.shown(frame, what, sentence, seconds)
+                    for event_frame, line in self._notices.shown(
+                        frame, event_kind, event_text, seconds
+                    )
                 ]
         self._unreported = []
-        lines = self._notices.rest() if self._final_status else self._notices.due(self.frame)
+        notice_lines = self._notices.rest() if self._final_status else self._notices.due(self.frame)
         if self._final_status is None:
             sound = self._performance.sound_events()
-            for _, sentence in sound[self._n_sound_events :]:
-                lines += self._notices.shown(self.frame, "sound", sentence)
+            for _, event_text in sound[self._n_sound_events :]:
+                notice_lines += self._notices.shown(self.frame, "sound", event_text)
             self._n_sound_events = len(sound)
-        events += [EngineEvent(event_frame, sentence=line) for event_frame, line in lines]
+        engine_events += [
+            EngineEvent(event_frame, sentence=line) for event_frame, line in notice_lines
+        ]
         while self._pages is not None and self._pages.remarks:
-            events.append(EngineEvent(self.frame, sentence=self._pages.remarks.popleft()))
-        return events
+            engine_events.append(EngineEvent(self.frame, sentence=self._pages.remarks.popleft()))
+        return engine_events
 
     def _real_now(self, event: _core.PerformanceEvent) -> dict[str, bool]:
         _, what, number = event

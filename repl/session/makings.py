@@ -42,15 +42,15 @@ class Makings:
         return self._checked(on, self._takeovers.extended(on, start, self.latest))
 
     def first_failing(
-        self, on: RunningVersion, group: Sequence[WaitingLine]
+        self, on: RunningVersion, line_group: Sequence[WaitingLine]
     ) -> tuple[WaitingLine, str]:
         """The first line of a group that cannot be made after those before it, and why."""
-        for count in range(1, len(group) + 1):
+        for count in range(1, len(line_group) + 1):
             try:
-                self.stage(on, group[:count])
+                self.stage(on, line_group[:count])
             except REFUSALS as error:
-                return group[count - 1], str(error)
-        return group[-1], "it could not be made together with those before it"
+                return line_group[count - 1], str(error)
+        return line_group[-1], "it could not be made together with those before it"
 
     def _checked(self, on: RunningVersion, result: RunningVersion) -> RunningVersion:
         """A version with the bounds of its forces. Raises NotTakenError if it cannot be played."""

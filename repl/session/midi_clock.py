@@ -70,11 +70,11 @@ class ClockEvents:
 
     def pop_before(self, frame: int) -> Iterator[ClockMessage]:
         """The messages before a frame that were not returned yet."""
-        for running, first, last in self._played.pop_before(frame):
+        for running, first_frame, last in self._played.pop_before(frame):
             clock, stage = running.clock, running.stage
             if clock.began_at != self._began_at:
                 if self._began_at is not None:
-                    yield first, bytes([Transport.STOP.value])
+                    yield first_frame, bytes([Transport.STOP.value])
                 if clock.began_at is not None:
                     # A song position counts sixteenths: it is that of the next sixteenth, where
                     # others can join in.
@@ -82,16 +82,16 @@ class ClockEvents:
                         math.ceil(clock.stopped_beat / _SIXTEENTH - SAME) * CLOCKS_PER_SONG_POSITION
                     )
                     if self._next:
-                        yield first, encode_song_position(self._next / CLOCKS_PER_BEAT)
+                        yield first_frame, encode_song_position(self._next / CLOCKS_PER_BEAT)
                     begins = Transport.CONTINUE if self._next else Transport.START
-                    yield first, bytes([begins.value])
+                    yield first_frame, bytes([begins.value])
                 self._began_at = clock.began_at
             if clock.began_at is not None:
                 tempo, rate = stage.piece.tempo_map, stage.rate
                 while (
                     clock_frame := frame_of(tempo.seconds(self._next / CLOCKS_PER_BEAT), rate)
                 ) < last:
-                    yield max(clock_frame, first), bytes([Transport.CLOCK.value])
+                    yield max(clock_frame, first_frame), bytes([Transport.CLOCK.value])
                     self._next += 1
 
 
@@ -173,12 +173,12 @@ class ClockIn:
         with self._lock:
             asked = list(self._transport)
             self._transport.clear()
-            known = self._follower.estimate() if self._follower.is_heard(now) else None
+            beat_estimate = self._follower.estimate() if self._follower.is_heard(now) else None
             is_placed = self._follower.is_placed
         for transport, position in asked:
             self._start_or_stop(transport, position)
-        if known is not None and self._session.schedule.running.clock.is_running:
-            self._correct(known, is_placed)
+        if beat_estimate is not None and self._session.schedule.running.clock.is_running:
+            self._correct(beat_estimate, is_placed)
 
     def _start_or_stop(self, transport: Transport, position: float) -> None:
         session = self._session
@@ -191,7 +191,7 @@ class ClockIn:
         if reply is not None and not reply.taken:
             session.say(f"MIDI clock: {reply.text}")
 
-    def _correct(self, known: BeatEstimate, is_placed: bool) -> None:
+    def _correct(self, beat_estimate: BeatEstimate, is_placed: bool) -> None:
         """Set the tempo from the next beat that a line can reach, so that the error is gone
         `_CORRECTION_BEATS` beats later; at most one correction per beat.
         """
@@ -199,31 +199,41 @@ class ClockIn:
         with session.lock:
             schedule = session.schedule
             head = schedule.head.piece.tempo_map
-            beat, _ = schedule.place(Length(beats=1.0), None)
-            beat = math.ceil(beat - SAME)
+            correction_beat, _ = schedule.place(Length(beats=1.0), None)
+            correction_beat = math.ceil(correction_beat - SAME)
             clock = schedule.running.clock
-            if beat <= self._corrected_beat or schedule.waiting or clock.began_at is None:
+            if (
+                correction_beat <= self._corrected_beat
+                or schedule.waiting
+                or clock.began_at is None
+            ):
                 return
             rate = schedule.rate
-            here, there = (
+            beat_here, beat_there = (
                 self._when(frame_of(clock.seconds(head, beat_at_frame), rate))
-                for beat_at_frame in (beat, beat + _CORRECTION_BEATS)
+                for beat_at_frame in (correction_beat, correction_beat + _CORRECTION_BEATS)
             )
-            if here is None or there is None:
+            if beat_here is None or beat_there is None:
                 return
             if is_placed:
-                length = (known.instant_of(beat + _CORRECTION_BEATS) - here) / _CORRECTION_BEATS
-                error = there - known.instant_of(beat + _CORRECTION_BEATS)
+                beat_length = (
+                    beat_estimate.instant_of(correction_beat + _CORRECTION_BEATS) - beat_here
+                ) / _CORRECTION_BEATS
+                error = beat_there - beat_estimate.instant_of(correction_beat + _CORRECTION_BEATS)
             else:
-                length, error = known.length, (there - here) - _CORRECTION_BEATS * known.length
+                beat_length, error = (
+                    beat_estimate.length,
+                    (beat_there - beat_here) - _CORRECTION_BEATS * beat_estimate.length,
+                )
             if abs(error) <= _ERROR_MAX:
                 return
-            length = min(
-                max(length, known.length / _TEMPO_RATIO_MAX), known.length * _TEMPO_RATIO_MAX
+            beat_length = min(
+                max(beat_length, beat_estimate.length / _TEMPO_RATIO_MAX),
+                beat_estimate.length * _TEMPO_RATIO_MAX,
             )
-            bpm = 60.0 / length
-            line = f"tempo {bpm:.8g} at {session.position_text(beat)}"
-            self._corrected_beat = beat
+            bpm = 60.0 / beat_length
+            line = f"tempo {bpm:.8g} at {session.position_text(correction_beat)}"
+            self._corrected_beat = correction_beat
             session.fast_values.set_now("MIDI clock", line)
 
     def close(self) -> None:

@@ -39,11 +39,11 @@ class Controllers:
             yield from self._pairs(message.number, maps)
 
     def _pairs(self, number: int, maps: Mapping[str, Map]) -> Iterator[tuple[str, float]]:
-        for source in maps:
-            if not source.startswith("cc ") or "/" not in source:
+        for map_source in maps:
+            if not map_source.startswith("cc ") or "/" not in map_source:
                 continue
-            upper, lower = map(int, source.removeprefix("cc ").split("/"))
+            upper, lower = map(int, map_source.removeprefix("cc ").split("/"))
             if number == upper:
                 self._values[lower] = 0
             if number in (upper, lower):
-                yield source, pair_share(self._values[upper], self._values[lower])
+                yield map_source, pair_share(self._values[upper], self._values[lower])

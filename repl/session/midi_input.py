@@ -121,20 +121,20 @@ class MidiInput:
 
         A pair of controllers is learnt as the one of its upper bits.
         """
-        wanted = self._wanted
+        wanted_map = self._wanted
         is_note = isinstance(message, Note)
-        if wanted is None or is_note is not isinstance(wanted, MapNotes):
+        if wanted_map is None or is_note is not isinstance(wanted_map, MapNotes):
             return False
         self._wanted = None
-        if isinstance(wanted, MapNotes):
+        if isinstance(wanted_map, MapNotes):
             assert isinstance(message, Note)
-            wanted = replace(wanted, low=message.number, high=message.number)
+            wanted_map = replace(wanted_map, low=message.number, high=message.number)
         else:
-            wanted = replace(wanted, source=source_of(message))
+            wanted_map = replace(wanted_map, source=source_of(message))
         self._n_lines += 1
-        line = f"{wanted.line} now"
+        line = f"{wanted_map.line} now"
         self._fast_values.set_soon(f"learn {self._n_lines}", partial(_line, line))
-        self._say(f"{wanted.name} is learnt: {wanted.line}")
+        self._say(f"{wanted_map.name} is learnt: {wanted_map.line}")
         return True
 
     def _move(self, message: Moved, channel: int) -> bool:
@@ -179,16 +179,16 @@ class MidiInput:
         anything to press on.
         """
         is_pressed = False
-        for number, note in self._sounding.items():
-            if note.n_panics != self._stops.n_panics:
+        for note_number, sounding_note in self._sounding.items():
+            if sounding_note.n_panics != self._stops.n_panics:
                 continue
-            if message.number not in (None, number) or note.channel != channel:
+            if message.number not in (None, note_number) or sounding_note.channel != channel:
                 continue
             version = self._schedule.running.version
-            for place, impulse in pressed_places(version, number, message.value):
+            for place, impulse in pressed_places(version, note_number, message.value):
                 is_pressed = True
-                self._strike(place, impulse - note.pressed.get(place, 0.0))
-                note.pressed[place] = impulse
+                self._strike(place, impulse - sounding_note.pressed.get(place, 0.0))
+                sounding_note.pressed[place] = impulse
         return is_pressed
 
     def _end(self, number: int) -> None:

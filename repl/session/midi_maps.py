@@ -31,25 +31,27 @@ _UNIT = re.compile(r"[A-Za-z0-9/]{0,8}")
 Map = MapControl | MapNotes | Hear  # `hear` needs its places as a map of notes does
 
 
-def with_map(version: Version, new: Map) -> Mapping[str, Map]:
+def with_map(version: Version, new_map: Map) -> Mapping[str, Map]:
     """The maps of a version with a new one, which replaces one of the same name. Raises
     NotTakenError.
     """
-    if isinstance(new, MapNotes) and new.gesture is None:
-        for note in range(new.low, new.high + 1):
-            struck_by(version.piece, new, note)
+    if isinstance(new_map, MapNotes) and new_map.gesture is None:
+        for note in range(new_map.low, new_map.high + 1):
+            struck_by(version.piece, new_map, note)
     maps = dict(version.maps)
-    if isinstance(new, Hear):
-        for _ in struck_once(version, new):  # what is not there yet is refused
+    if isinstance(new_map, Hear):
+        for _ in struck_once(version, new_map):  # what is not there yet is refused
             pass
         ready = [
-            name for name, mapped in maps.items() if isinstance(mapped, Hear) and name != new.name
+            name
+            for name, mapped in maps.items()
+            if isinstance(mapped, Hear) and name != new_map.name
         ]
         for name in ready[: max(0, len(ready) - MAX_HEAR + 1)]:
             del maps[name]
-    elif len(player_maps(maps)) >= MAX_MAPS and new.name not in maps:
+    elif len(player_maps(maps)) >= MAX_MAPS and new_map.name not in maps:
         raise NotTakenError(f"a session has at most {MAX_MAPS} maps; `unmap` one first")
-    return {**maps, new.name: new}
+    return {**maps, new_map.name: new_map}
 
 
 def player_maps(maps: Mapping[str, Map]) -> dict[str, MapControl | MapNotes]:
@@ -57,12 +59,12 @@ def player_maps(maps: Mapping[str, Map]) -> dict[str, MapControl | MapNotes]:
     return {name: mapped for name, mapped in maps.items() if not isinstance(mapped, Hear)}
 
 
-def without_map(version: Version, name: str) -> Mapping[str, Map]:
+def without_map(version: Version, map_name: str) -> Mapping[str, Map]:
     """The maps of a version without one of them. Raises NotTakenError."""
-    if name not in player_maps(version.maps):
+    if map_name not in player_maps(version.maps):
         known = ", ".join(player_maps(version.maps)) or "there are none"
-        raise NotTakenError(f"nothing is mapped to {name}; the maps: {known}")
-    return {other: mapped for other, mapped in version.maps.items() if other != name}
+        raise NotTakenError(f"nothing is mapped to {map_name}; the maps: {known}")
+    return {other: mapped for other, mapped in version.maps.items() if other != map_name}
 
 
 def rename_in_maps(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, Map]:
@@ -89,12 +91,12 @@ def rename_in_maps(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, 
 def note_lines(version: Version, note: int) -> Iterator[str]:
     """The lines that a note types: those that run a block, or let a player play a gesture."""
     piece = version.piece
-    for notes in maps_of(version, note):
-        if notes.gesture is not None:
-            if notes.target in piece.players:
-                yield f"{notes.target} plays {notes.gesture} now"
-        elif notes.impulse is None and notes.target in piece.blocks:
-            yield f"run {notes.target} now"
+    for note_map in maps_of(version, note):
+        if note_map.gesture is not None:
+            if note_map.target in piece.players:
+                yield f"{note_map.target} plays {note_map.gesture} now"
+        elif note_map.impulse is None and note_map.target in piece.blocks:
+            yield f"run {note_map.target} now"
 
 
 def share_line(source: str, share: float, version: Version) -> str | None:
@@ -146,12 +148,12 @@ def _row(midi_map: Map) -> list[object]:
     ]
 
 
-def read_maps(event: JournalEvent) -> Mapping[str, Map]:
+def read_maps(journal_event: JournalEvent) -> Mapping[str, Map]:
     """The maps in a journal's event. Raises JournalError."""
-    rows: list[object] = event.get("maps", list, [])
+    rows: list[object] = journal_event.get("maps", list, [])
     if len(rows) > MAX_MAPS + MAX_HEAR:
-        event.refuse("it has more maps than a session can have")
-    maps = [_read_row(event, row) for row in rows]
+        journal_event.refuse("it has more maps than a session can have")
+    maps = [_read_row(journal_event, row) for row in rows]
     return {own.name: own for own in maps}
 
 
@@ -159,60 +161,72 @@ def _hear_notes(notes: list[object]) -> tuple[str, ...] | None:
     """The notes of `hear`: words of pitches, or numbers, as journals had them before there were
     tunings; None if something else is among them.
     """
-    words = []
+    note_words = []
     for note in notes:
         if isinstance(note, str) and is_pitch(note):
-            words.append(note)
+            note_words.append(note)
         elif isinstance(note, int) and 0 <= note <= _MIDI_MAX:
-            words.append(name(note))
+            note_words.append(name(note))
         else:
             return None
-    return tuple(words)
+    return tuple(note_words)
 
 
-def _read_row(event: JournalEvent, row: object) -> Map:
+def _read_row(journal_event: JournalEvent, row: object) -> Map:
     match row:
-        case ["hear", str(target), *notes] if _WORD.fullmatch(target):
+        case ["hear", str(target_text), *notes] if _WORD.fullmatch(target_text):
             words = _hear_notes(notes)
             if words is not None:
-                return Hear(target, words, MEZZO_FORTE)
-        case ["note", low, high, target]:  # as journals had it before maps had curves
-            return _read_row(event, ["notes", low, high, target, None, None, EVEN])
-        case ["note", low, high, target, weak, strong]:
-            return _read_row(event, ["notes", low, high, target, [weak, strong], None, EVEN])
+                return Hear(target_text, words, MEZZO_FORTE)
+        case [
+            "note",
+            low_number,
+            high_number,
+            target_text,
+        ]:  # as journals had it before maps had curves
+            return _read_row(
+                journal_event, ["notes", low_number, high_number, target_text, None, None, EVEN]
+            )
+        case ["note", low_number, high_number, target_text, weak, strong]:
+            return _read_row(
+                journal_event,
+                ["notes", low_number, high_number, target_text, [weak, strong], None, EVEN],
+            )
         case ["cc", int(number), *rest]:
-            return _read_row(event, ["control", f"cc {number}", *rest])
+            return _read_row(journal_event, ["control", f"cc {number}", *rest])
         case [
             "notes",
-            int(low),
-            int(high),
-            str(target),
+            int(low_number),
+            int(high_number),
+            str(target_text),
             [float(), float()] | None as impulse,
             str() | None as gesture,
-            str(curve),
+            str(curve_name),
         ] if (
-            0 <= low <= high <= _MIDI_MAX
-            and _WORD.fullmatch(target)
+            0 <= low_number <= high_number <= _MIDI_MAX
+            and _WORD.fullmatch(target_text)
             and _WORD.fullmatch(gesture or "none")
             and isfinite(sum(impulse or ()))
-            and curve in LAWS
+            and curve_name in LAWS
         ):
             ends = None if impulse is None else (impulse[0], impulse[1])
-            return MapNotes(low, high, target, ends, gesture, curve)
+            return MapNotes(low_number, high_number, target_text, ends, gesture, curve_name)
         case [
             "control",
-            str(source),
-            str() | None as target,
+            str(source_name),
+            str() | None as target_text,
             str() | None as sounding,
-            str(unit),
-            float(low),
-            float(high),
+            str(unit_name),
+            float(low_number),
+            float(high_number),
         ] if (
-            is_source(source)
-            and _WORD.fullmatch(target or "all")
+            is_source(source_name)
+            and _WORD.fullmatch(target_text or "all")
             and _WORD.fullmatch(sounding or "all")
-            and _UNIT.fullmatch(unit)
-            and isfinite(low + high)
+            and _UNIT.fullmatch(unit_name)
+            and isfinite(low_number + high_number)
         ):
-            return MapControl(source, target, (low, high), unit, sounding)
-    event.refuse("the field 'maps' has the wrong type or value")
+            return MapControl(
+                source_name, target_text, (low_number, high_number), unit_name, sounding
+            )
+    journal_event.refuse("the field 'maps' has the wrong type or value")

@@ -31,32 +31,32 @@ class MidiMonitor:
 
     def note(self, message: Played, channel: int, *, is_mapped: bool) -> None:
         """Note a message of a channel from 1 to 16."""
-        source = source_of(message)
+        message_source = source_of(message)
         if not is_mapped and not isinstance(message, NoteEnd):
-            self._unmapped[source] += 1
+            self._unmapped[message_source] += 1
         if self.is_on:
             more = "" if is_mapped or isinstance(message, NoteEnd) else ", not mapped"
             text = f"MIDI {_described(message)}, channel {channel}{more}"
-            self._waiting.append((source, text))
+            self._waiting.append((message_source, text))
 
     def lines_due(self, now: float) -> Sequence[str]:
         """The lines to print at an instant [s]: at most some each half second, and how many more
         there were.
         """
-        lines = []
+        monitor_lines = []
         if now >= self._ends_at:
             if self._rest:
-                lines.append(f"MIDI {self._rest.total():,} more: {_counted(self._rest)}")
+                monitor_lines.append(f"MIDI {self._rest.total():,} more: {_counted(self._rest)}")
             self._rest.clear()
             self._ends_at, self._n_left = now + _PERIOD, _LINES_MAX
         while self._waiting:
             source, text = self._waiting.popleft()
             if self._n_left:
                 self._n_left -= 1
-                lines.append(text)
+                monitor_lines.append(text)
             else:
                 self._rest[source] += 1
-        return lines
+        return monitor_lines
 
     def unmapped_line(self) -> str | None:
         """What came and had no map, as a line; None if there was nothing."""
@@ -67,32 +67,36 @@ class MidiMonitor:
 def source_of(message: Played) -> str:
     """What a message comes from, as a map names it."""
     match message:
-        case Note(number) | NoteEnd(number):
-            return f"note {number}"
-        case Control(number):
-            return f"cc {number}"
+        case Note(source_number) | NoteEnd(source_number):
+            return f"note {source_number}"
+        case Control(source_number):
+            return f"cc {source_number}"
         case Wheel():
             return "bend"
-        case Program(number):
-            return f"program {number}"
-        case Pressure(_, number):
-            return "pressure" if number is None else f"pressure {number}"
+        case Program(source_number):
+            return f"program {source_number}"
+        case Pressure(_, source_number):
+            return "pressure" if source_number is None else f"pressure {source_number}"
 
 
 def _described(message: Played) -> str:
     match message:
-        case Note(number, velocity):
-            return f"note {number} ({_name(number)}), velocity {velocity}"
-        case NoteEnd(number):
-            return f"note {number} ({_name(number)}) ends"
-        case Control(number, value):
-            return f"cc {number} at {value}"
-        case Wheel(value):
-            return f"bend at {value}"
-        case Program(number):
-            return f"program {number}"
-        case Pressure(value, number):
-            return f"pressure at {value}" if number is None else f"pressure {number} at {value}"
+        case Note(message_number, velocity):
+            return f"note {message_number} ({_name(message_number)}), velocity {velocity}"
+        case NoteEnd(message_number):
+            return f"note {message_number} ({_name(message_number)}) ends"
+        case Control(message_number, message_value):
+            return f"cc {message_number} at {message_value}"
+        case Wheel(message_value):
+            return f"bend at {message_value}"
+        case Program(message_number):
+            return f"program {message_number}"
+        case Pressure(message_value, message_number):
+            return (
+                f"pressure at {message_value}"
+                if message_number is None
+                else f"pressure {message_number} at {message_value}"
+            )
 
 
 def _name(number: int) -> str:

@@ -45,26 +45,28 @@ class Zones:
                 pass
 
     def moves(
-        self, channel: int, message: Moved, maps: Mapping[str, Map], piece: Piece
+        self, channel_number: int, message: Moved, maps: Mapping[str, Map], piece: Piece
     ) -> tuple[bool, list[tuple[str, LineOf]]]:
         """Whether a message has a map, and what it sets: the name of each value, and the line that
         sets it.
         """
-        is_in_zone, is_mapped = self._wheels.is_in_zone(channel), False
-        values: list[tuple[str, LineOf]] = []
-        controllers = self._controllers.setdefault(channel if is_in_zone else 0, Controllers())
-        for source, share in controllers.shares(message, maps):
-            control = maps.get(source)
+        is_in_zone, is_mapped = self._wheels.is_in_zone(channel_number), False
+        lines_by_name: list[tuple[str, LineOf]] = []
+        controllers = self._controllers.setdefault(
+            channel_number if is_in_zone else 0, Controllers()
+        )
+        for map_source, control_share in controllers.shares(message, maps):
+            control = maps.get(map_source)
             if not isinstance(control, MapControl):
                 continue
             is_mapped = True
             if is_in_zone and _family(control, piece):
-                self._shares[channel, source] = share
-                for note in self._wheels.notes(channel):
-                    values += self._note_move(control, note, share, piece)
+                self._shares[channel_number, map_source] = control_share
+                for note in self._wheels.notes(channel_number):
+                    lines_by_name += self._note_move(control, note, control_share, piece)
             else:
-                values.append((source, partial(share_line, source, share)))
-        return is_mapped, values
+                lines_by_name.append((map_source, partial(share_line, map_source, control_share)))
+        return is_mapped, lines_by_name
 
     def begun(
         self, channel: int, note: int, maps: Mapping[str, Map], piece: Piece
@@ -79,21 +81,24 @@ class Zones:
                     yield from self._note_move(control, note, share, piece)
 
     def _note_move(
-        self, control: MapControl, note: int, share: float | None, piece: Piece
+        self, control: MapControl, note_number: int, control_share: float | None, piece: Piece
     ) -> Iterator[tuple[str, LineOf]]:
         """The value of one note, if its instrument has that note."""
         family = _family(control, piece)
-        target = _target(control, family, note, piece)
-        if target is None:
+        target_path = _target(control, family, note_number, piece)
+        if target_path is None:
             return
-        name = f"{control.source}, {target}"
-        if control.source == "bend" and target.endswith(_PITCH):
-            cents = self._wheels.note_cents(note)
-            if cents or name in self._turned:
-                self._turned.add(name)
-                yield name, partial(_line, f"set {target} {cents:.6g}cents over 50ms now")
-        elif share is not None:
-            yield name, partial(_line, line_to(replace(control, target=target), share))
+        move_name = f"{control.source}, {target_path}"
+        if control.source == "bend" and target_path.endswith(_PITCH):
+            cents = self._wheels.note_cents(note_number)
+            if cents or move_name in self._turned:
+                self._turned.add(move_name)
+                yield move_name, partial(_line, f"set {target_path} {cents:.6g}cents over 50ms now")
+        elif control_share is not None:
+            yield (
+                move_name,
+                partial(_line, line_to(replace(control, target=target_path), control_share)),
+            )
 
 
 def _family(control: MapControl, piece: Piece) -> str | None:

@@ -54,12 +54,12 @@ class Moments:
     def first_frame(self, making: float, kind: LineKind = LineKind.STRUCTURE) -> int:
         """The first frame for a change that takes `making` [s] to compute."""
         if kind is LineKind.FADERS:
-            after = 0
+            first_after = 0
         elif kind is LineKind.ENDS:  # it withdraws what can still be withdrawn
-            after = self._changes.playing_at(self.tick_after(0.0) - 1).start + 1
+            first_after = self._changes.playing_at(self.tick_after(0.0) - 1).start + 1
         else:
-            after = self._changes.running.start + 1
-        return self._in_tick(max(self.frame_after(making), after))
+            first_after = self._changes.running.start + 1
+        return self._in_tick(max(self.frame_after(making), first_after))
 
     def beat_now(self) -> float:
         """The beat of the piece that the engine computes now."""
@@ -77,27 +77,31 @@ class Moments:
             start = frames[1]  # they need not wait for the beginning of the piece
         return Place(beat, start)
 
-    def place_from(self, frame: int, tempo: TempoMap, when: When, grid: Length | None) -> Place:
+    def place_from(
+        self, first_frame: int, tempo: TempoMap, when: When, grid: Length | None
+    ) -> Place:
         """The place of a line that needs a stage and is ready at a frame.
 
         Raises NotTakenError where its beat is past.
         """
         lead = self._timing.lead_of(False)
-        return place_of(when, grid, self._present(tempo), (frame, frame), lead)
+        return place_of(when, grid, self._present(tempo), (first_frame, first_frame), lead)
 
     def place_after_slip(self, late: Sequence[WaitingLine]) -> tuple[float, int]:
         """The next beat and frame of lines that were late: the next bar, or the soonest frame."""
-        first, slips = late[0], max(line.n_slips for line in late)
+        first_late, slips = late[0], max(line.n_slips for line in late)
         making = self._making_time.after_slips(slips)
-        start = self.first_frame(0.0 if not slips and first.rule.is_quick else making, first.kind)
+        start_frame = self.first_frame(
+            0.0 if not slips and first_late.rule.is_quick else making, first_late.kind
+        )
         running, timing = self._changes.running, self._timing
         clock, tempo = running.clock, running.version.piece.tempo_map
-        lead = first.lead(timing)
-        beat = clock.beat(tempo, start / timing.rate + lead)
+        lead = first_late.lead(timing)
+        beat = clock.beat(tempo, start_frame / timing.rate + lead)
         if clock.is_running and not all(line.is_now for line in late):
             beat = next_boundary(tempo, beat, BAR)
-            start = max(start, timing.takeover_frame(clock, tempo, beat, lead))
-        return beat, start
+            start_frame = max(start_frame, timing.takeover_frame(clock, tempo, beat, lead))
+        return beat, start_frame
 
     def frame_of(self, tempo: TempoMap, beat: float) -> int:
         """The first frame of the tick of a beat; the soonest frame while the piece is stopped."""

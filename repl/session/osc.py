@@ -79,20 +79,20 @@ class SessionOsc:
         if known is not None:
             return known
         if address.startswith(_INPUT):
-            name = address.removeprefix(_INPUT)
-            take = self._session.schedule.head.piece.takes.get(name)
+            input_name = address.removeprefix(_INPUT)
+            take = self._session.schedule.head.piece.takes.get(input_name)
             return (
                 None
                 if take is None or not take.is_from_osc
-                else self._input_values.handler_of(name)
+                else self._input_values.handler_of(input_name)
             )
         match = _GAIN.fullmatch(address)
         if match is None:
             return None
-        kind, name = match.groups()
-        if kind is not None and name not in self._names(kind):
+        kind, input_name = match.groups()
+        if kind is not None and input_name not in self._names(kind):
             return None
-        return level_handler(lambda level: self._set_level(address, name, level))
+        return level_handler(lambda level: self._set_level(address, input_name, level))
 
     def _tell(self, name: str, value: float) -> bool:
         session = self._session
@@ -157,27 +157,27 @@ class SessionEvents:
             yield from sorted(_events(running, first, last), key=lambda event: event[0])
 
 
-def _events(running: RunningVersion, first: int, last: int) -> Iterator[OscEvent]:
-    """The events of one version, from frame `first` to before `last`."""
+def _events(running: RunningVersion, first_frame: int, last_frame: int) -> Iterator[OscEvent]:
+    """The events of one version, from frame `first_frame` to before `last_frame`."""
     stage, clock = running.stage, running.clock
     if clock.began_at is None:
         return
     version = running.version
     shown = partial(version.sounds_as.shown, part_names=version.piece.keys)
     tempo = stage.piece.tempo_map
-    bar, _ = tempo.bar_beat(running.beat(first))
+    bar, _ = tempo.bar_beat(running.beat(first_frame))
     for event in beat_events(tempo, stage.rate, bar):
-        if event[0] >= last:
+        if event[0] >= last_frame:
             break
-        if event[0] >= first:
+        if event[0] >= first_frame:
             yield event
     for gesture in stage.gestures:
-        frame = frame_of(gesture.start, stage.rate)
-        if first <= frame < last:
+        gesture_frame = frame_of(gesture.start, stage.rate)
+        if first_frame <= gesture_frame < last_frame:
             arguments = (
                 gesture.player,
                 shown(gesture.key),
                 gesture.name,
                 float(gesture.start - clock.began_at),
             )
-            yield frame, "/ergon/strike", arguments
+            yield gesture_frame, "/ergon/strike", arguments

@@ -82,12 +82,12 @@ class PastVersionStore(MutableMapping[int, "PastVersion"]):
     def _packed(self, texts: Texts) -> _Packed:
         if self._last is None:
             return _compressed(texts.text)
-        before, packed = self._last
-        if before.text == texts.text:
+        texts_before, packed = self._last
+        if texts_before.text == texts.text:
             return packed
         if packed.number >= _DIFFERENCES:
             return _compressed(texts.text)
-        start, end, text = difference(before.text, texts.text)
+        start, end, text = difference(texts_before.text, texts.text)
         return _Packed(packed.number + 1, b"", packed, start, end, text)
 
 
@@ -95,25 +95,25 @@ def _compressed(text: str) -> _Packed:
     return _Packed(0, zlib.compress(text.encode(), 1))
 
 
-def difference(before: str, now: str) -> tuple[int, int, str]:
+def difference(text_before: str, now: str) -> tuple[int, int, str]:
     """The characters from one index to another that become a text, so that a text becomes `now`."""
-    shared = min(len(before), len(now))
-    start = _n_equal(shared, lambda a, b: before[a:b] == now[a:b])
-    n_before, n_now = len(before), len(now)
+    shared = min(len(text_before), len(now))
+    start_index = _n_equal(shared, lambda a, b: text_before[a:b] == now[a:b])
+    n_before, n_now = len(text_before), len(now)
     after = _n_equal(
-        shared - start,
-        lambda a, b: before[n_before - b : n_before - a] == now[n_now - b : n_now - a],
+        shared - start_index,
+        lambda a, b: text_before[n_before - b : n_before - a] == now[n_now - b : n_now - a],
     )
-    return start, n_before - after, now[start : n_now - after]
+    return start_index, n_before - after, now[start_index : n_now - after]
 
 
 def _n_equal(count: int, is_equal: Callable[[int, int], bool]) -> int:
     """The number of characters, of at most `count`, up to which two texts are equal."""
-    low, high = 0, count  # the texts are equal up to `low`
-    while low < high:
-        middle = (low + high + 1) // 2
-        if is_equal(low, middle):
-            low = middle
+    low_count, high_count = 0, count  # the texts are equal up to `low`
+    while low_count < high_count:
+        middle = (low_count + high_count + 1) // 2
+        if is_equal(low_count, middle):
+            low_count = middle
         else:
-            high = middle - 1
-    return low
+            high_count = middle - 1
+    return low_count

@@ -36,7 +36,7 @@ class Place(NamedTuple):
 
 
 def place_of(
-    when: When, grid: Length | None, present: Present, frames: tuple[int, int], lead: float
+    line_time: When, grid: Length | None, present: Present, frames: tuple[int, int], lead: float
 ) -> Place:
     """The place of a line that takes over `lead` [s] before its beat.
 
@@ -47,31 +47,31 @@ def place_of(
     earliest, soonest = frames
     clock, tempo, now, timing = present
     if not clock.is_running:
-        beat = clock.stopped_beat
-        if isinstance(when, Position):
-            beat = _resolved(tempo, when)
-        elif isinstance(when, Length):
-            beat = tempo.after(beat, when)
-        if beat < clock.stopped_beat - SAME:
-            raise _past(when, beat, present)
-        return Place(beat, None if beat > clock.stopped_beat + SAME else soonest)
-    first = clock.beat(tempo, soonest / timing.rate + lead)
-    if isinstance(when, Position | Length):
+        line_beat = clock.stopped_beat
+        if isinstance(line_time, Position):
+            line_beat = _resolved(tempo, line_time)
+        elif isinstance(line_time, Length):
+            line_beat = tempo.after(line_beat, line_time)
+        if line_beat < clock.stopped_beat - SAME:
+            raise _past(line_time, line_beat, present)
+        return Place(line_beat, None if line_beat > clock.stopped_beat + SAME else soonest)
+    first_beat = clock.beat(tempo, soonest / timing.rate + lead)
+    if isinstance(line_time, Position | Length):
         reached = clock.beat(tempo, earliest / timing.rate + lead)
-        if isinstance(when, Position):
-            beat = _resolved(tempo, when)
-            if beat < reached - SAME:
-                raise _past(when, beat, present)
+        if isinstance(line_time, Position):
+            line_beat = _resolved(tempo, line_time)
+            if line_beat < reached - SAME:
+                raise _past(line_time, line_beat, present)
         else:
-            beat = max(reached, tempo.after(now, when))
-        return Place(beat, max(earliest, timing.takeover_frame(clock, tempo, beat, lead)))
-    if when is NOW or grid is None:
+            line_beat = max(reached, tempo.after(now, line_time))
+        return Place(line_beat, max(earliest, timing.takeover_frame(clock, tempo, line_beat, lead)))
+    if line_time is NOW or grid is None:
         # Before its beginning the piece is at its first beat, for which a cut need not wait.
         is_cut = not lead
-        frame = timing.takeover_frame(clock, tempo, first, lead)
-        return Place(first, soonest if is_cut else max(soonest, frame))
-    beat = next_boundary(tempo, first, grid)
-    return Place(beat, max(soonest, timing.takeover_frame(clock, tempo, beat, lead)))
+        frame = timing.takeover_frame(clock, tempo, first_beat, lead)
+        return Place(first_beat, soonest if is_cut else max(soonest, frame))
+    line_beat = next_boundary(tempo, first_beat, grid)
+    return Place(line_beat, max(soonest, timing.takeover_frame(clock, tempo, line_beat, lead)))
 
 
 def frame_of(beat: float, present: Present, soonest: int) -> int:

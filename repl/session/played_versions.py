@@ -24,7 +24,7 @@ class PlayedVersions:
 
         Frames that were returned before are left out.
         """
-        first, self._from = self._from, max(self._from, frame)
+        first_frame, self._from = self._from, max(self._from, frame)
         schedule = self._schedule
         # Versions that are under way come between; those that were over before are not included.
         versions = [
@@ -33,7 +33,7 @@ class PlayedVersions:
             schedule.running,
         ]
         for number, running in enumerate(versions):
-            begins = max(first, running.start) if number else first
+            begins = max(first_frame, running.start) if number else first_frame
             ends = min([frame, *(other.start for other in versions[number + 1 :])])
             if begins < ends:
                 self._last = running

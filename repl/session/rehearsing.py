@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 
-def rehearsal_stage(piece: Piece, name: str) -> Stage | None:
+def rehearsal_stage(piece: Piece, gesture_name: str) -> Stage | None:
     """A stage with a gesture alone on the first key that plays it; all other keys that play it are
     tried too.
 
@@ -24,13 +24,13 @@ def rehearsal_stage(piece: Piece, name: str) -> Stage | None:
     plays = {
         (piece.players[play.player].key, _without_places(do), play.manner): (play.manner, do)
         for play in piece.parts
-        if name in play.names
+        if gesture_name in play.names
         for do in play.chains
     }
     if not plays:
-        return _on_some_key(piece, name)
+        return _on_some_key(piece, gesture_name)
     bare = _keys_and_gestures(piece)
-    first, *_ = [solo(bare, name, key, do, how) for (key, *_), (how, do) in plays.items()]
+    first, *_ = [solo(bare, gesture_name, key, do, how) for (key, *_), (how, do) in plays.items()]
     return first
 
 

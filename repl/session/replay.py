@@ -58,13 +58,17 @@ _BLOCK = 4096  # frames between two checks for due lines
 
 
 @contextlib.contextmanager
-def _as_journal_errors(event: JournalEvent) -> Iterator[None]:
+def _as_journal_errors(journal_event: JournalEvent) -> Iterator[None]:
     """Turn errors of this block into a JournalError with the place of the event."""
     try:
         yield
     except (*REFUSALS, *_FORGERY_ERRORS) as error:
-        what = ascii(event.get("line", str)[:80]) if event.name == "line" else "its score"
-        event.refuse(f"{what} cannot be replayed: {error}")
+        what = (
+            ascii(journal_event.get("line", str)[:80])
+            if journal_event.name == "line"
+            else "its score"
+        )
+        journal_event.refuse(f"{what} cannot be replayed: {error}")
 
 
 class ReplayedSession:
@@ -74,17 +78,17 @@ class ReplayedSession:
     Its simulation gives mixed frames, and its mixer passes them through.
     """
 
-    def __init__(self, replay: JournalContent) -> None:
+    def __init__(self, journal_content: JournalContent) -> None:
         """Begin at frame 0. Raises JournalError, NotTakenError, StageError."""
-        opening, take = replay.start, replay.start.take
-        with _as_journal_errors(replay.first):
+        opening, take = journal_content.start, journal_content.start.take
+        with _as_journal_errors(journal_content.first):
             version = opening.version()
         real = {} if take is None else dict.fromkeys(hand.player for hand in take.hands)
         for hand in () if take is None else take.hands:
             player = version.piece.players.get(hand.player)
             if player is None or player.key != hand.key:
-                replay.first.refuse(f"its score has no {hand.player} on {hand.key}")
-        frozen = _frozen(replay, version, real)
+                journal_content.first.refuse(f"its score has no {hand.player} on {hand.key}")
+        frozen = _frozen(journal_content, version, real)
         running = stage_first(
             version, Clock(None, opening.beat), real, None, frozen, is_seen=opening.is_seen
         )
@@ -100,20 +104,20 @@ class ReplayedSession:
         )
         self._engine.set_faders(fader_ratios(running))
         self._schedule = ReplayedSchedule(self._engine, running, real, 0)
-        self._versions = _initial_versions(replay, version)
-        self._coming = deque(_changes(replay))
+        self._versions = _initial_versions(journal_content, version)
+        self._coming = deque(_changes(journal_content))
         self._note_next()
-        self._acts = deque(replay.acts)
-        self._read = replay.versions_from_files
-        self._done = replay.first
-        self._file = replay.first.file
+        self._acts = deque(journal_content.acts)
+        self._read = journal_content.versions_from_files
+        self._done = journal_content.first
+        self._file = journal_content.first.file
         self.rate = running.stage.rate
         # A session that was killed may have recorded hands after its last line.
-        self.n_frames = replay.n_frames
-        if not replay.ended:
+        self.n_frames = journal_content.n_frames
+        if not journal_content.ended:
             self.n_frames = max(self.n_frames, hands.n_frames)
-        self.warnings = (*hands.warnings, *_missing(replay, hands, self.rate))
-        if replay.n_frames > MAX_SECONDS * self.rate:
+        self.warnings = (*hands.warnings, *_missing(journal_content, hands, self.rate))
+        if journal_content.n_frames > MAX_SECONDS * self.rate:
             raise NotTakenError("the journal claims that the session lasted longer than a day")
         self.n_channels = self.n_out = running.stage.n_channels
 
@@ -179,16 +183,16 @@ class ReplayedSession:
         schedule = self._schedule
         schedule.take_events()
         while self._coming and self._coming[0].frame <= self._engine.frame:
-            change = self._coming.popleft()
+            due_change = self._coming.popleft()
             self._note_next()
-            if not change.commits:
+            if not due_change.commits:
                 with _as_journal_errors(self._done):
-                    schedule.skip(change.frame)
+                    schedule.skip(due_change.frame)
                 continue
-            lines = [self._line(one) for one in change.commits]
-            with _as_journal_errors(change.commits[0].line):
+            lines = [self._line(one) for one in due_change.commits]
+            with _as_journal_errors(due_change.commits[0].line):
                 schedule.perform(lines, self._versions)
-            self._done = change.commits[-1].line
+            self._done = due_change.commits[-1].line
         with _as_journal_errors(self._done):
             schedule.extend()
         while self._acts and self._acts[0].frame <= self._engine.frame:
@@ -196,20 +200,20 @@ class ReplayedSession:
 
     def _line(self, commit: JournalCommit) -> WaitingLine:
         """A line at the frame at which it took effect."""
-        event, goes = commit.line, commit.line.fields.get("goes")
+        line_event, goes = commit.line, commit.line.fields.get("goes")
 
         def edit(version: Version, beat: float) -> Version:
-            return edit_of_line(event, self._versions, version, self._read)(version, beat)
+            return edit_of_line(line_event, self._versions, version, self._read)(version, beat)
 
         return WaitingLine(
-            event.get("number", int),
-            event.get("line", str),
+            line_event.get("number", int),
+            line_event.get("line", str),
             edit,
-            _kind(event),
+            _kind(line_event),
             commit.beat,
             commit.frame,
             goes if isinstance(goes, bool) else None,
-            bool(event.fields.get("resets")),
+            bool(line_event.fields.get("resets")),
             is_now=True,
         )
 
@@ -246,10 +250,12 @@ class _ReplayedChange:
         )
 
 
-def _changes(replay: JournalContent) -> Iterator[_ReplayedChange]:
+def _changes(journal_content: JournalContent) -> Iterator[_ReplayedChange]:
     """The changes of a journal, in the order of their frames."""
-    skips = dict(replay.skips)
-    for (frame, _), commits in groupby(replay.commits, lambda one: (one.frame, one.change)):
+    skips = dict(journal_content.skips)
+    for (frame, _), commits in groupby(
+        journal_content.commits, lambda one: (one.frame, one.change)
+    ):
         for before in [frame_skipped for frame_skipped in skips if frame_skipped < frame]:
             yield _ReplayedChange(before, (), skips.pop(before))
         yield _ReplayedChange(frame, tuple(commits), skips.pop(frame, None))
@@ -264,10 +270,10 @@ def _kind(event: JournalEvent) -> LineKind:
 
 
 def _frozen(
-    replay: JournalContent, version: Version, real: Collection[str]
+    journal_content: JournalContent, version: Version, real: Collection[str]
 ) -> tuple[LoadedPart, ...]:
     """The frozen parts with which a session began. Raises JournalError."""
-    folder = replay.start.frozen
+    folder = journal_content.start.frozen
     if folder is None:
         return ()
     try:
@@ -279,68 +285,81 @@ def _frozen(
         ) from None
 
 
-def _initial_versions(replay: JournalContent, version: Version) -> PastVersionStore:
+def _initial_versions(journal_content: JournalContent, version: Version) -> PastVersionStore:
     """The versions that exist when a session begins."""
-    history, versions = replay.start.history, PastVersionStore()
+    history, versions = journal_content.start.history, PastVersionStore()
     versions[0] = PastVersion.from_version(version, "1|1")
     for past_version in () if history is None else history.versions:
         versions[past_version.number] = past_version
     return versions
 
 
-def resumed_state(replay: JournalContent) -> tuple[Version, Clock, PastVersions]:
+def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, PastVersions]:
     """The last version, a clock stopped at the last bar, and the history; no sound is computed.
 
     Raises JournalError, NotTakenError.
     """
-    opening = replay.start
-    with _as_journal_errors(replay.first):
+    opening = journal_content.start
+    with _as_journal_errors(journal_content.first):
         version = opening.version()
-    versions, clock = _initial_versions(replay, version), Clock(None, opening.beat)
+    versions, clock = _initial_versions(journal_content, version), Clock(None, opening.beat)
     rate = version.piece.rate
     timing = Timing(rate, opening.tick_frames)
-    done = {one.line.get("number", int) for one in replay.commits}
+    done = {one.line.get("number", int) for one in journal_content.commits}
     waited = [
-        (replay.n_frames, replay.late.get(number, replay.lines[number].get("beat", float)), event)
-        for number, event in ((n, replay.lines[n]) for n in replay.order())
-        if number not in done and number not in replay.dropped
+        (
+            journal_content.n_frames,
+            journal_content.late.get(number, journal_content.lines[number].get("beat", float)),
+            event,
+        )
+        for number, event in ((n, journal_content.lines[n]) for n in journal_content.order())
+        if number not in done and number not in journal_content.dropped
     ]
-    committed = [(one.frame, one.beat, one.line) for one in replay.commits]
-    for frame, beat, event in (*committed, *waited):
-        with _as_journal_errors(event):
-            goes = event.fields.get("goes")
+    committed = [(one.frame, one.beat, one.line) for one in journal_content.commits]
+    for frame, last_beat, line_event in (*committed, *waited):
+        with _as_journal_errors(line_event):
+            goes = line_event.fields.get("goes")
             now_running = goes if isinstance(goes, bool) else version.is_running
             before = version.piece.tempo_map
             version = replace(version.taken_over(), is_running=now_running)
-            version = edit_of_line(event, versions, version, replay.versions_from_files)(
-                version, beat
-            )
+            version = edit_of_line(
+                line_event, versions, version, journal_content.versions_from_files
+            )(version, last_beat)
             tempo = version.piece.tempo_map
-            versions[event.get("number", int)] = PastVersion.from_version(
-                version, tempo.written(beat), event.get("line", str)
+            versions[line_event.get("number", int)] = PastVersion.from_version(
+                version, tempo.written(last_beat), line_event.get("line", str)
             )
             sets_running = goes if isinstance(goes, bool) else None
             entry = entry_of(
-                clock, before, tempo, beat, frame, sets_running, version.enter_beat, timing
+                clock, before, tempo, last_beat, frame, sets_running, version.enter_beat, timing
             )
             clock = entry.clock
     tempo = version.piece.tempo_map
-    beat = clock.beat(tempo, replay.n_frames / rate)
-    if not (math.isfinite(beat) and replay.n_frames <= MAX_SECONDS * rate):
+    last_beat = clock.beat(tempo, journal_content.n_frames / rate)
+    if not (math.isfinite(last_beat) and journal_content.n_frames <= MAX_SECONDS * rate):
         raise NotTakenError("the journal claims that the session lasted longer than a day")
-    bar, _ = tempo.bar_beat(beat)
+    bar, _ = tempo.bar_beat(last_beat)
     # Guidance is not resumed: a hand is pulled only after a line that asks for it.
     begun = replace(
-        version.taken_over(), number=0, line="", guides={}, base=replay.base, is_running=False
+        version.taken_over(),
+        number=0,
+        line="",
+        guides={},
+        base=journal_content.base,
+        is_running=False,
     )
-    return begun, Clock(None, tempo.bars.start(bar)), _renumbered_history(replay, begun, versions)
+    return (
+        begun,
+        Clock(None, tempo.bars.start(bar)),
+        _renumbered_history(journal_content, begun, versions),
+    )
 
 
 def _renumbered_history(
-    replay: JournalContent, begun: Version, versions: Mapping[int, PastVersion]
+    journal_content: JournalContent, begun: Version, versions: Mapping[int, PastVersion]
 ) -> PastVersions:
     """The history of a session that is resumed as version `begun`, numbered for its own journal."""
-    history = replay.history()
+    history = journal_content.history()
     past = []
     for place, number in enumerate(history.numbers):
         # Numbers from 1 on belong to the lines of that session, and -1 means none.
@@ -353,24 +372,24 @@ def _renumbered_history(
 
 
 def edit_of_line(
-    event: JournalEvent,
+    line_event: JournalEvent,
     versions: Mapping[int, PastVersion],
     on: Version,
     read: Mapping[int, FileVersion],
 ) -> VersionEdit:
     """The version edit of a journal's line, without its other effects. Raises NotTakenError."""
-    if event.fields.get("resets"):
+    if line_event.fields.get("resets"):
         return version_edits.hush
-    if (known := read.get(event.number)) is not None:
+    if (known := read.get(line_event.number)) is not None:
         texts, glide, enters = known
         return lambda version, beat: replace(
             version, texts=texts, piece=piece_of(texts), glide=glide, enter_beat=enters
         )
-    restores = event.fields.get("restores")
+    restores = line_event.fields.get("restores")
     if isinstance(restores, int):
         target = versions.get(restores)
         return version_edits.unchanged if target is None else target.restore
-    commands = reparse(event.get("line", str), on)
+    commands = reparse(line_event.get("line", str), on)
     if any(
         type(one) in version_edits.READS_FILES for one in commands
     ):  # rendering a journal reads no further file
@@ -381,19 +400,21 @@ def edit_of_line(
     return version_edits.combined(music or edits)
 
 
-def _missing(replay: JournalContent, hands: RecordedHands, rate: float) -> Iterator[str]:
+def _missing(journal_content: JournalContent, hands: RecordedHands, rate: float) -> Iterator[str]:
     """Sentences about what is missing in a journal, and at the end of it and of its recording."""
-    if gap := replay.gaps.sentence(replay.first.file):
+    if gap := journal_content.gaps.sentence(journal_content.first.file):
         yield gap
-    seconds = replay.n_frames / rate
-    if not replay.ended:
+    journal_seconds = journal_content.n_frames / rate
+    if not journal_content.ended:
         yield (
-            f"{replay.first.file} has no end: the session was killed, is still playing, or could "
-            f"not write; its last event is at {seconds:.1f} s"
+            f"{journal_content.first.file} has no end: the session was killed, is still playing, "
+            "or could "
+            f"not write; its last event is at {journal_seconds:.1f} s"
         )
-    if hands.hands and hands.n_frames < replay.n_frames:
+    if hands.hands and hands.n_frames < journal_content.n_frames:
         yield (
-            f"the recording of hands ends at {hands.n_frames / rate:.1f} s of {seconds:.1f} s; "
+            f"the recording of hands ends at {hands.n_frames / rate:.1f} s of "
+            f"{journal_seconds:.1f} s; "
             "from there they stay where they were"
         )
 

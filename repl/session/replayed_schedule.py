@@ -32,14 +32,14 @@ class ReplayedSchedule(Schedule):
         for new_line in lines:
             begun, line = begun.inserted(new_line, 0)
             versions[line.number] = PastVersion.from_version(line.result())
-        group, running = begun.lines, self.running
-        kinds = {new_line.kind for new_line in group}
+        line_group, running = begun.lines, self.running
+        kinds = {new_line.kind for new_line in line_group}
         if kinds == {LineKind.FADERS}:
-            self._move_faders(group)
+            self._move_faders(line_group)
         elif kinds == {LineKind.ENDS}:
-            self._hand(group, self.makings.cut(running, group))
+            self._hand(line_group, self.makings.cut(running, line_group))
         else:
-            self._hand(group, self.makings.stage(running, group))
+            self._hand(line_group, self.makings.stage(running, line_group))
         self.reports.clear()
 
     def skip(self, frame: int) -> None:
@@ -48,12 +48,12 @@ class ReplayedSchedule(Schedule):
 
     def take_events(self) -> Sequence[EngineEvent]:
         """The events of the engine; changes are noted."""
-        events = self.engine.events()
-        for event in events:
+        engine_events = self.engine.events()
+        for event in engine_events:
             if event.ticket is not None:
                 self.note_event(event)
         self.reports.clear()
-        return events
+        return engine_events
 
     def _extension_frame(self) -> int | None:
         """The frame of the next extension: before the next change, which may extend it too."""

@@ -17,23 +17,32 @@ if TYPE_CHECKING:
 @makes_edit(Retune)
 def _retune(command: Retune) -> VersionEdit:
     """Retune, gliding for the length `over`; a scale is read once, when the line is typed."""
-    read: dict[str, str] = {}
+    texts_by_file: dict[str, str] = {}
 
-    def edit(version: Version, beat: float) -> Version:
-        before = replace(version.texts, overlay={**read, **version.texts.overlay})
-        texts, texts_read = retuning.retune(before, command.target, command.fields)
-        read.update(texts_read)
+    def edit(version: Version, edit_beat: float) -> Version:
+        before = replace(version.texts, overlay={**texts_by_file, **version.texts.overlay})
+        retuned_texts, texts_read = retuning.retune(before, command.target, command.fields)
+        texts_by_file.update(texts_read)
         if texts_read:
-            piece_from_files(replace(texts, sealed=False))  # a file outside the bounds is told of
-        new = {file: text for file, text in read.items() if file not in version.texts.overlay}
-        base = version.base
-        if new:
-            written = base or version.texts
-            base = replace(written, overlay={**new, **written.overlay})
+            piece_from_files(
+                replace(retuned_texts, sealed=False)
+            )  # a file outside the bounds is told of
+        new_texts = {
+            file: text for file, text in texts_by_file.items() if file not in version.texts.overlay
+        }
+        base_texts = version.base
+        if new_texts:
+            written = base_texts or version.texts
+            base_texts = replace(written, overlay={**new_texts, **written.overlay})
         glide = GLIDE
         if command.over is not None:
             tempo = version.piece.tempo_map
-            glide = max(glide, tempo.seconds(tempo.after(beat, command.over)) - tempo.seconds(beat))
-        return replace(with_texts(version, texts), read_files=new, base=base, glide=glide)
+            glide = max(
+                glide,
+                tempo.seconds(tempo.after(edit_beat, command.over)) - tempo.seconds(edit_beat),
+            )
+        return replace(
+            with_texts(version, retuned_texts), read_files=new_texts, base=base_texts, glide=glide
+        )
 
     return edit

@@ -67,14 +67,14 @@ class RunningVersion:
         """The beat of the piece at a frame."""
         return self.clock.beat(self.version.piece.tempo_map, frame / self.stage.rate)
 
-    def is_ending(self, beat: float) -> bool:
+    def is_ending(self, from_beat: float) -> bool:
         """Whether more than half of the timeline's bars is over at a beat."""
         if not self.clock.is_running or self.timeline_end == math.inf:
             return False
         tempo = self.version.piece.tempo_map
-        n_bars = horizon(tempo, beat)[1]
+        n_bars = horizon(tempo, from_beat)[1]
         end = tempo.bars.bar_beat(self.timeline_end)[0]
-        return beat > tempo.bars.start(end - n_bars // 2)
+        return from_beat > tempo.bars.start(end - n_bars // 2)
 
     def in_flight(self, frame: int) -> tuple[tuple[str, str], ...]:
         """Who plays what at a frame."""
@@ -99,13 +99,13 @@ def rehearsal(piece: Piece) -> Piece:
 
     It serves to measure the level of the piece.
     """
-    plays, starts, beat = [], [], 0.0
+    plays, starts, start_beat = [], [], 0.0
     able = {name: keys_for(piece, name) for name in piece.gestures}
     for player in piece.players.values():
         for gesture in piece.gestures.values():
             if player.key not in able[gesture.name]:
                 continue
-            when, place = Position(plus=Length(beats=beat)), gesture.place
+            when, gesture_place = Position(plus=Length(beats=start_beat)), gesture.place
             plays.append(
                 Play(
                     player.name,
@@ -116,13 +116,13 @@ def rehearsal(piece: Piece) -> Piece:
                     None,
                     (),
                     NO_OPTIONS,
-                    place,
-                    place,
+                    gesture_place,
+                    gesture_place,
                     None,
                 )
             )
-            starts.append((beat,))
-            beat += max(1.0, gesture.points[-1].at.beats + gesture.points[-1].at.seconds)
+            starts.append((start_beat,))
+            start_beat += max(1.0, gesture.points[-1].at.beats + gesture.points[-1].at.seconds)
     return replace(piece, parts=tuple(plays), starts=tuple(starts))
 
 
@@ -147,7 +147,7 @@ def staged(
     clock: Clock,
     spans: tuple[Span, ...],
     like: Stage | None,
-    start: int,
+    start_frame: int,
     real: Real,
     store: Store | None,
     moving: tuple[Glide, ...] = (),
@@ -156,12 +156,12 @@ def staged(
     frozen: tuple[LoadedPart, ...],
     is_seen: bool,
 ) -> Stage:
-    """Stage what `spans` play, from frame `start` on, in place of the stage `like`.
+    """Stage what `spans` play, from frame `start_frame` on, in place of the stage `like`.
 
     `moving` are parameters that glide, `links` removed links that still separate.
     """
     piece = with_leaving(version.sounding, links)
-    tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start / like.rate)
+    tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start_frame / like.rate)
     piece = replace(piece, tempo_map=tempo)
     staged_now = stage(
         piece,
@@ -170,7 +170,7 @@ def staged(
         real_hands=real,
         silent=frozenset(part.name for part in frozen),
         on_fault="mute",
-        going=StageTakeover(spans, like, start, moving, strike_points(version)),
+        going=StageTakeover(spans, like, start_frame, moving, strike_points(version)),
         is_seen=is_seen,
     )
     staged_now.placed = place_samples(frozen, staged_now.listening, clock, staged_now.rate)

@@ -16,50 +16,54 @@ from ergon.repl.session.journal_names import LIBRARY, journal_name
 from ergon.scores.edits.texts import Texts
 
 
-def files(texts: Texts, changed: Collection[str], target: Path) -> Mapping[str, str]:
+def files(score_texts: Texts, changed: Collection[str], target_path: Path) -> Mapping[str, str]:
     """The texts to write, by file, where these used files were changed. Raises EditError."""
-    moved = _using(texts, changed)
-    folder = Path(texts.path).parent
-    names = {file: journal_name(file, folder).removeprefix(LIBRARY) for file in texts.overlay}
-    for file, path, name, used in [*_uses(texts)]:
-        if file not in moved and file != texts.path:
+    moved = _using(score_texts, changed)
+    folder = Path(score_texts.path).parent
+    journal_names = {
+        file: journal_name(file, folder).removeprefix(LIBRARY) for file in score_texts.overlay
+    }
+    for file_name, path, name, used in [*_uses(score_texts)]:
+        if file_name not in moved and file_name != score_texts.path:
             continue
-        new = f"{target.stem}/{names[used]}" if used in moved else names[used]
-        if new != name and (used in moved or file in moved):
-            texts = texts.put(path, edit.quoted(new), file)
-    copies = {file: target.parent / target.stem / names[file] for file in moved}
+        new = f"{target_path.stem}/{journal_names[used]}" if used in moved else journal_names[used]
+        if new != name and (used in moved or file_name in moved):
+            score_texts = score_texts.put(path, edit.quoted(new), file_name)
+    copies = {file: target_path.parent / target_path.stem / journal_names[file] for file in moved}
     return {
-        str(target): texts.text,
-        **{str(copy): texts.overlay[file] for file, copy in copies.items()},
+        str(target_path): score_texts.text,
+        **{str(copy): score_texts.overlay[file] for file, copy in copies.items()},
     }
 
 
-def _using(texts: Texts, changed: Collection[str]) -> set[str]:
+def _using(score_texts: Texts, changed: Collection[str]) -> set[str]:
     """These files, and all files that use one of them, directly or not."""
     users, count = set(changed), -1
     while changed and len(users) != count:
         count = len(users)
-        users |= {file for file, _, _, used in _uses(texts) if used in users}
-    return users - {texts.path}
+        users |= {file for file, _, _, used in _uses(score_texts) if used in users}
+    return users - {score_texts.path}
 
 
-def _uses(texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
+def _uses(score_texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
     """Every `use`: its file, its path in that file, the name written there, and the file that it
     means.
     """
-    home = Path(texts.path).parent
-    finder = Files(Collector(), home, texts.overlay, bounds=texts.bounds, sealed=True)
-    for file in (texts.path, *texts.overlay):
-        root = texts.document(file).root
+    home = Path(score_texts.path).parent
+    finder = Files(Collector(), home, score_texts.overlay, bounds=score_texts.bounds, sealed=True)
+    for file_name in (score_texts.path, *score_texts.overlay):
+        root = score_texts.document(file_name).root
         node = root.get("use") if isinstance(root, document.Mapping) else None
-        items: list[tuple[edit.Path, document.Node | None]] = [(("use",), node)]
+        use_items: list[tuple[edit.Path, document.Node | None]] = [(("use",), node)]
         if isinstance(node, document.Sequence):
-            items = [(("use", index), item) for index, item in enumerate(node.items)]
-        for path, item in [*items]:
-            if isinstance(item, document.Mapping):
-                items += [((*path, name), child) for name, (_, child) in item.entries.items()]
-        for path, item in items:
-            if isinstance(item, document.Scalar) and not item.is_empty:
-                used_file = finder.find(item.text, Path(file).parent)
-                if used_file is not None and str(used_file) in texts.overlay:
-                    yield file, path, item.text, str(used_file)
+            use_items = [(("use", index), item) for index, item in enumerate(node.items)]
+        for path, use_item in [*use_items]:
+            if isinstance(use_item, document.Mapping):
+                use_items += [
+                    ((*path, name), child) for name, (_, child) in use_item.entries.items()
+                ]
+        for path, use_item in use_items:
+            if isinstance(use_item, document.Scalar) and not use_item.is_empty:
+                used_file = finder.find(use_item.text, Path(file_name).parent)
+                if used_file is not None and str(used_file) in score_texts.overlay:
+                    yield file_name, path, use_item.text, str(used_file)

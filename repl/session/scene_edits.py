@@ -28,18 +28,19 @@ if TYPE_CHECKING:
 _Stamps = Sequence[tuple[str, int, int]]  # file, time of the last change [ns], bytes
 
 
-def scene_of(texts: Texts, name: str) -> Scene:
+def scene_of(score_texts: Texts, scene_name: str) -> Scene:
     """The scene of a name, from its file beside a score. Raises NotTakenError."""
-    folder = folder_of(texts)
-    path = next((p for suffix in SUFFIXES if is_file(p := folder / f"{name}{suffix}")), None)
+    folder = folder_of(score_texts)
+    path = next((p for suffix in SUFFIXES if is_file(p := folder / f"{scene_name}{suffix}")), None)
     if path is None:
-        near = nearest(name, [one.stem for one in scores_in(folder)])
+        near = nearest(scene_name, [one.stem for one in scores_in(folder)])
         raise NotTakenError(
-            f"there is no scene {name} beside the score; `keep 8bar as {name}` makes one",
+            f"there is no scene {scene_name} beside the score; `keep 8bar as {scene_name}` makes "
+            "one",
             None if near is None else f"scene {near}",
         )
     bounds = FileBounds.around(
-        folder, trust=texts.bounds is not None and texts.bounds.allows_any_file
+        folder, trust=score_texts.bounds is not None and score_texts.bounds.allows_any_file
     )
     try:
         scene, files = _read(_stamps([path]), bounds)
@@ -74,44 +75,58 @@ def _scene(command: versions.Scene) -> VersionEdit:
     """Repeat the bars of a scene; parameters go to those of the scene, over a length if one is
     given.
     """
-    read: dict[str, Scene] = {}
+    scenes_by_name: dict[str, Scene] = {}
 
     def scene(version: Version, name: str) -> Scene:
-        if name not in read:
-            read[name] = scene_of(version.texts, name)
-        return read[name]
+        if name not in scenes_by_name:
+            scenes_by_name[name] = scene_of(version.texts, name)
+        return scenes_by_name[name]
 
-    def edit(version: Version, beat: float) -> Version:
-        scene_found, texts, piece = scene(version, command.name), version.texts, version.piece
+    def edit(version: Version, edit_beat: float) -> Version:
+        scene_found, edited_texts, piece = (
+            scene(version, command.name),
+            version.texts,
+            version.piece,
+        )
         some = (
             [scene_found]
             if command.before is None
             else [scene(version, command.before), scene_found]
         )
         for each in some:
-            texts = scene_matter.with_matter(texts, piece, each)
-            piece = piece if texts is version.texts else piece_of(texts)
-        new = {
-            file: text for file, text in texts.overlay.items() if file not in version.texts.overlay
+            edited_texts = scene_matter.with_matter(edited_texts, piece, each)
+            piece = piece if edited_texts is version.texts else piece_of(edited_texts)
+        new_texts = {
+            file: text
+            for file, text in edited_texts.overlay.items()
+            if file not in version.texts.overlay
         }
-        base = version.base
-        if new and base is not None:  # as `use` brings in files
-            base = replace(base, overlay={**new, **base.overlay})
+        base_texts = version.base
+        if new_texts and base_texts is not None:  # as `use` brings in files
+            base_texts = replace(base_texts, overlay={**new_texts, **base_texts.overlay})
         over = None if command.over is None else command.words["over"].text
-        begin, glide = beat, GLIDE
-        first = scene_found if command.before is None else scene(version, command.before)
-        released = tuple(scenes.released(piece, first, beat))
-        texts = scenes.paced(texts, piece, scene_found, beat, over)
+        begin_beat, glide = edit_beat, GLIDE
+        first_scene = scene_found if command.before is None else scene(version, command.before)
+        released = tuple(scenes.released(piece, first_scene, edit_beat))
+        edited_texts = scenes.paced(edited_texts, piece, scene_found, edit_beat, over)
         if command.over is not None:
-            tempo = piece_of(texts).tempo_map
-            end = tempo.after(beat, command.over)
-            glide = max(GLIDE, tempo.seconds(end) - tempo.seconds(beat))
+            tempo = piece_of(edited_texts).tempo_map
+            end = tempo.after(edit_beat, command.over)
+            glide = max(GLIDE, tempo.seconds(end) - tempo.seconds(edit_beat))
             if command.before is not None:
-                texts = scenes.play_scene(texts, piece_of(texts), first, beat, end)
-                begin = end
-        texts = scenes.play_scene(texts, piece_of(texts), scene_found, begin)
-        texts = scenes.tuned(texts, piece, scene_found)  # last: no beat depends on a parameter
-        played = with_texts(version, texts)
-        return replace(played, glide=glide, freed_parameters=released, read_files=new, base=base)
+                edited_texts = scenes.play_scene(
+                    edited_texts, piece_of(edited_texts), first_scene, edit_beat, end
+                )
+                begin_beat = end
+        edited_texts = scenes.play_scene(
+            edited_texts, piece_of(edited_texts), scene_found, begin_beat
+        )
+        edited_texts = scenes.tuned(
+            edited_texts, piece, scene_found
+        )  # last: no beat depends on a parameter
+        played = with_texts(version, edited_texts)
+        return replace(
+            played, glide=glide, freed_parameters=released, read_files=new_texts, base=base_texts
+        )
 
     return edit

@@ -63,14 +63,16 @@ class Schedule:
         margin += int(FORCE_FALL_TIME * rate) if real and margin else 0
         self.timing = timing = Timing(rate, engine.tick_frames)
         self.makings = Makings(engine, Takeovers(timing, real))
-        self.changes = changes = Changes(engine, running)
+        self.changes = engine_changes = Changes(engine, running)
         self.lines = WaitingLines(running.version, running.clock, timing)
         self.lock = threading.RLock()
         self.making_time = MakingTime(engine, rate)
-        self.moments = Moments(engine, changes, timing, self.making_time, margin)
-        self._drafts = Drafts(self.moments, changes, timing, self.makings, self.making_time)
+        self.moments = Moments(engine, engine_changes, timing, self.making_time, margin)
+        self._drafts = Drafts(self.moments, engine_changes, timing, self.makings, self.making_time)
         self.reports: deque[Report] = deque()
-        self._extensions = Extensions(engine, changes, self.moments, self.makings, self.reports)
+        self._extensions = Extensions(
+            engine, engine_changes, self.moments, self.makings, self.reports
+        )
         # The version that each line makes or made, by its number.
         self.past_versions = PastVersionStore()
         self.n_drops = 0  # how often all lines were dropped
@@ -214,99 +216,99 @@ class Schedule:
         """
         with self.lock:
             is_slipping = False
-            while group := self._first_due():
-                kind = group[0].kind
+            while due_group := self._first_due():
+                group_kind = due_group[0].kind
                 try:
-                    if group[0].frame < self.moments.first_frame(0.0, kind):
-                        self._slip(group)
+                    if due_group[0].frame < self.moments.first_frame(0.0, group_kind):
+                        self._slip(due_group)
                         if is_slipping:  # the engine is faster than this loop: the next turn
                             return
                         is_slipping = True
-                    elif kind is LineKind.FADERS:
-                        self._move_faders(group)
-                    elif kind is LineKind.ENDS:
-                        self._end(group)
+                    elif group_kind is LineKind.FADERS:
+                        self._move_faders(due_group)
+                    elif group_kind is LineKind.ENDS:
+                        self._end(due_group)
                     else:
-                        self._hand_staged(group)
+                        self._hand_staged(due_group)
                 except REFUSALS as error:
-                    self._fail(group, str(error))
+                    self._fail(due_group, str(error))
 
     def _first_due(self) -> tuple[WaitingLine, ...]:
         """The next lines that can be handed over, or are late; empty if there are none."""
-        moments, rest = self.moments, self.waiting
+        moments, lines_left = self.moments, self.waiting
         until, soon = moments.frame_after(_AHEAD), moments.frame_after(_PASSES)
-        while rest and rest[0].frame <= until:
-            group = group_of(rest)
-            kind, start = group[0].kind, group[0].frame
-            is_first = len(rest) == len(self.waiting)
+        while lines_left and lines_left[0].frame <= until:
+            due_group = group_of(lines_left)
+            kind, group_start = due_group[0].kind, due_group[0].frame
+            is_first = len(lines_left) == len(self.waiting)
             if kind is LineKind.FADERS:
-                is_due = is_first or can_move(self.running, group)
+                is_due = is_first or can_move(self.running, due_group)
             elif kind is LineKind.ENDS:
                 # A beat counts from the beginning of the piece, which then comes first.
-                begins = any(line.sets_running for line in self.waiting[: -len(rest)])
-                can_pass = not begins or any(line.is_now for line in group)
-                is_due = is_first or (start <= soon and can_pass)
+                begins = any(line.sets_running for line in self.waiting[: -len(lines_left)])
+                can_pass = not begins or any(line.is_now for line in due_group)
+                is_due = is_first or (group_start <= soon and can_pass)
             else:
-                is_late = start < moments.first_frame(0.0)
-                is_due = is_first and (is_late or self._is_staged(group))
+                is_late = group_start < moments.first_frame(0.0)
+                is_due = is_first and (is_late or self._is_staged(due_group))
             if is_due:
-                return group
-            rest = rest[len(group) :]
+                return due_group
+            lines_left = lines_left[len(due_group) :]
         return ()
 
     def _is_staged(self, group: Sequence[WaitingLine]) -> bool:
         return self._staged is not None and self._staged.fits(group, self.running)
 
-    def _slip(self, group: Sequence[WaitingLine]) -> None:
+    def _slip(self, late_group: Sequence[WaitingLine]) -> None:
         """Let late lines, and those typed after them, wait for the next bar, or for the soonest
         frame.
         """
-        beat, start = self.moments.place_after_slip(group)
-        lines, lost, moved = self.lines.slipped(group, beat, start)
+        beat, start = self.moments.place_after_slip(late_group)
+        lines, lost, moved = self.lines.slipped(late_group, beat, start)
         self.reports.append(Slipped(moved))
         self.reports.extend(Dropped(one.line, one.why) for one in lost)
         self._set_lines(lines)
 
-    def _move_faders(self, group: Sequence[WaitingLine]) -> None:
+    def _move_faders(self, fader_group: Sequence[WaitingLine]) -> None:
         """Hand over gains, which need no version and no order."""
-        start = group[0].start
+        start = fader_group[0].start
         assert start is not None
-        self.changes.send_gains(start, group)
+        self.changes.send_gains(start, fader_group)
         self.past_versions.update(self.changes.past_versions(self.past_versions))
-        self._let_wait([one for one in self.waiting if one not in group])
+        self._let_wait([one for one in self.waiting if one not in fader_group])
 
     def _end(self, group: Sequence[WaitingLine]) -> None:
         """End what plays: a cut of the running stage, before all that waits."""
-        start = group[0].start
-        assert start is not None
-        returned = self.changes.withdraw(start)
+        end_frame = group[0].start
+        assert end_frame is not None
+        returned = self.changes.withdraw(end_frame)
         lines = [*returned.lines, *(line for line in self.waiting if line not in group)]
         # One of the same frame that was under way ends together with these.
-        also = [line for line in lines if line.kind is LineKind.ENDS and line.start == start]
-        rest = [line for line in lines if line not in also]
+        also = [line for line in lines if line.kind is LineKind.ENDS and line.start == end_frame]
+        lines_left = [line for line in lines if line not in also]
         group = sorted((*also, *group), key=lambda line: line.number)
         stops = [one.number for one in group if one.sets_running is False]
         if stops:
-            rest = self._without_start(rest, max(stops))
-        ending = self._arranged(group, start).lines
+            lines_left = self._without_start(lines_left, max(stops))
+        ending = self._arranged(group, end_frame).lines
         ends = [line for line in ending if line.start is not None]
         # Without what was taken back, the piece may stand, and has not reached the beat of some.
-        rest += [line for line in ending if line.start is None]
+        lines_left += [line for line in ending if line.start is None]
         try:
             if ends:
                 self._hand(ends, self.makings.cut(self.running, ends))
         except REFUSALS as error:
             self.reports.extend(Dropped(line, str(error)) for line in ends)
-        self._let_wait(rest)
+        self._let_wait(lines_left)
 
-    def _without_start(self, lines: Sequence[WaitingLine], stop: int) -> list[WaitingLine]:
+    def _without_start(self, waiting_lines: Sequence[WaitingLine], stop: int) -> list[WaitingLine]:
         """Lines that wait after a stop: those that start the piece and were typed before the line
         `stop` are dropped.
         """
-        started = [one for one in lines if one.sets_running and one.number < stop]
+        started = [one for one in waiting_lines if one.sets_running and one.number < stop]
         why = "the piece was stopped before it began"
         self.reports.extend(Dropped(one, why) for one in started)
-        return [one for one in lines if one not in started]
+        return [one for one in waiting_lines if one not in started]
 
     def _hand_staged(self, group: Sequence[WaitingLine]) -> None:
         staged_group = self._staged
@@ -315,33 +317,37 @@ class Schedule:
         self._hand(group, staged_group.result)
         self._let_wait(self.waiting[len(group) :])
 
-    def _hand(self, group: Sequence[WaitingLine], result: RunningVersion) -> None:
+    def _hand(self, line_group: Sequence[WaitingLine], result: RunningVersion) -> None:
         """Hand over lines, whose result was made. Raises EngineError."""
-        before = self.running
-        after = replace(result, version=group[-1].result(), serial=before.serial + 1)
-        change = Change(
-            after.start,
-            after.stage,
-            before.stage,
-            any(one.resets for one in group),
-            gains=changed_ratios(before, after),
-            damp=after.damp,
-            force_bounds=after.force_bounds,
+        running_before = self.running
+        running_after = replace(
+            result, version=line_group[-1].result(), serial=running_before.serial + 1
         )
-        self.changes.send(change, group, after)
+        change = Change(
+            running_after.start,
+            running_after.stage,
+            running_before.stage,
+            any(one.resets for one in line_group),
+            gains=changed_ratios(running_before, running_after),
+            damp=running_after.damp,
+            force_bounds=running_after.force_bounds,
+        )
+        self.changes.send(change, line_group, running_after)
         self.past_versions.update(self.changes.past_versions(self.past_versions))
 
-    def note_event(self, event: EngineEvent) -> None:
+    def note_event(self, engine_event: EngineEvent) -> None:
         """Note that a change took effect, or came too late."""
         with self.lock:
-            if event.is_late:
+            if engine_event.is_late:
                 soonest = self.moments.first_frame(0.0, LineKind.FADERS)
-                self._wait_again(self.changes.note_late(event.ticket or 0, soonest))
+                self._wait_again(self.changes.note_late(engine_event.ticket or 0, soonest))
                 return
-            running, finished = self.running, self.changes.note_done(event)
+            running, finished = self.running, self.changes.note_done(engine_event)
             if finished is None:
                 return
-            self.reports.append(Done(event.frame, finished.number, finished.lines, finished.after))
+            self.reports.append(
+                Done(engine_event.frame, finished.number, finished.lines, finished.after)
+            )
             if self.running is not running:  # it was withdrawn too late
                 numbers = {line.number for line in finished.lines}
                 self._let_wait([one for one in self.waiting if one.number not in numbers])
@@ -354,18 +360,18 @@ class Schedule:
         Any thread may call it; the lock is free while the version is made.
         """
         with self.lock:
-            on, group = self.running, self._first_unmade()
-        if not group:
+            on, unmade_group = self.running, self._first_unmade()
+        if not unmade_group:
             return False
         began = self.making_time.began()
         try:
-            staged_group = StagedGroup(group, on, self.makings.stage(on, group))
+            staged_group = StagedGroup(unmade_group, on, self.makings.stage(on, unmade_group))
         except StoppedError:  # the session is closed
             raise
         except REFUSALS:
-            failed, why = self.makings.first_failing(on, group)
+            failed, why = self.makings.first_failing(on, unmade_group)
             with self.lock:
-                if group == staged_group_of(self.waiting):
+                if unmade_group == staged_group_of(self.waiting):
                     self._fail([failed], why)
             return True
         finally:
@@ -388,11 +394,11 @@ class Schedule:
         Any thread may call it; the lock is free while the extension is made.
         """
         with self.lock:
-            on, start = self.running, self._extension_frame()
-        if start is None:
+            on, extension_frame = self.running, self._extension_frame()
+        if extension_frame is None:
             return False
         try:
-            after = self._extensions.extended(on, start)
+            after = self._extensions.extended(on, extension_frame)
         except StoppedError:
             raise
         except REFUSALS as error:  # a value that automation reaches later, under a real hand
@@ -401,7 +407,7 @@ class Schedule:
                     self._extensions.give_up(error)
             return True
         with self.lock:
-            if on is self.running and start >= self.moments.first_frame(0.0):
+            if on is self.running and extension_frame >= self.moments.first_frame(0.0):
                 self._extensions.send(after)
         return True
 

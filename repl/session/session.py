@@ -52,15 +52,15 @@ class Session(SessionCore):
         self._n_looks = 0
         self._closing = _core.Work()  # what threads compute ends with the session
 
-    def attach(self, port: Closable, turn: Callable[[float], object] | None = None) -> None:
+    def attach(self, port: Closable, attend: Callable[[float], object] | None = None) -> None:
         """Let a port or a socket be closed when the session ends.
 
-        Until then, a thread of the session calls its `turn` some 50 times a second with the
+        Until then, a thread of the session calls its `attend` some 50 times a second with the
         present instant [s, time.monotonic].
         """
         self._attached.append(port)
-        if turn is not None:
-            self._turns.append(turn)
+        if attend is not None:
+            self._turns.append(attend)
 
     @without_gc  # garbage is collected when the line has its answer
     def submit(
@@ -123,23 +123,25 @@ class Session(SessionCore):
     def state(self) -> State:
         """Position, tempo, what plays, load and level."""
         running, engine = self.schedule.running, self.schedule.engine
-        frame, look = engine.frame, engine.status()
+        engine_frame, look = engine.frame, engine.status()
         tempo = running.version.piece.tempo_map
-        beat = running.beat(frame)
-        bar, into = tempo.bar_beat(beat)
+        engine_beat = running.beat(engine_frame)
+        bar, into = tempo.bar_beat(engine_beat)
         peak = max(look.peaks, default=0.0)
         failed = self.journal is not None and self.journal.has_failed
         capture = self.captures.current
         return State(
             bar=bar,
             beat=into,
-            tempo=tempo.bpm(beat),
-            playing=running.in_flight(frame),
+            tempo=tempo.bpm(engine_beat),
+            playing=running.in_flight(engine_frame),
             load=look.load,
             late=look.late,
             level=decibels_of(peak),
             quant=self.quant_text,
-            recording=None if capture is None else capture.seconds(frame, running.stage.rate),
+            recording=None
+            if capture is None
+            else capture.seconds(engine_frame, running.stage.rate),
             panicked=self.stops.panicked,
             let_go=look.let_go,
             drawing=self.drawing,

@@ -55,10 +55,10 @@ def _play(session: SessionCore, command: Play) -> Reply:
         session.release()
     if session.stops.panicked:
         raise NotTakenError("a panic was entered after this line: type `release`, then `play`")
-    beat = clock.stopped_beat
+    play_beat = clock.stopped_beat
     if command.start is not None:
         try:
-            beat = tempo.resolve(command.start)
+            play_beat = tempo.resolve(command.start)
         except TextError as error:
             raise NotTakenError(error.message) from None
     entry = Entry(
@@ -67,7 +67,7 @@ def _play(session: SessionCore, command: Play) -> Reply:
         LineKind.START,
         NOW,
         sets_running=True,
-        enter=beat,
+        enter=play_beat,
         restores=-1,
     )
     where, _ = session.queue(entry)
@@ -154,23 +154,23 @@ def _back_by(session: SessionCore, command: Command, count: int, line: str, none
     before all of them is restored.
     """
     history = session.history
-    target = history.index - count
-    if target < 0:
+    target_index = history.index - count
+    if target_index < 0:
         raise NotTakenError(f"{none}; `history` lists the versions")
-    left = history.numbers[target + 1 : history.index + 1]
+    reverted_numbers = history.numbers[target_index + 1 : history.index + 1]
     undone = history.undone
-    waiting = [one for one in session.schedule.waiting if one.number in left]
+    waiting = [one for one in session.schedule.waiting if one.number in reverted_numbers]
     for cancelled in reversed(session.schedule.waiting):
-        if cancelled.number in (*left, *undone):
+        if cancelled.number in (*reverted_numbers, *undone):
             session.drop(cancelled)
             session.cancelled.append(cancelled)
     restoring = (one for one in session.schedule.waiting if one.sets_all)
-    is_restored = any(one.number > min(left) for one in restoring)
-    if len(waiting) == len(left) and not is_restored:
+    is_restored = any(one.number > min(reverted_numbers) for one in restoring)
+    if len(waiting) == len(reverted_numbers) and not is_restored:
         lines = " and ".join(f"'{first_line(one.line)}'" for one in waiting)
         predicate = "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
         return Reply(True, f"ok {lines} {predicate} took effect")
-    return _restore(session, command, target, line)
+    return _restore(session, command, target_index, line)
 
 
 @executes(Redo)
@@ -180,28 +180,33 @@ def _redo(session: SessionCore, command: Redo) -> Reply:
         return _restore(session, command, history.index + 1, "redo")
     if not session.cancelled:
         raise NotTakenError("no version was undone; `history` lists the versions")
-    line = session.cancelled[-1]
+    cancelled_line = session.cancelled[-1]
     position = None
-    if line.beat >= schedule.place(NOW, None)[0]:
-        position = parse_position(session.position_text(line.beat))
+    if cancelled_line.beat >= schedule.place(NOW, None)[0]:
+        position = parse_position(session.position_text(cancelled_line.beat))
     entry = Entry(
-        line.line, line.edit, line.kind, position, reads_files=line.reads_files, redoes=True
+        cancelled_line.line,
+        cancelled_line.edit,
+        cancelled_line.kind,
+        position,
+        reads_files=cancelled_line.reads_files,
+        redoes=True,
     )
     where, _ = session.queue(entry)
     session.cancelled.pop()
-    return Reply(True, f"ok {where} {first_line(line.line)}")
+    return Reply(True, f"ok {where} {first_line(cancelled_line.line)}")
 
 
 def _restore(session: SessionCore, command: Command, index: int, line: str) -> Reply:
-    past, number = session.schedule.past_versions, session.history.numbers[index]
+    past, version_number = session.schedule.past_versions, session.history.numbers[index]
 
     def restored(version: Version, beat: float) -> Version:
-        return past[number].restore(version, beat)
+        return past[version_number].restore(version, beat)
 
-    where, queued = session.queue(Entry(line, restored, when=command.when, restores=number))
-    session.history.go_to(number)
+    where, queued = session.queue(Entry(line, restored, when=command.when, restores=version_number))
+    session.history.go_to(version_number)
     changes = [
-        f"as after: {first_line(past[number].line) or 'the beginning'}",
+        f"as after: {first_line(past[version_number].line) or 'the beginning'}",
         *session.log.force_messages(queued),
     ]
     return Reply(True, f"ok {where} {'; '.join(changes)}")
@@ -209,14 +214,14 @@ def _restore(session: SessionCore, command: Command, index: int, line: str) -> R
 
 @executes(History)
 def _history(session: SessionCore, command: History) -> Reply:
-    rows = []
+    history_rows = []
     for index, number in enumerate(session.history.numbers):
         version = session.schedule.past_versions[number]
         here = ">" if index == session.history.index else " "
-        rows.append(
+        history_rows.append(
             f"{here} {index:3}  {version.where:>8}  {first_line(version.line) or '(the score)'}"
         )
-    return Reply(True, "", lines=tuple(rows))
+    return Reply(True, "", lines=tuple(history_rows))
 
 
 @executes(Help)

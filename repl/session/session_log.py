@@ -84,20 +84,21 @@ class SessionLog:
 
     def _note(self, report: Report) -> None:
         match report:
-            case Moved(line):
-                self._note_moved(line)
-            case Slipped(lines):
-                self._note_slipped(lines)
-            case Dropped(line, why):
+            case Moved(waiting_line):
+                self._note_moved(waiting_line)
+            case Slipped(group_lines):
+                self._note_slipped(group_lines)
+            case Dropped(waiting_line, why):
                 self.say(
-                    f"line {line.number} '{first_line(line.line)}' could not take effect and is "
+                    f"line {waiting_line.number} '{first_line(waiting_line.line)}' could not take "
+                    "effect and is "
                     f"dropped: {why}"
                 )
-                self.note_dropped(line)
-            case Superseded(line):
-                self.note_dropped(line)
-            case Done(frame, change, lines, after):
-                self._note_done(frame, change, lines, after)
+                self.note_dropped(waiting_line)
+            case Superseded(waiting_line):
+                self.note_dropped(waiting_line)
+            case Done(frame, change, group_lines, after):
+                self._note_done(frame, change, group_lines, after)
             case Unable(sentence):
                 self.say(sentence)
 
@@ -129,36 +130,46 @@ class SessionLog:
         self.write("dropped", number=line.number)
 
     def _note_done(
-        self, frame: int, change: int, lines: Sequence[WaitingLine], after: RunningVersion
+        self,
+        done_frame: int,
+        change: int,
+        done_lines: Sequence[WaitingLine],
+        running_after: RunningVersion,
     ) -> None:
         """Note which lines took effect at a frame, and what was skipped before it."""
-        if after.skipped_from is not None:
-            self._note_skip(frame, after)
-        for line in lines:
+        if running_after.skipped_from is not None:
+            self._note_skip(done_frame, running_after)
+        for done_line in done_lines:
             # If the line read files, its texts were merged with the version that now takes effect.
-            texts: dict[str, object] = {}
-            if line.reads_files:
-                version = line.result()
+            text_values: dict[str, object] = {}
+            if done_line.reads_files:
+                version = done_line.result()
                 effects = effect_fields(version)
-                if self._read.pop(line.number, None) != (version.texts, effects):
-                    texts = {**text_fields(version.texts), **effects}
+                if self._read.pop(done_line.number, None) != (version.texts, effects):
+                    text_values = {**text_fields(version.texts), **effects}
             self.write(
-                "commit", number=line.number, frame=frame, beat=line.beat, change=change, **texts
+                "commit",
+                number=done_line.number,
+                frame=done_frame,
+                beat=done_line.beat,
+                change=change,
+                **text_values,
             )
-        if lines and not self._schedule.waiting:
+        if done_lines and not self._schedule.waiting:
             self._messages += [
-                f"{self.position_at(frame)} {sentence}" for sentence in self.force_messages(after)
+                f"{self.position_at(done_frame)} {sentence}"
+                for sentence in self.force_messages(running_after)
             ]
 
-    def _note_skip(self, frame: int, after: RunningVersion) -> None:
-        begin = after.skipped_from
-        assert begin is not None
-        end = after.beat(frame)
-        self.write("skip", frame=frame, begin=begin, end=end)
-        tempo = after.version.piece.tempo_map
+    def _note_skip(self, frame: int, running_after: RunningVersion) -> None:
+        skip_begin = running_after.skipped_from
+        assert skip_begin is not None
+        skip_end = running_after.beat(frame)
+        self.write("skip", frame=frame, begin=skip_begin, end=skip_end)
+        tempo = running_after.version.piece.tempo_map
         self.say(
             "the program was suspended, or the machine was too busy: what was to begin from "
-            f"{tempo.written(begin)} to {tempo.written(end)} was skipped"
+            f"{tempo.written(skip_begin)} to {tempo.written(skip_end)} was skipped"
         )
 
     # --- sentences -------------------------------------------------------------------------------
@@ -210,7 +221,7 @@ class SessionLog:
                 return before.line
         return ""
 
-    def note_troubles(self, troubles: Sequence[str], frame: int) -> None:
+    def note_troubles(self, troubles: Sequence[str], engine_frame: int) -> None:
         """Report each new trouble of the engine; a count that rises, at most once per second of
         sound.
         """
@@ -218,6 +229,6 @@ class SessionLog:
         for trouble in troubles:
             kind = trouble.rstrip("0123456789")
             last, shown_frame = self._troubles.get(kind, ("", -rate))
-            if trouble != last and frame >= shown_frame + rate:
-                self._troubles[kind] = trouble, frame
-                self.say(f"{self.position_at(frame)} {trouble}")
+            if trouble != last and engine_frame >= shown_frame + rate:
+                self._troubles[kind] = trouble, engine_frame
+                self.say(f"{self.position_at(engine_frame)} {trouble}")

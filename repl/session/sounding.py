@@ -48,12 +48,12 @@ class SoundingPlaces:
 
     def __call__(self) -> Sounding:
         """What has begun since the last call, in order of time."""
-        frame, began = self._schedule.engine.frame, []
-        for running, first, last in self._played.pop_before(frame):
+        engine_frame, began = self._schedule.engine.frame, []
+        for running, first, last in self._played.pop_before(engine_frame):
             rate, texts = running.stage.rate, running.version.texts
             for begun in self._between(running, first / rate, last / rate):
                 began.append(_shown(begun, texts))
-        return Sounding(frame / self._schedule.rate, tuple(began[:_LARGEST]))
+        return Sounding(engine_frame / self._schedule.rate, tuple(began[:_LARGEST]))
 
     def _between(self, running: RunningVersion, since: float, before: float) -> Iterator[_Begun]:
         """What begins in a version between two instants [s]."""
@@ -68,30 +68,38 @@ class SoundingPlaces:
         yield from (begun for begun in self._known if since <= begun.start < before)
 
 
-def _shown(begun: _Begun, texts: Texts) -> SoundingPlace:
+def _shown(begun: _Begun, score_texts: Texts) -> SoundingPlace:
     """A place with the characters that stand there in the session's text, which may differ from
     the file.
     """
-    place = begun.place
-    text = texts.text if place.file == texts.path else texts.overlay.get(place.file, "")
+    begun_place = begun.place
+    text = (
+        score_texts.text
+        if begun_place.file == score_texts.path
+        else score_texts.overlay.get(begun_place.file, "")
+    )
     lines = text.splitlines()
-    line = lines[place.line - 1] if place.line <= len(lines) else ""
-    marked = line[place.column - 1 : place.column - 1 + place.length]
-    file = str(Path(place.file).absolute())
-    return SoundingPlace(file, place.line, place.column, marked, begun.start, begun.end, begun.what)
+    line = lines[begun_place.line - 1] if begun_place.line <= len(lines) else ""
+    marked = line[begun_place.column - 1 : begun_place.column - 1 + begun_place.length]
+    file = str(Path(begun_place.file).absolute())
+    return SoundingPlace(
+        file, begun_place.line, begun_place.column, marked, begun.start, begun.end, begun.what
+    )
 
 
-def _begun(running: RunningVersion, since: float, before: float) -> Iterator[_Begun]:
+def _begun(running: RunningVersion, since: float, before_beat: float) -> Iterator[_Begun]:
     for gesture in running.stage.gestures:
-        if since <= gesture.begins < before:
+        if since <= gesture.begins < before_beat:
             yield _Begun(gesture.begins, gesture.stop, gesture.place, gesture.name)
     piece = running.stage.piece
-    first, last = (piece.tempo_map.beats(instant) for instant in (since, before))
+    first, last = (piece.tempo_map.beats(instant) for instant in (since, before_beat))
     for strikes in piece.strikes:
         yield from _strokes(piece, strikes, first - SAME, last + SAME)
 
 
-def _strokes(piece: Piece, strikes: Strikes, first: float, last: float) -> Iterator[_Begun]:
+def _strokes(
+    piece: Piece, strikes: Strikes, first_beat: float, last_beat: float
+) -> Iterator[_Begun]:
     """What strikes begin between two beats."""
     tempo = piece.tempo_map
 
@@ -99,27 +107,37 @@ def _strokes(piece: Piece, strikes: Strikes, first: float, last: float) -> Itera
         return _Begun(tempo.seconds(beat), tempo.seconds(max(beat, end)), place, what)
 
     if strikes.is_melody:
-        for beat, _, hit in strikes.falls(piece, first, last):
-            if first <= beat < last:
-                end = beat if hit.lasting is None else tempo.after(beat, hit.lasting)
-                yield begun(beat, end, hit.what, hit.place)
+        for stroke_beat, _, hit in strikes.falls(piece, first_beat, last_beat):
+            if first_beat <= stroke_beat < last_beat:
+                stroke_end = (
+                    stroke_beat if hit.lasting is None else tempo.after(stroke_beat, hit.lasting)
+                )
+                yield begun(stroke_beat, stroke_end, hit.what, hit.place)
     elif strikes.passing is not None:
         assert strikes.length is not None
-        for beat in strikes.rounds(tempo):
-            if first <= beat < last:
-                yield begun(beat, tempo.after(beat, strikes.length), strikes.name)
+        for stroke_beat in strikes.rounds(tempo):
+            if first_beat <= stroke_beat < last_beat:
+                yield begun(stroke_beat, tempo.after(stroke_beat, strikes.length), strikes.name)
     elif strikes.pattern is not None:
-        steps = strikes.steps(piece)
-        for number in range(n_before(steps, first), n_before(steps, last)):
-            note = steps.course.named(number)
+        pattern_steps = strikes.steps(piece)
+        for step_index in range(
+            n_before(pattern_steps, first_beat), n_before(pattern_steps, last_beat)
+        ):
+            note = pattern_steps.course.named(step_index)
             if note is not None:
-                end = steps[number + 1] if number + 1 < len(steps) else steps[number]
-                yield begun(steps[number], end, note if strikes.voices else strikes.name)
+                stroke_end = (
+                    pattern_steps[step_index + 1]
+                    if step_index + 1 < len(pattern_steps)
+                    else pattern_steps[step_index]
+                )
+                yield begun(
+                    pattern_steps[step_index], stroke_end, note if strikes.voices else strikes.name
+                )
     elif strikes.rate is not None:
-        beat, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
-        if first <= beat < last:
-            yield begun(beat, beat if stop is None else stop, strikes.name)
+        stroke_beat, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
+        if first_beat <= stroke_beat < last_beat:
+            yield begun(stroke_beat, stroke_beat if stop is None else stop, strikes.name)
     else:
         beats = strikes.beats(tempo)
-        for number in range(n_before(beats, first), n_before(beats, last)):
-            yield begun(beats[number], -math.inf, strikes.name)
+        for step_index in range(n_before(beats, first_beat), n_before(beats, last_beat)):
+            yield begun(beats[step_index], -math.inf, strikes.name)

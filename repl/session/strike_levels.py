@@ -58,14 +58,14 @@ def unnumbered(name: str) -> str:
     return name if numbered is None else numbered[1]
 
 
-def levels_fields(levels: StrikeLevels) -> dict[str, object]:
+def levels_fields(strike_levels: StrikeLevels) -> dict[str, object]:
     """The journal fields for levels; none if there are no levels."""
-    if not levels:
+    if not strike_levels:
         return {}
     return {
-        "strike_gains": dict(levels.gains),
-        "muted_strikes": sorted(levels.muted),
-        "solo_strikes": sorted(levels.solo),
+        "strike_gains": dict(strike_levels.gains),
+        "muted_strikes": sorted(strike_levels.muted),
+        "solo_strikes": sorted(strike_levels.solo),
     }
 
 

@@ -65,22 +65,26 @@ def strike_points(version: Version) -> StrikePoints:
 
     A map is left out while the score does not have its target.
     """
-    places: dict[Place, None] = {}
+    numbered_places: dict[Place, None] = {}
     for mapped in version.maps.values():
         with contextlib.suppress(NotTakenError):
             if isinstance(mapped, MapNotes):
                 for note in range(mapped.low, mapped.high + 1):
-                    places.update((place, None) for place, _ in _sounding(version, mapped, note))
+                    numbered_places.update(
+                        (place, None) for place, _ in _sounding(version, mapped, note)
+                    )
                     acts = _played_acts(version.piece, mapped, note)
                     acts += _pressing_acts(version.piece, mapped, note)
-                    places.update((p, None) for p in _act_places(version, acts, mapped.target))
+                    numbered_places.update(
+                        (p, None) for p in _act_places(version, acts, mapped.target)
+                    )
             elif isinstance(mapped, Hear):
-                places.update((place, None) for place, _ in struck_once(version, mapped))
+                numbered_places.update((place, None) for place, _ in struck_once(version, mapped))
                 acts = _acts_of(version.piece, mapped)
-                places.update((p, None) for p in _act_places(version, acts, mapped.target))
+                numbered_places.update((p, None) for p in _act_places(version, acts, mapped.target))
     return [
         (part, module, member, place_number((part, module, member)))
-        for part, module, member in places
+        for part, module, member in numbered_places
     ]
 
 
@@ -112,36 +116,41 @@ def struck_once(version: Version, hear: Hear) -> Iterator[Struck]:
     """The places that `hear` strikes, at whatever level. Raises NotTakenError."""
     for act in _acts_of(version.piece, hear):
         for target in act.targets:
-            for place in _members(target, hear.target):
-                yield _as_sounding(version, place), act.reach
+            for struck_place in _members(target, hear.target):
+                yield _as_sounding(version, struck_place), act.reach
     if not _is_act(version.piece, hear.target):
         if hear.notes:
             raise NotTakenError(f"{hear.target} is a module, and has no notes")
-        for place in _members(_check_target(version.piece, hear.target), hear.target):
-            yield _as_sounding(version, place), None
+        for struck_place in _members(_check_target(version.piece, hear.target), hear.target):
+            yield _as_sounding(version, struck_place), None
 
 
 def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
     """The acts of the notes that are heard, one for each. Raises NotTakenError."""
     if not _is_act(piece, hear.target):
         return []
-    name = hear.target.partition(".")[0]
-    members = piece.families.get(name)
-    if members is None:
+    instrument_name = hear.target.partition(".")[0]
+    note_members = piece.families.get(instrument_name)
+    if note_members is None:
         if hear.notes:
-            message = f"{name} has no notes; write `hear {hear.target}`, or make one that has: "
-            raise NotTakenError(f"{message}`{name}-notes = {name} notes=C3..C5`")
-        return [_act(piece, hear.target, name)]
+            message = (
+                f"{instrument_name} has no notes; write `hear {hear.target}`, or make one that "
+                "has: "
+            )
+            raise NotTakenError(
+                f"{message}`{instrument_name}-notes = {instrument_name} notes=C3..C5`"
+            )
+        return [_act(piece, hear.target, instrument_name)]
     if not hear.notes:
-        return [_act(piece, hear.target, members[len(members) // 2])]
-    struck = []
+        return [_act(piece, hear.target, note_members[len(note_members) // 2])]
+    struck_acts = []
     for note in hear.notes:
-        part = _member_of(piece, name, note)
+        part = _member_of(piece, instrument_name, note)
         if part is None:
-            ends = f"{_note_of(members[0])} to {_note_of(members[-1])}"
-            raise NotTakenError(f"{name} has no note {note}; its notes are {ends}")
-        struck.append(_act(piece, hear.target, part))
-    return struck
+            ends = f"{_note_of(note_members[0])} to {_note_of(note_members[-1])}"
+            raise NotTakenError(f"{instrument_name} has no note {note}; its notes are {ends}")
+        struck_acts.append(_act(piece, hear.target, part))
+    return struck_acts
 
 
 def _is_act(piece: Piece, path: str) -> bool:
@@ -160,24 +169,24 @@ def _note_of(member: str) -> str:
 # --- what notes strike ---------------------------------------------------------------------------
 
 
-def struck_by(piece: Piece, notes: MapNotes, note: int) -> list[Struck]:
+def struck_by(piece: Piece, map_notes: MapNotes, note_number: int) -> list[Struck]:
     """What a note of a range strikes. Raises NotTakenError.
 
     An instrument that is played by its strengths is struck by its usual act, one with notes at
     its note. Of other targets the lowest note strikes the first MAT and the next note the second;
     a single MAT is struck by every note.
     """
-    if _types_lines(piece, notes):
+    if _types_lines(piece, map_notes):
         return []
-    if notes.impulse is None:
+    if map_notes.impulse is None:
         return [
             (place, act.reach)
-            for act in _acts(piece, notes.target, note)
+            for act in _acts(piece, map_notes.target, note_number)
             for target in act.targets
-            for place in _members(target, notes.target)
+            for place in _members(target, map_notes.target)
         ]
-    members = _members(_check_target(piece, notes.target), notes.target)
-    member = note - notes.low if len(members) > 1 else 0
+    members = _members(_check_target(piece, map_notes.target), map_notes.target)
+    member = note_number - map_notes.low if len(members) > 1 else 0
     return [(members[member], None)] if member < len(members) else []
 
 
@@ -193,29 +202,37 @@ def maps_of(version: Version, note: int) -> Iterator[MapNotes]:
             yield new
 
 
-def struck_places(version: Version, note: int, velocity: int) -> Iterator[Stroke]:
+def struck_places(version: Version, note_number: int, velocity: int) -> Iterator[Stroke]:
     """What a note strikes."""
-    for notes in maps_of(version, note):
-        curve = Curve(notes.curve)
+    for map_notes in maps_of(version, note_number):
+        level_curve = Curve(map_notes.curve)
         with contextlib.suppress(NotTakenError):
-            if notes.impulse is None:
-                for act in _played_acts(version.piece, notes, note):
-                    yield from _act_strokes(version, act, curve.level(velocity), notes.target)
+            if map_notes.impulse is None:
+                for act in _played_acts(version.piece, map_notes, note_number):
+                    yield from _act_strokes(
+                        version, act, level_curve.level(velocity), map_notes.target
+                    )
                 continue
-            for place, _ in _sounding(version, notes, note):
-                weak, strong = notes.impulse
-                impulse = weak + (strong - weak) * float(curve.share(velocity, 1))
+            for place, _ in _sounding(version, map_notes, note_number):
+                weak, strong = map_notes.impulse
+                impulse = weak + (strong - weak) * float(level_curve.share(velocity, 1))
                 yield Stroke(place, impulse)
 
 
-def pressed_places(version: Version, note: int, value: int) -> Iterator[tuple[Place, float]]:
+def pressed_places(
+    version: Version, note_number: int, pressure_value: int
+) -> Iterator[tuple[Place, float]]:
     """The places that press on the note of a key, each with the impulse [N·s] that presses as
     strongly as the key is pressed, 0 to 127.
     """
-    for notes in maps_of(version, note):
+    for notes in maps_of(version, note_number):
         with contextlib.suppress(NotTakenError):
-            for act in _pressing_acts(version.piece, notes, note):
-                impulse = velocity_level(value).impulse(act.reach, max) if value else 0.0
+            for act in _pressing_acts(version.piece, notes, note_number):
+                impulse = (
+                    velocity_level(pressure_value).impulse(act.reach, max)
+                    if pressure_value
+                    else 0.0
+                )
                 for place in _act_places(version, [act], notes.target):
                     yield place, impulse
 
@@ -227,19 +244,21 @@ def _played_acts(piece: Piece, notes: MapNotes, note: int) -> list[Act]:
     return _acts(piece, notes.target, note)
 
 
-def _pressing_acts(piece: Piece, notes: MapNotes, note: int) -> list[Act]:
+def _pressing_acts(piece: Piece, map_notes: MapNotes, note: int) -> list[Act]:
     """The acts with which the pressure on the key of a note plays its instrument, if any.
     Raises NotTakenError.
     """
-    name = notes.target.partition(".")[0]
-    part = name
-    if notes.impulse is not None or _types_lines(piece, notes):
+    instrument_name = map_notes.target.partition(".")[0]
+    part_name = instrument_name
+    if map_notes.impulse is not None or _types_lines(piece, map_notes):
         return []
-    if name in piece.families:
-        part = _member_of(piece, name, note) or ""
-    instrument = piece.instruments.get(part)
+    if instrument_name in piece.families:
+        part_name = _member_of(piece, instrument_name, note) or ""
+    instrument = piece.instruments.get(part_name)
     acts = () if instrument is None else instrument.acts
-    return [_act(piece, f"{name}.{PRESS}", part) for act in acts if act.name == PRESS]
+    return [
+        _act(piece, f"{instrument_name}.{PRESS}", part_name) for act in acts if act.name == PRESS
+    ]
 
 
 def _sounding(version: Version, notes: MapNotes, note: int) -> list[Struck]:
@@ -271,26 +290,30 @@ def _act_strokes(version: Version, act: Act, level: Level, path: str) -> Iterato
             yield Stroke(_as_sounding(version, place), impulse, act.is_drawn)
 
 
-def _acts(piece: Piece, target: str, note: int) -> list[Act]:
+def _acts(piece: Piece, target_path: str, note: int) -> list[Act]:
     """The act that plays an instrument at a note; none if it does not have the note.
     Raises NotTakenError.
     """
-    name = target.partition(".")[0]
+    name = target_path.partition(".")[0]
     part = _member_of(piece, name, note) if name in piece.families else name
-    return [] if part is None else [_act(piece, target, part)]
+    return [] if part is None else [_act(piece, target_path, part)]
 
 
-def _member_of(piece: Piece, name: str, note: int | str) -> str | None:
+def _member_of(piece: Piece, instrument_name: str, note_wanted: int | str) -> str | None:
     """The member of an instrument with notes that has a pitch, or that a MIDI note plays, by the
     tuning of the instrument; None if there is none.
     """
-    tuned = piece.tuning_of(name)
+    tuned = piece.tuning_of(instrument_name)
     with tuning.used(tuned):
         try:
-            height = pitch(note if isinstance(note, str) else tuning.current().key_word(note))
+            height = pitch(
+                note_wanted
+                if isinstance(note_wanted, str)
+                else tuning.current().key_word(note_wanted)
+            )
         except TextError:  # a key that the keyboard map leaves out
             return None
-    members = _by_pitch(piece.families[name], tuned)
+    members = _by_pitch(piece.families[instrument_name], tuned)
     return None if height is None else tuning.nearby(members, height)
 
 
@@ -300,44 +323,48 @@ def _by_pitch(members: tuple[str, ...], tuned: Tuning | None) -> dict[float, str
         return {pitch(_note_of(member)) or 0.0: member for member in members}
 
 
-def _act(piece: Piece, target: str, part: str) -> Act:
+def _act(piece: Piece, target: str, part_name: str) -> Act:
     """The act that plays a part of an instrument. Raises NotTakenError."""
-    name, _, act_name = target.partition(".")
-    instrument = piece.instruments.get(part)
+    instrument_name, _, act_name = target.partition(".")
+    instrument = piece.instruments.get(part_name)
     acts = {} if instrument is None else {act.name: act for act in instrument.acts}
     if act_name and act_name not in acts:
         known = ", ".join(acts) or "there is none"
-        raise NotTakenError(f"{name} has no act {act_name}; the acts: {known}")
+        raise NotTakenError(f"{instrument_name} has no act {act_name}; the acts: {known}")
     if not acts:
-        raise NotTakenError(f"{name} does not say how it is played; write impulses, as 1mNs..20mNs")
+        raise NotTakenError(
+            f"{instrument_name} does not say how it is played; write impulses, as 1mNs..20mNs"
+        )
     act = acts[act_name] if act_name else next(iter(acts.values()))
     known_modules = {module.name for module in instrument.modules} if instrument else set()
     if not {module.name for module in act.modules} <= known_modules:
-        raise NotTakenError(f"{part} has nothing for {act.name} yet; play it by a line first")
+        raise NotTakenError(f"{part_name} has nothing for {act.name} yet; play it by a line first")
     return act
 
 
-def _members(target: Target, text: str) -> list[Place]:
+def _members(strike_target: Target, text: str) -> list[Place]:
     """The MATs of a target, in their order. Raises NotTakenError."""
-    if target.first == "centre":
-        return [(target.part, target.module, -1)]
-    if target.count > _MAX_STRUCK:
+    if strike_target.first == "centre":
+        return [(strike_target.part, strike_target.module, -1)]
+    if strike_target.count > _MAX_STRUCK:
         raise NotTakenError(
-            f"{text} has {target.count:,} masses, and notes strike {_MAX_STRUCK} at most; "
+            f"{text} has {strike_target.count:,} masses, and notes strike {_MAX_STRUCK} at most; "
             "name some of them"
         )
-    first = target.first
-    return [(target.part, target.module, first + i) for i in range(target.count)]
+    first = strike_target.first
+    return [
+        (strike_target.part, strike_target.module, first + i) for i in range(strike_target.count)
+    ]
 
 
-def _check_target(piece: Piece, text: str) -> Target:
+def _check_target(piece: Piece, target_text: str) -> Target:
     collector = Collector()
     parts = {
         name: Part(name, {module.name: module for module in instrument.modules})
         for name, instrument in piece.instruments.items()
     }
-    with tuning.used(piece.tuning_of(text)):
-        target = PartNames(collector, parts).target(Name(text, piece.place), "mats", "map")
+    with tuning.used(piece.tuning_of(target_text)):
+        target = PartNames(collector, parts).target(Name(target_text, piece.place), "mats", "map")
     if target is None:
         raise NotTakenError(collector.finish()[0].message)
     return target

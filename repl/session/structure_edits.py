@@ -30,13 +30,13 @@ def _build(command: Build, version: Version, beat: float) -> Texts:
     return structure.build(version.texts, piece, command.name, *arguments)
 
 
-def _remedy(texts: Texts, name: str) -> str:
+def _remedy(texts: Texts, used_name: str) -> str:
     """What to do where a name is in use."""
     try:
-        structure.definition_path(texts, name)
+        structure.definition_path(texts, used_name)
     except EditError:
         return "a file that the score uses has it; play it, or choose another name"
-    return f"`remove {name}` first"
+    return f"`remove {used_name}` first"
 
 
 @edits_texts(Link)
@@ -49,30 +49,36 @@ def _link(command: Link, version: Version, beat: float) -> Texts:
 
 @edits_texts(Takes)
 def _takes(command: Takes, version: Version, beat: float) -> Texts:
-    texts, piece = version.texts, version.piece
+    edited_texts, piece = version.texts, version.piece
     if command.key not in piece.keys:
         like = command.like or next(iter(piece.keys), None)
         if like is None:
             raise NotTakenError(
                 "the score has no key to copy; write a key in the file and type `reload`"
             )
-        texts = structure.key(texts, command.key, like)
+        edited_texts = structure.key(edited_texts, command.key, like)
     elif command.like is not None:
         raise NotTakenError(f"{command.key} exists already: leave out 'like {command.like}'")
-    return structure.player(texts, piece, command.player, command.key)
+    return structure.player(edited_texts, piece, command.player, command.key)
 
 
 @edits_texts(Route)
 def _route(command: Route, version: Version, beat: float) -> Texts:
-    texts, piece, words = version.texts, version.piece, command.words
-    texts, piece = families.defined(texts, piece, [command.name])
+    edited_texts, piece, words = version.texts, version.piece, command.words
+    edited_texts, piece = families.defined(edited_texts, piece, [command.name])
     if command.channels is not None:
-        texts = structure.route(texts, piece, command.name, list(command.channels), None)
+        edited_texts = structure.route(
+            edited_texts, piece, command.name, list(command.channels), None
+        )
     route_fields = {
         name: words[name].text for name in ("gain", "pan") if getattr(command, name) is not None
     }
-    texts = space.set_route_fields(texts, piece, command.name, route_fields)
-    return texts if command.send is None else space.send(texts, piece, command.name, *command.send)
+    edited_texts = space.set_route_fields(edited_texts, piece, command.name, route_fields)
+    return (
+        edited_texts
+        if command.send is None
+        else space.send(edited_texts, piece, command.name, *command.send)
+    )
 
 
 @edits_texts(MovePan)
@@ -84,12 +90,12 @@ def _move_pan(command: MovePan, version: Version, beat: float) -> Texts:
 
 @edits_texts(Filter)
 def _filter(command: Filter, version: Version, beat: float) -> Texts:
-    texts, piece = families.defined(version.texts, version.piece, [command.name])
+    edited_texts, piece = families.defined(version.texts, version.piece, [command.name])
     if not command.fields:
-        return space.without_route_field(texts, piece, command.name, command.kind)
+        return space.without_route_field(edited_texts, piece, command.name, command.kind)
     plain = command.fields.get("")
     text = edit.flow(dict(command.fields)) if plain is None else plain
-    return space.set_route_fields(texts, piece, command.name, {command.kind: text})
+    return space.set_route_fields(edited_texts, piece, command.name, {command.kind: text})
 
 
 @edits_texts(Room)
@@ -106,8 +112,8 @@ def _fade(command: Fade, version: Version, beat: float) -> Texts:
 
 @edits_texts(Remove)
 def _remove(command: Remove, version: Version, beat: float) -> Texts:
-    texts = structure.remove(version.texts, version.piece, command.name)
-    if users := structure.entries_with_mistakes(texts):
+    edited_texts = structure.remove(version.texts, version.piece, command.name)
+    if users := structure.entries_with_mistakes(edited_texts):
         strikes = (entry.name for entry in users if entry.section == "strikes")
         first = next(strikes, None)
         raise NotTakenError(
@@ -115,7 +121,7 @@ def _remove(command: Remove, version: Version, beat: float) -> Texts:
             "change or remove that first",
             None if first in (None, command.name) else f"remove {first}",
         )
-    return texts
+    return edited_texts
 
 
 @makes_edit(Rename)
@@ -123,23 +129,24 @@ def _rename(command: Rename) -> VersionEdit:
     """Give something another name. A block keeps its rule; an instrument or key sounds on, with its
     level and its controllers.
     """
-    old, new = command.old, command.name
+    old_name, new_name = command.old, command.name
 
     def edit(version: Version, beat: float) -> Version:
         piece = version.piece
-        edited = with_texts(version, renaming.rename(version.texts, piece, old, new))
-        maps = midi_maps.rename_in_maps(version.maps, old, new)
-        edited = replace(edited, renames=(*version.renames, (old, new)), maps=maps)
-        if old in piece.blocks:
+        edited = with_texts(version, renaming.rename(version.texts, piece, old_name, new_name))
+        maps = midi_maps.rename_in_maps(version.maps, old_name, new_name)
+        edited = replace(edited, renames=(*version.renames, (old_name, new_name)), maps=maps)
+        if old_name in piece.blocks:
             return replace(
-                edited, rules={new if n == old else n: rule for n, rule in version.rules.items()}
+                edited,
+                rules={new_name if n == old_name else n: rule for n, rule in version.rules.items()},
             )
-        if old not in {*piece.keys, *piece.instruments, *piece.families}:
+        if old_name not in {*piece.keys, *piece.instruments, *piece.families}:
             return edited
         return replace(
             edited,
-            faders=_renamed(version.faders, piece, old, new),
-            sounds_as=version.sounds_as.renamed(old, new),
+            faders=_renamed(version.faders, piece, old_name, new_name),
+            sounds_as=version.sounds_as.renamed(old_name, new_name),
         )
 
     return edit

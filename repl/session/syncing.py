@@ -17,39 +17,39 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece, Strikes
 
 
-def next_beginning(piece: Piece, name: str, after: float) -> float:
-    """The first beat, not before `after`, on which a voice begins again: a cycle of a rhythm, a
-    round of a pattern, a phrase or a sweep, else a stroke or a gesture. Raises NotTakenError.
+def next_beginning(piece: Piece, voice_name: str, after_beat: float) -> float:
+    """The first beat, not before `after_beat`, on which a voice begins again: a cycle of a rhythm,
+    a round of a pattern, a phrase or a sweep, else a stroke or a gesture. Raises NotTakenError.
     """
-    coming = [_next(beats, after) for beats in _beginnings(piece, name, after)]
+    coming = [_next(beats, after_beat) for beats in _beginnings(piece, voice_name, after_beat)]
     begins = [beat for beat in coming if beat is not None]
     if not begins:
-        where = piece.tempo_map.written(after)
-        raise NotTakenError(f"{name} does not begin again after {where}: nothing to wait for")
+        where = piece.tempo_map.written(after_beat)
+        raise NotTakenError(f"{voice_name} does not begin again after {where}: nothing to wait for")
     return min(begins)
 
 
-def _beginnings(piece: Piece, name: str, after: float) -> Iterator[Sequence[float]]:
+def _beginnings(piece: Piece, voice_name: str, after_beat: float) -> Iterator[Sequence[float]]:
     """Rising beats on which the strikes or the player of a name begin."""
-    strikes = named(piece, name)
+    strikes = named(piece, voice_name)
     if any(voice.rate is not None for voice in strikes):
-        raise NotTakenError(f"{name} strikes by chance: there is no beat to wait for")
+        raise NotTakenError(f"{voice_name} strikes by chance: there is no beat to wait for")
     for voice in strikes:
-        yield _strikes_beginnings(piece, voice, after)
+        yield _strikes_beginnings(piece, voice, after_beat)
     for play, starts in zip(piece.parts, piece.starts, strict=True):
-        if play.player == name and starts:
-            yield _rounds(starts, after) if isinstance(starts, Steps) else starts
+        if play.player == voice_name and starts:
+            yield _rounds(starts, after_beat) if isinstance(starts, Steps) else starts
 
 
-def _strikes_beginnings(piece: Piece, strikes: Strikes, after: float) -> Sequence[float]:
+def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Sequence[float]:
     tempo = piece.tempo_map
     if strikes.rhythm is not None:
         begin = tempo.resolve(strikes.at)
-        number = strikes.rhythm.count(tempo, begin, after - SAME)
+        number = strikes.rhythm.count(tempo, begin, after_beat - SAME)
         beat = strikes.rhythm.begin(tempo, begin, number)
         return [beat] if number < strikes.cycles(tempo) else []
     if strikes.pattern is not None:
-        return _rounds(strikes.steps(piece), after)
+        return _rounds(strikes.steps(piece), after_beat)
     if strikes.length is not None or strikes.passing is not None:
         return strikes.rounds(tempo)
     if strikes.hits:
@@ -57,13 +57,13 @@ def _strikes_beginnings(piece: Piece, strikes: Strikes, after: float) -> Sequenc
     return strikes.beats(tempo)
 
 
-def _rounds(steps: Steps, after: float) -> Sequence[float]:
+def _rounds(pattern_steps: Steps, after: float) -> Sequence[float]:
     """The beat of the next place on which a round of a pattern begins."""
-    pattern = steps.course.pattern
+    pattern = pattern_steps.course.pattern
     count = pattern.order.places if pattern.euclid is None else pattern.euclid.pulses
-    place = n_before(steps, after - SAME)
+    place = n_before(pattern_steps, after - SAME)
     place += -(place + pattern.skip) % count
-    return [steps.beat(place)] if place < len(steps) else []
+    return [pattern_steps.beat(place)] if place < len(pattern_steps) else []
 
 
 def _next(beats: Sequence[float], after: float) -> float | None:

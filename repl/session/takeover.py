@@ -44,16 +44,18 @@ class Takeovers:
 
         Raises EngineError.
         """
-        after = self._after(on, lines, on.timeline_end)
+        running_after = self._after(on, lines, on.timeline_end)
         stage = cut_stage(
             on.stage,
-            after.start,
+            running_after.start,
             ends_gestures=any(one.result().ends_gestures for one in lines),
-            stops=not after.clock.is_running,
+            stops=not running_after.clock.is_running,
             resets=any(one.resets for one in lines),
         )
-        stage.placed = place_samples(after.frozen, stage.listening, after.clock, stage.rate)
-        return replace(after, stage=stage, serial=on.serial + 1)
+        stage.placed = place_samples(
+            running_after.frozen, stage.listening, running_after.clock, stage.rate
+        )
+        return replace(running_after, stage=stage, serial=on.serial + 1)
 
     def extended(self, on: RunningVersion, start: int, latest: float = math.inf) -> RunningVersion:
         """A version whose timeline goes on from frame `start`; it is inaudible at any frame.
@@ -94,23 +96,25 @@ class Takeovers:
     def _followed(self, on: RunningVersion, line: WaitingLine, latest: float) -> RunningVersion:
         """The running version after one line, with the stage of before."""
         assert line.start is not None
-        before, version, start = on.version, line.result(), line.start
-        clock, leave, enter = entry(on.clock, before, version, line, self.timing)
-        after = replace(on, version=version, clock=clock)
-        spans, until, skipped_from = self._spans(on, after, start, leave, enter, latest)
-        seconds = start / self.timing.rate
-        pieces = before.sounding, version.sounding
+        version_before, version, start_frame = on.version, line.result(), line.start
+        clock, leave, enter = entry(on.clock, version_before, version, line, self.timing)
+        running_after = replace(on, version=version, clock=clock)
+        spans, until, skipped_from = self._spans(
+            on, running_after, start_frame, leave, enter, latest
+        )
+        seconds = start_frame / self.timing.rate
+        pieces = version_before.sounding, version.sounding
         moving = glides(*pieces, on.glides, seconds, version.glide)
-        links = leaving_links(*pieces, on.glides, on.leaving, seconds)
+        leaving = leaving_links(*pieces, on.glides, on.leaving, seconds)
         return replace(
-            after,
+            running_after,
             spans=spans,
-            start=start,
+            start=start_frame,
             timeline_end=until,
             skipped_from=on.skipped_from if skipped_from is None else skipped_from,
-            glides=(*moving, *(link.glide for link in links)),
-            leaving=links,
-            frozen=still_frozen(on.frozen, before, version, self.real),
+            glides=(*moving, *(link.glide for link in leaving)),
+            leaving=leaving,
+            frozen=still_frozen(on.frozen, version_before, version, self.real),
             damp=on.damp if version.damp is None else version.damp,
         )
 
@@ -127,32 +131,34 @@ class Takeovers:
         it, which goes on from beat `enter`; up to which beat; and from which beat on nothing
         began.
         """
-        seconds = start / self.timing.rate
+        start_seconds = start / self.timing.rate
         version, clock = after.version, after.clock
-        old: Sequence[Span] = ()
+        old_spans: Sequence[Span] = ()
         if after is on or not version.ends_gestures:
-            old = continuing_spans(on, leave, seconds, on.stage)
+            old_spans = continuing_spans(on, leave, start_seconds, on.stage)
         until = min(horizon(version.piece.tempo_map, enter)[0], latest)
-        piece = replace(version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, seconds))
-        new = (Span(piece, Window(enter, until, seconds)),) if clock.is_running else ()
+        piece = replace(
+            version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, start_seconds)
+        )
+        new = (Span(piece, Window(enter, until, start_seconds)),) if clock.is_running else ()
         is_skipped = on.clock.is_running and leave > on.timeline_end + SAME
-        return (*old, *new), until, on.timeline_end if is_skipped else None
+        return (*old_spans, *new), until, on.timeline_end if is_skipped else None
 
 
 def continuing_spans(
-    before: RunningVersion, leave: float, after: float, stage: Stage
+    running_before: RunningVersion, leave: float, after_seconds: float, stage: Stage
 ) -> Sequence[Span]:
     """The spans of earlier versions, the last one cut at a beat, of which something goes on after
-    `after` [s].
+    `after_seconds` [s].
     """
     on = [(gesture.begins, gesture.stop) for gesture in stage.gestures]
-    spans = []
-    for index, (piece, window) in enumerate(before.spans):
-        is_last = index == len(before.spans) - 1 and before.clock.is_running
-        until = min(window.until, leave) if is_last else window.until
-        first, last = (piece.tempo_map.seconds(beat) for beat in (window.since, until))
-        if last > after or any(
-            first - JOIN_SECONDS <= start <= last and stop > after for start, stop in on
+    running_spans = []
+    for index, (piece, window) in enumerate(running_before.spans):
+        is_last = index == len(running_before.spans) - 1 and running_before.clock.is_running
+        span_end = min(window.until, leave) if is_last else window.until
+        first, last = (piece.tempo_map.seconds(beat) for beat in (window.since, span_end))
+        if last > after_seconds or any(
+            first - JOIN_SECONDS <= start <= last and stop > after_seconds for start, stop in on
         ):
-            spans.append(Span(piece, Window(window.since, until, after)))
-    return spans
+            running_spans.append(Span(piece, Window(window.since, span_end, after_seconds)))
+    return running_spans

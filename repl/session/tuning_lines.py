@@ -17,17 +17,17 @@ _SHOWN = 24  # notes of an instrument
 def tuning_lines(piece: Piece) -> Iterator[str]:
     """The tuning of a piece, and the frequencies of the notes of its instruments."""
     yield f"tuning: {(piece.tuning or tuning.PLAIN).words()}"
-    for name in piece.tunings:
-        if name not in piece.families:
-            yield f"tuning of {name}: {piece.tunings[name].words()}"
-    for name, members in piece.families.items():
-        tuned = piece.tuning_of(name) or tuning.PLAIN
-        if name in piece.tunings:
-            yield f"tuning of {name}: {tuned.words()}"
+    for tuning_name in piece.tunings:
+        if tuning_name not in piece.families:
+            yield f"tuning of {tuning_name}: {piece.tunings[tuning_name].words()}"
+    for tuning_name, members in piece.families.items():
+        tuned = piece.tuning_of(tuning_name) or tuning.PLAIN
+        if tuning_name in piece.tunings:
+            yield f"tuning of {tuning_name}: {tuned.words()}"
         words = [member.rpartition(".")[2] for member in members]
         shown = [f"{word} {_hertz(tuned, word)}" for word in words[:_SHOWN]]
         more = [f"and {len(words) - _SHOWN} more"] if len(words) > _SHOWN else []
-        yield f"{name}: {', '.join([*shown, *more])}"
+        yield f"{tuning_name}: {', '.join([*shown, *more])}"
 
 
 def _hertz(tuned: tuning.Tuning, word: str) -> str:

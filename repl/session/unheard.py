@@ -23,7 +23,7 @@ def check_unheard(before: Piece, stage: Stage) -> None:
     """Check the unheard instruments of a stage that the piece `before` lacks, or has
     with other values. Raises StageError for each module that the engine refuses.
     """
-    piece, known = stage.piece, before.instruments
+    piece, known_instruments = stage.piece, before.instruments
     rows = () if stage.plan is None else stage.plan.rows()
     changed = [
         name
@@ -31,7 +31,9 @@ def check_unheard(before: Piece, stage: Stage) -> None:
         if row.what == "unheard"
         for name in row.parts
         if name in piece.instruments
-        and not (name in known and is_same(known[name], piece.instruments[name]))
+        and not (
+            name in known_instruments and is_same(known_instruments[name], piece.instruments[name])
+        )
     ]
     if not changed:
         return

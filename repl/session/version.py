@@ -127,17 +127,30 @@ class Version:
         return self.strike_levels.scaled(self.sounds_as.piece(self.piece))
 
 
-def is_same_music(first: Version, other: Version) -> bool:
+def is_same_music(first_version: Version, other_version: Version) -> bool:
     """Whether two versions differ by faders alone, so that one stage plays both."""
     return (
-        first.texts is other.texts
-        and first.piece is other.piece
-        and first.sounds_as is other.sounds_as
-        and first.base is other.base
-        and first.strike_levels == other.strike_levels
-        and (first.guides, first.maps, first.rules) == (other.guides, other.maps, other.rules)
-        and (first.ends_gestures, first.damp, first.glide, first.enter_beat, first.is_running)
-        == (other.ends_gestures, other.damp, other.glide, other.enter_beat, other.is_running)
+        first_version.texts is other_version.texts
+        and first_version.piece is other_version.piece
+        and first_version.sounds_as is other_version.sounds_as
+        and first_version.base is other_version.base
+        and first_version.strike_levels == other_version.strike_levels
+        and (first_version.guides, first_version.maps, first_version.rules)
+        == (other_version.guides, other_version.maps, other_version.rules)
+        and (
+            first_version.ends_gestures,
+            first_version.damp,
+            first_version.glide,
+            first_version.enter_beat,
+            first_version.is_running,
+        )
+        == (
+            other_version.ends_gestures,
+            other_version.damp,
+            other_version.glide,
+            other_version.enter_beat,
+            other_version.is_running,
+        )
     )
 
 
@@ -164,14 +177,14 @@ class PastVersion:
 
     @classmethod
     def from_version(
-        cls, version: Version, where: str = "", line: str | None = None
+        cls, version: Version, where: str = "", new_line: str | None = None
     ) -> PastVersion:
-        """Keep a version for `undo`; `line` replaces its line if it is given."""
-        line = version.line if line is None else line
+        """Keep a version for `undo`; `new_line` replaces its line if it is given."""
+        new_line = version.line if new_line is None else new_line
         version_fields = version
         return cls(
             version_fields.number,
-            line,
+            new_line,
             version_fields.texts,
             version_fields.faders,
             version_fields.guides,

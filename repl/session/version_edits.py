@@ -163,13 +163,13 @@ def _nudge(command: Nudge, version: Version, beat: float) -> Texts:
     tempo = version.piece.tempo_map
     bpm = tempo.bpm(beat)
     by = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
-    length = 60.0 / bpm + by
-    if not 30.0 / bpm <= length <= 120.0 / bpm:
+    beat_length = 60.0 / bpm + by
+    if not 30.0 / bpm <= beat_length <= 120.0 / bpm:
         raise NotTakenError(
             "this nudge is too large: it may make one beat half or twice "
             "as long; `tempo` changes more"
         )
-    texts = times.change(version.texts, version.piece, beat, f"{60.0 / length:.12g}")
+    texts = times.change(version.texts, version.piece, beat, f"{60.0 / beat_length:.12g}")
     return times.change(texts, piece_of(texts), beat + 1.0, f"{bpm:.12g}")
 
 
@@ -195,19 +195,21 @@ def _set(command: Set, version: Version, beat: float) -> Texts:
 def _set_gliding(command: Set) -> VersionEdit:
     """Set a parameter, which may glide for the length `over`: in the score's time if that runs."""
 
-    def edit(version: Version, beat: float) -> Version:
+    def edit(version: Version, edit_beat: float) -> Version:
         if command.over is None:
-            return with_texts(version, _set(command, version, beat))
+            return with_texts(version, _set(command, version, edit_beat))
         tempo, words = version.piece.tempo_map, command.words
-        seconds = tempo.seconds(tempo.after(beat, command.over)) - tempo.seconds(beat)
-        is_written = seconds >= _WRITTEN_GLIDE_MIN and not command.target.endswith(TRANSPOSE)
+        ramp_seconds = tempo.seconds(tempo.after(edit_beat, command.over)) - tempo.seconds(
+            edit_beat
+        )
+        is_written = ramp_seconds >= _WRITTEN_GLIDE_MIN and not command.target.endswith(TRANSPOSE)
         if version.is_running and is_written:
             value, over = words["change"].text, words["over"].text
-            args = command.target, beat, value, {"over": over}, value_on
+            args = command.target, edit_beat, value, {"over": over}, value_on
             return with_texts(version, automation.glide(version.texts, version.piece, *args))
         automation.check(version.piece, command.target)
-        edited = with_texts(version, _set(command, version, beat))
-        return replace(edited, glide=max(GLIDE, seconds))
+        edited = with_texts(version, _set(command, version, edit_beat))
+        return replace(edited, glide=max(GLIDE, ramp_seconds))
 
     return edit
 
@@ -274,18 +276,20 @@ def _unmap(command: Unmap) -> VersionEdit:
 
 @makes_edit(Load)
 def _load(command: Load) -> VersionEdit:
-    files: list[Texts] = []
+    loaded_texts: list[Texts] = []
 
-    def edit(version: Version, beat: float) -> Version:
-        if not files:
+    def edit(version: Version, edit_beat: float) -> Version:
+        if not loaded_texts:
             before = version.texts.bounds
             trust = before is not None and before.allows_any_file
             folder = Path(command.file).parent
-            files.append(_file(command.file, FileBounds.around(folder, trust=trust)))
-        texts = files[0]
+            loaded_texts.append(_file(command.file, FileBounds.around(folder, trust=trust)))
+        texts = loaded_texts[0]
         edited = replace(version, texts=texts, piece=piece_from_files(texts))
         edited = replace(edited, read_texts=texts, base=texts, renames=())
-        return replace(edited, enter_beat=beat if has_events_from(edited.piece, beat) else 0.0)
+        return replace(
+            edited, enter_beat=edit_beat if has_events_from(edited.piece, edit_beat) else 0.0
+        )
 
     return edit
 
@@ -296,23 +300,24 @@ def _reload(command: Reload) -> VersionEdit:
 
     If a place was both typed and changed in the files, the files have it.
     """
-    files: dict[str, Texts] = {}
+    reloaded_texts: dict[str, Texts] = {}
 
     def edit(version: Version, beat: float) -> Version:
         path = version.texts.path
-        if path not in files:
-            files[path] = _file(path, version.texts.bounds)
-        before = version.base or version.texts
-        now = family_edits.with_brought(files[path], before)
+        if path not in reloaded_texts:
+            reloaded_texts[path] = _file(path, version.texts.bounds)
+        texts_before = version.base or version.texts
+        now = family_edits.with_brought(reloaded_texts[path], texts_before)
         piece_from_files(now)  # its own mistakes come before those of the merge
         current_texts = now
         for old, new in version.renames:  # a renamed thing is what it was: its edits meet there
             with contextlib.suppress(EditError, NotTakenError):
                 both = [
-                    renaming.rename(one, piece_of(one), old, new) for one in (before, current_texts)
+                    renaming.rename(one, piece_of(one), old, new)
+                    for one in (texts_before, current_texts)
                 ]
-                before, current_texts = both
-        texts, dropped = merging.merged(before, current_texts, version.texts)
+                texts_before, current_texts = both
+        texts, dropped = merging.merged(texts_before, current_texts, version.texts)
         edited = with_texts(version, texts)
         return replace(edited, read_texts=now, base=now, discarded_spots=tuple(dropped))
 
@@ -350,12 +355,14 @@ def summary(command: Command, running: RunningVersion, where: str) -> str:
         return f"{command.player}: {command.words['play'].text}"
     if isinstance(command, Scene):
         begun = "" if command.before is None else f"{command.before}, then "
-        sentence = f"{begun}{command.name}, from its beginning, again and again"
+        reply_sentence = f"{begun}{command.name}, from its beginning, again and again"
         if not running.version.freed_parameters:
-            return sentence
+            return reply_sentence
         many = len(running.version.freed_parameters) > 1
         verb_phrase = "have their own values" if many else "has its own value"
-        return f"{sentence}; {', '.join(running.version.freed_parameters)} {verb_phrase} again"
+        return (
+            f"{reply_sentence}; {', '.join(running.version.freed_parameters)} {verb_phrase} again"
+        )
     if isinstance(command, Use):
         return family_edits.summary(command, running.version.piece)
     if isinstance(command, Load) and running.version.enter_beat == 0.0 and where != "1|1":
@@ -377,16 +384,17 @@ def _defined(command: Define, running: RunningVersion) -> str:
         n_points = max(len(piece.gestures[name].points) for name in axes)
         return f"{command.name}: a path in space of {n_points} points, played by {', '.join(axes)}"
     gesture = piece.gestures[command.name]
-    sentence = f"{command.name}: {len(gesture.points)} points"
+    reply_sentence = f"{command.name}: {len(gesture.points)} points"
     last = gesture.points[-1].at
     if "throw" not in {point.curve for point in gesture.points[1:]}:
         seconds = last.beats * 60.0 / piece.tempo_map.bpm(0.0) + last.seconds
-        sentence += f", {int(seconds * running.stage.rate + 0.5):,} ergons"
+        reply_sentence += f", {int(seconds * running.stage.rate + 0.5):,} ergons"
     if any(command.name in play.names for play in piece.parts):
-        return sentence
+        return reply_sentence
     able = keys_for(piece, command.name)
     if len(able) == len(piece.keys):
-        return sentence
+        return reply_sentence
     return (
-        f"{sentence}; no player plays it yet, and of the keys only {', '.join(able)} can follow it"
+        f"{reply_sentence}; no player plays it yet, and of the keys only {', '.join(able)} can "
+        "follow it"
     )

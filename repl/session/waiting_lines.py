@@ -83,15 +83,15 @@ class WaitingLine:
         beat = beat if self.sets_running is None else self.beat
         return replace(self, beat=beat, start=start)
 
-    def is_before(self, other: WaitingLine) -> bool:
+    def is_before(self, other_line: WaitingLine) -> bool:
         """Whether it takes effect before a line that was typed later.
 
         Lines of one frame are in the order of typing. Lines for which the piece must first be
         played are in the order of their beats.
         """
-        if self.start is None and other.start is None:
-            return self.beat <= other.beat + SAME
-        return self.frame <= other.frame
+        if self.start is None and other_line.start is None:
+            return self.beat <= other_line.beat + SAME
+        return self.frame <= other_line.frame
 
 
 class _BreaksLaterLineError(NotTakenError):
@@ -129,22 +129,22 @@ class WaitingLines:
         coming = (line.result() for line in reversed(self.lines) if line.beat <= beat + SAME)
         return next(coming, self.base)
 
-    def inserted(self, line: WaitingLine, soonest: int) -> tuple[WaitingLines, WaitingLine]:
+    def inserted(self, new_line: WaitingLine, soonest: int) -> tuple[WaitingLines, WaitingLine]:
         """The lines with one more, and the entry of that line.
 
         If it needs what a later line defines, it takes effect together with that line. Lines
         whose beat gets another frame take over at frame `soonest` at the earliest. Raises one of
         `REFUSALS` if it cannot be made, or if a line after it could not.
         """
-        first = sum(other.is_before(line) for other in self.lines)
+        first_place = sum(other.is_before(new_line) for other in self.lines)
         try:
-            return self._with(line, first, soonest)
+            return self._with(new_line, first_place, soonest)
         except _BreaksLaterLineError:
             raise
         except (NotTakenError, EditError) as refusal:
-            for place in self._later_places(first):
+            for place in self._later_places(first_place):
                 other = self.lines[place - 1]
-                moved = replace(line, beat=other.beat, start=other.start, is_now=other.is_now)
+                moved = replace(new_line, beat=other.beat, start=other.start, is_now=other.is_now)
                 try:
                     return self._with(moved, place, soonest)
                 except (NotTakenError, EditError):
@@ -163,16 +163,16 @@ class WaitingLines:
     ) -> tuple[WaitingLines, WaitingLine]:
         before, after = self.lines[:place], self.lines[place:]
         previous, clock = self._state_after(before)
-        line = self._follow(new_line, previous, clock)
-        lines, lost = self._arranged((*before, line), after, soonest)
+        followed_line = self._follow(new_line, previous, clock)
+        lines, lost = self._arranged((*before, followed_line), after, soonest)
         if lost:
             (failed, why), *_ = lost
-            due = line.result().piece.tempo_map.written(failed.beat)
+            due = followed_line.result().piece.tempo_map.written(failed.beat)
             raise _BreaksLaterLineError(
                 f"after this line, the waiting line '{failed.line}' (due at {due}) would fail: "
                 f"{why}; `undo` cancels waiting lines, the last one first"
             )
-        return lines, line
+        return lines, followed_line
 
     def without(self, number: int, soonest: int) -> WaitingLines:
         """The lines without that of a number. Raises NotTakenError if one after it would fail."""
@@ -192,7 +192,7 @@ class WaitingLines:
         return self._arranged(self.lines, more, soonest)
 
     def slipped(
-        self, late: Sequence[WaitingLine], beat: float, start: int
+        self, late: Sequence[WaitingLine], beat: float, start_frame: int
     ) -> tuple[WaitingLines, list[LostLine], list[WaitingLine]]:
         """The lines after some were late and wait for another beat; also those that could not be
         made any more, and those that moved.
@@ -200,16 +200,16 @@ class WaitingLines:
         A fence: lines that were typed after them and would overtake them move too.
         """
         follow = {one.number for one in late}
-        first = min((one.number for one in late if one.rule.is_fenced), default=math.inf)
+        first_number = min((one.number for one in late if one.rule.is_fenced), default=math.inf)
         for waiting in sorted(self.lines, key=lambda one: one.number):
             # What restores a version comes after every line that was typed before it.
-            is_later = waiting.number > (min(follow) if waiting.sets_all else first)
+            is_later = waiting.number > (min(follow) if waiting.sets_all else first_number)
             is_later |= any(self._begins_after(waiting, line) for line in late)
-            if is_later and waiting.rule.is_fenced and waiting.frame < start:
+            if is_later and waiting.rule.is_fenced and waiting.frame < start_frame:
                 follow.add(waiting.number)
-                first = min(first, waiting.number)
+                first_number = min(first_number, waiting.number)
         while True:
-            lines, lost, moved = self._moved(follow, beat, start)
+            lines, lost, moved = self._moved(follow, beat, start_frame)
             # What needs a late line waits for it too.
             needy = {one.line.number for one in lost if one.line.number > min(follow)} - follow
             if not needy:
@@ -229,35 +229,39 @@ class WaitingLines:
         lines, lost = begun._arranged((), [*stays, *moved, *after], start)
         return lines, lost, moved
 
-    def fence(self, new: WaitingLine) -> WaitingLine | None:
+    def fence(self, new_line: WaitingLine) -> WaitingLine | None:
         """The last earlier line that a new one must not overtake: one that has slipped; one that
         acts as soon as possible or on the grid, unless the new one asks for less time; and one for
         the beat on which the new one starts the piece.
         """
-        if not new.rule.is_fenced:
+        if not new_line.rule.is_fenced:
             return None
         waits = [
             line
             for line in self.lines
             if (
-                (line.rule.is_fenced or (new.sets_all and not line.rule.is_quick))
-                and line.frame > new.frame
+                (line.rule.is_fenced or (new_line.sets_all and not line.rule.is_quick))
+                and line.frame > new_line.frame
                 and (
                     line.n_slips
-                    or (not new.is_named and not line.is_named and line.is_now >= new.is_now)
+                    or (
+                        not new_line.is_named
+                        and not line.is_named
+                        and line.is_now >= new_line.is_now
+                    )
                 )
             )
-            or (new.frame < line.frame < math.inf and self._begins_after(new, line))
+            or (new_line.frame < line.frame < math.inf and self._begins_after(new_line, line))
         ]
         return max(waits, key=lambda line: line.frame, default=None)
 
-    def _begins_after(self, new: WaitingLine, earlier: WaitingLine) -> bool:
+    def _begins_after(self, new_line: WaitingLine, earlier: WaitingLine) -> bool:
         """Whether a line starts the piece on the very beat that an earlier one is for."""
         return (
-            new.sets_running is True
-            and new.number > earlier.number
+            new_line.sets_running is True
+            and new_line.number > earlier.number
             and not self.clock.is_running
-            and abs(earlier.beat - new.beat) <= SAME
+            and abs(earlier.beat - new_line.beat) <= SAME
         )
 
     def _state_after(self, lines: Sequence[WaitingLine]) -> tuple[Version, Clock]:
@@ -279,7 +283,7 @@ class WaitingLines:
             soonest = max(soonest, before[-1].start)
         framed = [self._framed(waiting_line, clock, tempo, soonest) for waiting_line in after]
         framed.sort(key=_effect_key)
-        lines, lost, superseded = [*before], [], []
+        arranged_lines, lost, superseded = [*before], [], []
         restored = max((line.number for line in before if line.sets_all), default=-1)
         for waiting_line in framed:
             if waiting_line.sets_all and waiting_line.number < restored:
@@ -290,11 +294,11 @@ class WaitingLines:
             except REFUSALS as error:
                 lost.append(LostLine(waiting_line, str(error)))
                 continue
-            lines.append(line)
-            version, clock = self._state_after(lines)
+            arranged_lines.append(line)
+            version, clock = self._state_after(arranged_lines)
             if waiting_line.sets_all:
                 restored = waiting_line.number
-        return replace(self, lines=tuple(lines), superseded=tuple(superseded)), lost
+        return replace(self, lines=tuple(arranged_lines), superseded=tuple(superseded)), lost
 
     def _framed(
         self, line: WaitingLine, clock: Clock, tempo: TempoMap, soonest: int
@@ -302,31 +306,37 @@ class WaitingLines:
         """A line with the frame of its beat; if that is past, it takes over as soon as it can."""
         if line.sets_running is not None or (line.is_now and line.start is not None):
             return line
-        start: int | None
+        start_frame: int | None
         if not clock.is_running:
             waits = line.beat > clock.stopped_beat + SAME
-            start = None if waits else soonest if line.start is None else line.start
+            start_frame = None if waits else soonest if line.start is None else line.start
         else:
-            start = self.timing.takeover_frame(clock, tempo, line.beat, line.lead(self.timing))
-            if line.start is not None and abs(start - line.start) <= self.timing.tick_frames:
+            start_frame = self.timing.takeover_frame(
+                clock, tempo, line.beat, line.lead(self.timing)
+            )
+            if line.start is not None and abs(start_frame - line.start) <= self.timing.tick_frames:
                 return line
-            start = max(soonest, start)
-        return line if start == line.start else replace(line, start=start)
+            start_frame = max(soonest, start_frame)
+        return line if start_frame == line.start else replace(line, start=start_frame)
 
     def _follow(self, line: WaitingLine, version: Version, clock: Clock) -> WaitingLine:
         """A line after another version. Raises one of `REFUSALS`."""
-        base = line.base
-        if base is version and line.version is not None:
+        base_version = line.base
+        if base_version is version and line.version is not None:
             followed = line.version
         elif _differ_by_faders(line, version):
             followed = replace(line.result(), faders=version.faders)
         else:
             followed = edited(version, line)
             is_read = line.line and not (line.resets or line.reads_files)
-            if base is not None and is_read and not names_of(base) <= names_of(version):
+            if (
+                base_version is not None
+                and is_read
+                and not names_of(base_version) <= names_of(version)
+            ):
                 reparse(line.line, version)
         after = entry(clock, version, followed, line, self.timing).clock
-        if base is version and line.clock == after and line.version is followed:
+        if base_version is version and line.clock == after and line.version is followed:
             return line
         return replace(line, base=version, version=followed, clock=after)
 
@@ -343,14 +353,20 @@ def _effect_key(one: WaitingLine) -> tuple[float, float]:
 
 
 def entry(
-    clock: Clock, before: Version, edited: Version, line: WaitingLine, timing: Timing
+    clock: Clock, before: Version, edited: Version, waiting_line: WaitingLine, timing: Timing
 ) -> Entry:
     """Where a line leaves the piece of the version before, and where that of its own goes on."""
-    if line.start is None:
-        return Entry(clock, line.beat, line.beat)
+    if waiting_line.start is None:
+        return Entry(clock, waiting_line.beat, waiting_line.beat)
     tempos = before.piece.tempo_map, edited.piece.tempo_map
     return entry_of(
-        clock, *tempos, line.beat, line.start, line.sets_running, edited.enter_beat, timing
+        clock,
+        *tempos,
+        waiting_line.beat,
+        waiting_line.start,
+        waiting_line.sets_running,
+        edited.enter_beat,
+        timing,
     )
 
 
@@ -360,19 +376,19 @@ def edited(before: Version, line: WaitingLine) -> Version:
     return line.edit(replace(before.taken_over(), is_running=goes), line.beat)
 
 
-def _differ_by_faders(line: WaitingLine, version: Version) -> bool:
+def _differ_by_faders(waiting_line: WaitingLine, version: Version) -> bool:
     """Whether a version differs from the one before a line by faders alone, which the line does
     not set.
     """
-    base, version_made = line.base, line.version
+    base_version, version_made = waiting_line.base, waiting_line.version
     if (
-        base is None
+        base_version is None
         or version_made is None
-        or line.sets_all
-        or version_made.faders is not base.faders
+        or waiting_line.sets_all
+        or version_made.faders is not base_version.faders
     ):
         return False
-    return is_same_music(base.taken_over(), version.taken_over())
+    return is_same_music(base_version.taken_over(), version.taken_over())
 
 
 def names_of(version: Version) -> frozenset[str]:

@@ -80,20 +80,20 @@ class Connection:
     def ask(self, do: str, **fields: Any) -> Future[Any]:
         """Send a request; the future has its answer, or ConnectionLostError or
         RequestRefusedError."""
-        answer: Future[Any] = Future()
-        number = next(self._numbers)
+        future_answer: Future[Any] = Future()
+        request_number = next(self._numbers)
         with self._lock:
             if self.is_closed:
-                answer.set_exception(ConnectionLostError())
-                return answer
-            self._waiting[number] = answer
+                future_answer.set_exception(ConnectionLostError())
+                return future_answer
+            self._waiting[request_number] = future_answer
         try:
-            line = encode(id=number, do=do, **fields)
+            line = encode(id=request_number, do=do, **fields)
             with self._sending:
                 self._socket.sendall(line)
         except OSError:  # also a timeout, after which a part of the line may be sent
             self.close()
-        return answer
+        return future_answer
 
     def close(self) -> None:
         """Close the connection."""
@@ -114,16 +114,16 @@ class Connection:
         self._file.close()
         self._socket.close()
 
-    def _resolve_answer(self, fields: Mapping[str, Any]) -> None:
-        number = fields.get("id")
+    def _resolve_answer(self, answer_fields: Mapping[str, Any]) -> None:
+        number = answer_fields.get("id")
         with self._lock:
-            answer = self._waiting.pop(number, None) if isinstance(number, int) else None
-        if answer is None:
+            future_answer = self._waiting.pop(number, None) if isinstance(number, int) else None
+        if future_answer is None:
             return
-        if "error" in fields:
-            answer.set_exception(RequestRefusedError(str(fields["error"])))
+        if "error" in answer_fields:
+            future_answer.set_exception(RequestRefusedError(str(answer_fields["error"])))
         else:
-            answer.set_result(fields.get("is"))
+            future_answer.set_result(answer_fields.get("is"))
 
     def _mark_closed(self) -> None:
         with self._lock:

@@ -69,13 +69,13 @@ def read_address(path: Path) -> Address | None:
         is_ours = is_own_alone(os.fstat(file.fileno()))
     try:
         fields = parse_json(data.decode("ascii"))
-        port, key, answer = (fields[name] for name in ("port", "key", "answer"))
+        port, access_key, hello_answer = (fields[name] for name in ("port", "key", "answer"))
     except (MalformedTextError, ValueError, KeyError, TypeError):
         return None
     is_port = isinstance(port, int) and 0 < port < 1 << 16
-    if not (is_ours and is_port and isinstance(key, str) and isinstance(answer, str)):
+    if not (is_ours and is_port and isinstance(access_key, str) and isinstance(hello_answer, str)):
         return None
-    return Address(port, key, answer)
+    return Address(port, access_key, hello_answer)
 
 
 def connect(address: Address) -> socket.socket:

@@ -67,45 +67,47 @@ def encode(**fields: Any) -> bytes:
 def decode(line: bytes) -> dict[str, Any]:
     """The fields of a line. Raises ProtocolError."""
     try:
-        fields = parse_json(line)
+        line_fields = parse_json(line)
     except MalformedTextError:
         raise ProtocolError("this line is not JSON") from None
-    if not isinstance(fields, dict):
+    if not isinstance(line_fields, dict):
         raise ProtocolError("a line must be a JSON object: {...}")
-    return fields
+    return line_fields
 
 
 def request_id(fields: dict[str, Any]) -> int | str | None:
     """The id of a request, as its answer repeats it. Raises ProtocolError."""
-    number = fields.get("id")
-    if number is None:
+    request_number = fields.get("id")
+    if request_number is None:
         return None
-    if type(number) is int and abs(number) <= _INTEGER_MAX:
-        return number
-    if isinstance(number, str) and len(number) <= MAX_ID:
-        return number
+    if type(request_number) is int and abs(request_number) <= _INTEGER_MAX:
+        return request_number
+    if isinstance(request_number, str) and len(request_number) <= MAX_ID:
+        return request_number
     raise ProtocolError(f"an id must be a whole number, or a word of {MAX_ID} characters at most")
 
 
-def parse_request(fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+def parse_request(request_fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """The name of a request, and its fields. Raises ProtocolError."""
-    do = fields.get("do")
+    do = request_fields.get("do")
     wanted = REQUESTS.get(do) if isinstance(do, str) else None
     if not isinstance(do, str) or wanted is None:
         raise ProtocolError(f"unknown request; known are {', '.join(REQUESTS)}")
-    arguments = {}
-    for name, kind in wanted.items():
-        value = fields.get(name)
-        if type(value) is not kind:  # bool is not int here
-            raise ProtocolError(f"the field '{name}' of '{do}' must be of type {kind.__name__}")
-        if isinstance(value, str) and len(value) > MAX_TEXT:
-            raise ProtocolError(too_long(value))
-        arguments[name] = value
-    for name, unsaid in OPTIONAL_FIELDS.get(do, {}).items():
-        arguments[name] = fields.get(name, unsaid)
-        if type(arguments[name]) is not bool:
-            raise ProtocolError(f"the field '{name}' of '{do}' must be of type bool")
-    return do, arguments
+    request_arguments = {}
+    for field_name, kind in wanted.items():
+        field_value = request_fields.get(field_name)
+        if type(field_value) is not kind:  # bool is not int here
+            raise ProtocolError(
+                f"the field '{field_name}' of '{do}' must be of type {kind.__name__}"
+            )
+        if isinstance(field_value, str) and len(field_value) > MAX_TEXT:
+            raise ProtocolError(too_long(field_value))
+        request_arguments[field_name] = field_value
+    for field_name, unsaid in OPTIONAL_FIELDS.get(do, {}).items():
+        request_arguments[field_name] = request_fields.get(field_name, unsaid)
+        if type(request_arguments[field_name]) is not bool:
+            raise ProtocolError(f"the field '{field_name}' of '{do}' must be of type bool")
+    return do, request_arguments
 
 
 def too_long(text: str) -> str:
@@ -124,12 +126,18 @@ def encode_reply(reply: Reply) -> dict[str, Any]:
     }
 
 
-def decode_reply(data: Any) -> Reply:
+def decode_reply(reply_data: Any) -> Reply:
     """A reply from JSON. Raises ProtocolError."""
     try:
-        lines = tuple(map(str, data["lines"]))
-        try_ = None if data["try"] is None else str(data["try"])
-        return Reply(bool(data["taken"]), str(data["text"]), try_, lines, bool(data["leaves"]))
+        lines = tuple(map(str, reply_data["lines"]))
+        try_ = None if reply_data["try"] is None else str(reply_data["try"])
+        return Reply(
+            bool(reply_data["taken"]),
+            str(reply_data["text"]),
+            try_,
+            lines,
+            bool(reply_data["leaves"]),
+        )
     except (KeyError, TypeError):
         raise ProtocolError("the session's answer is not a reply") from None
 
@@ -137,38 +145,38 @@ def decode_reply(data: Any) -> Reply:
 _NUMBERS = ("bar", "beat", "tempo", "load", "late")
 
 
-def encode_state(state: State) -> dict[str, Any]:
+def encode_state(session_state: State) -> dict[str, Any]:
     """A state as JSON; a level of -inf (silence) is null."""
     return {
-        **{name: getattr(state, name) for name in _NUMBERS},
-        "playing": [list(pair) for pair in state.playing],
-        "level": state.level if math.isfinite(state.level) else None,
-        "quant": state.quant,
-        "recording": state.recording,
-        "panicked": state.panicked,
-        **({"let_go": True} if state.let_go else {}),
-        **({"troubles": list(state.troubles)} if state.troubles else {}),
-        **({"drawing": list(state.drawing)} if state.drawing else {}),
+        **{name: getattr(session_state, name) for name in _NUMBERS},
+        "playing": [list(pair) for pair in session_state.playing],
+        "level": session_state.level if math.isfinite(session_state.level) else None,
+        "quant": session_state.quant,
+        "recording": session_state.recording,
+        "panicked": session_state.panicked,
+        **({"let_go": True} if session_state.let_go else {}),
+        **({"troubles": list(session_state.troubles)} if session_state.troubles else {}),
+        **({"drawing": list(session_state.drawing)} if session_state.drawing else {}),
     }
 
 
-def decode_state(data: Any) -> State:
+def decode_state(state_data: Any) -> State:
     """A state from JSON. Raises ProtocolError."""
     try:
         return State(
-            bar=int(data["bar"]),
-            beat=float(data["beat"]),
-            tempo=float(data["tempo"]),
-            playing=tuple((str(who), str(what)) for who, what in data["playing"]),
-            load=float(data["load"]),
-            late=int(data["late"]),
-            level=-math.inf if data["level"] is None else float(data["level"]),
-            quant=str(data["quant"]),
-            recording=None if data["recording"] is None else float(data["recording"]),
-            panicked=bool(data["panicked"]),
-            let_go=bool(data.get("let_go")),
-            troubles=tuple(map(str, data.get("troubles", ()))),
-            drawing=tuple(map(str, data.get("drawing", ()))),
+            bar=int(state_data["bar"]),
+            beat=float(state_data["beat"]),
+            tempo=float(state_data["tempo"]),
+            playing=tuple((str(who), str(what)) for who, what in state_data["playing"]),
+            load=float(state_data["load"]),
+            late=int(state_data["late"]),
+            level=-math.inf if state_data["level"] is None else float(state_data["level"]),
+            quant=str(state_data["quant"]),
+            recording=None if state_data["recording"] is None else float(state_data["recording"]),
+            panicked=bool(state_data["panicked"]),
+            let_go=bool(state_data.get("let_go")),
+            troubles=tuple(map(str, state_data.get("troubles", ()))),
+            drawing=tuple(map(str, state_data.get("drawing", ()))),
         )
     except (AttributeError, KeyError, TypeError, ValueError, OverflowError):
         raise ProtocolError("the session's answer is not a state") from None

@@ -164,7 +164,7 @@ class RemoteSession:
     # --- the watching thread -------------------------------------------------------------------
 
     def _poll(self) -> None:
-        state = messages = _PendingAnswer()
+        pending_state = messages = _PendingAnswer()
         while (
             not self._over.wait(_RECONNECT_PERIOD if self._is_lost else _CHECK_PERIOD)
             and not self._ended
@@ -173,8 +173,8 @@ class RemoteSession:
                 self._reconnect()
                 continue
             link = self._connection
-            if state.is_due(self._messages.append):
-                state = _PendingAnswer(link.ask("state"), self._set_state)
+            if pending_state.is_due(self._messages.append):
+                pending_state = _PendingAnswer(link.ask("state"), self._set_state)
             if messages.is_due():
                 messages = _PendingAnswer(link.ask("messages"), self._messages.extend)
 

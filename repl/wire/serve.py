@@ -225,31 +225,31 @@ class SessionServer:
     async def _serve(self, prompt: PromptConnection, reader: asyncio.StreamReader) -> None:
         while True:
             try:
-                line = await reader.readline()
+                request_line = await reader.readline()
             except ValueError:  # the rest of the long line could not be told from a new one
                 prompt.send(id=None, error=f"a line has {MAX_LINE:,} bytes at most")
                 return
-            if not line.endswith(b"\n"):  # the end of input
+            if not request_line.endswith(b"\n"):  # the end of input
                 return
-            if self._answer(prompt, line) == "leave":
+            if self._answer(prompt, request_line) == "leave":
                 return
 
     def _answer(self, prompt: PromptConnection, line: bytes) -> str:
         """Do the request of a line; returns its name, or "" if it was refused."""
-        number = None
+        request_number = None
         try:
             fields = decode(line)
-            number = request_id(fields)
+            request_number = request_id(fields)
             do, arguments = parse_request(fields)
             if do == "submit":
-                self._queue_line(prompt, number, **arguments)
+                self._queue_line(prompt, request_number, **arguments)
             else:
-                prompt.send(id=number, **{"is": self._handlers[do](prompt, **arguments)})
+                prompt.send(id=request_number, **{"is": self._handlers[do](prompt, **arguments)})
             return do
         except ProtocolError as error:
-            prompt.send(id=number, error=str(error))
+            prompt.send(id=request_number, error=str(error))
         except Exception as error:  # an error of the session, which goes on
-            prompt.send(id=number, error=f"internal error: {type(error).__name__}: {error}")
+            prompt.send(id=request_number, error=f"internal error: {type(error).__name__}: {error}")
         return ""
 
     def _complete(self, prompt: PromptConnection, line: str, cursor: int) -> list[list[Any]]:
@@ -285,13 +285,13 @@ class SessionServer:
     def _do_lines(self) -> None:
         """Do lines, in a separate thread, because a line may take a while."""
         while (queued := self._queue.next()) is not None:
-            (prompt, number, releases), text = queued.sender, queued.text
+            (prompt, number, releases), line_text = queued.sender, queued.text
             self._current_prompt = prompt
-            reply = self._submit(text, releases and queued.releases)
+            reply = self._submit(line_text, releases and queued.releases)
             self._current_prompt = None
             assert self._loop is not None
             with contextlib.suppress(RuntimeError):  # the loop is closed: the session has ended
-                self._loop.call_soon_threadsafe(self._reply, prompt, number, text, reply)
+                self._loop.call_soon_threadsafe(self._reply, prompt, number, line_text, reply)
             if reply.leaves:
                 return
 
@@ -303,16 +303,16 @@ class SessionServer:
         ) as error:  # a session raises nothing; if it does, the other prompts go on
             return Reply(False, f"internal error: {type(error).__name__}: {error}")
 
-    def _reply(self, prompt: PromptConnection, number: Any, text: str, reply: Reply) -> None:
+    def _reply(self, prompt: PromptConnection, number: Any, line_text: str, reply: Reply) -> None:
         prompt.waiting -= 1
         prompt.send(id=number, **{"is": encode_reply(reply)})
-        if text.strip():
+        if line_text.strip():
             became = f"{'' if reply.taken else 'not taken: '}{reply.text}"
-            line = " / ".join(text.split("\n"))
+            line = " / ".join(line_text.split("\n"))
             short = line if len(line) <= _LINE_SHOWN_MAX else f"{line[:_LINE_SHOWN_MAX]} …"
             self._broadcast(f"prompt {prompt.number} > {short}   {became}".rstrip(), but=prompt)
         if reply.leaves:
-            self._end(f"prompt {prompt.number}: {text.strip()[:_LINE_SHOWN_MAX]}")
+            self._end(f"prompt {prompt.number}: {line_text.strip()[:_LINE_SHOWN_MAX]}")
 
 
 def _no_sound() -> Sounding:
@@ -327,7 +327,9 @@ def _pop_messages(prompt: PromptConnection) -> list[str]:
 
 @contextlib.contextmanager
 def _ended_by_signals(
-    loop: asyncio.AbstractEventLoop, end: Callable[[str], object], watch: SignalWatch | None
+    event_loop: asyncio.AbstractEventLoop,
+    end_session: Callable[[str], object],
+    watch: SignalWatch | None,
 ) -> Iterator[None]:
     """Let SIGTERM and Ctrl-C end the session in order, and ignore SIGHUP."""
     if threading.current_thread() is not threading.main_thread():
@@ -335,19 +337,19 @@ def _ended_by_signals(
         return
     ending = (signal.SIGTERM, signal.SIGINT)
     if not hasattr(signal, "SIGHUP"):  # Windows, whose loop hears no signals
-        with _ended_by_handlers(loop, end, ending):
+        with _ended_by_handlers(event_loop, end_session, ending):
             yield
         return
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    for number in ending:
-        loop.add_signal_handler(number, end, f"ended by {number.name}")
+    for signal_number in ending:
+        event_loop.add_signal_handler(signal_number, end_session, f"ended by {signal_number.name}")
     if watch is not None:
         watch(ending, ends=True)
     try:
         yield
     finally:
-        for number in ending:
-            loop.remove_signal_handler(number)
+        for signal_number in ending:
+            event_loop.remove_signal_handler(signal_number)
         signal.signal(signal.SIGHUP, before)
 
 
