@@ -69,56 +69,58 @@ class Assembly:
         times itself.
         """
         self.network.part(name, ca_rate=ca_rate, macrostep=every if every > 1 else None)
-        for module in modules:
-            if module.kind in HOLDERS and module.kind not in FOLLOWERS:
-                fields = _seen(module.fields, reach)
+        for part_module in modules:
+            if part_module.kind in HOLDERS and part_module.kind not in FOLLOWERS:
+                seen_fields = _seen(part_module.fields, reach)
                 n_links = self.network.n_lia
                 with self._collecting_refusals():
                     if space is None:
-                        add = KINDS[module.kind].add
-                        first = add(self.network, module.name, fields, self.seed)
+                        add = KINDS[part_module.kind].add
+                        first_mat = add(self.network, part_module.name, seen_fields, self.seed)
                     else:
-                        who = ".".join((name, module.name))
-                        labels = module.kind, module.name, fields
-                        first = add_points(self.network, *labels, self._chance(who), who)
-                        count = member_count(module.kind, fields)
-                        firsts = along(first, count, space.axes)
-                        self.points[name, module.name] = firsts
+                        who = ".".join((name, part_module.name))
+                        labels = part_module.kind, part_module.name, seen_fields
+                        first_mat = add_points(self.network, *labels, self._chance(who), who)
+                        mat_count = member_count(part_module.kind, seen_fields)
+                        firsts = along(first_mat, mat_count, space.axes)
+                        self.points[name, part_module.name] = firsts
                         if space.gravity:  # against the last axis
-                            self.network.weigh(firsts[-1], count, -space.gravity)
-                    self.mats[name, module.name] = first
-                    if module.kind in GENERATORS:
-                        self.bodies[name, module.name] = range(n_links, self.network.n_lia)
-                    if "X0" in fields and module.kind in GENERATORS:
-                        self._starts(first, fields)
+                            self.network.weigh(firsts[-1], mat_count, -space.gravity)
+                    self.mats[name, part_module.name] = first_mat
+                    if part_module.kind in GENERATORS:
+                        self.bodies[name, part_module.name] = range(n_links, self.network.n_lia)
+                    if "X0" in seen_fields and part_module.kind in GENERATORS:
+                        self._starts(first_mat, seen_fields)
 
     def add_followers(
-        self, name: str, modules: Iterable[Module], *, ca_rate: float | None = None
+        self, part_name: str, modules: Iterable[Module], *, ca_rate: float | None = None
     ) -> None:
         """Add a part's proxies and surfaces; the masses of all parts must exist.
 
         Raises EngineError unless refusals are collected.
         """
-        self.network.part(name, ca_rate=ca_rate)
-        for module in modules:
-            if module.kind == "PROXY" and self._are_there(proxies.targets(module.fields)):
+        self.network.part(part_name, ca_rate=ca_rate)
+        for part_module in modules:
+            if part_module.kind == "PROXY" and self._are_there(proxies.targets(part_module.fields)):
                 with self._collecting_refusals():
-                    labels = module.name, module.fields
-                    self.mats[name, module.name] = proxies.add(self.network, *labels, self.members)
-            if module.kind == "SURFACE" and self._are_there([module.fields["of"]]):
+                    labels = part_module.name, part_module.fields
+                    self.mats[part_name, part_module.name] = proxies.add(
+                        self.network, *labels, self.members
+                    )
+            if part_module.kind == "SURFACE" and self._are_there([part_module.fields["of"]]):
                 with self._collecting_refusals():
-                    fields = cast("SurfaceFields", module.fields)
-                    masses = self.members(module.fields["of"])
-                    firsts = add_surface(self.network, module.name, fields, masses)
-                    self.points[name, module.name] = firsts
-                    self.mats[name, module.name] = firsts[0]
+                    fields = cast("SurfaceFields", part_module.fields)
+                    masses = self.members(part_module.fields["of"])
+                    firsts = add_surface(self.network, part_module.name, fields, masses)
+                    self.points[part_name, part_module.name] = firsts
+                    self.mats[part_name, part_module.name] = firsts[0]
 
     def _are_there(self, targets: Iterable[Target]) -> bool:
         return all(_home(target) in self.mats for target in targets)
 
     def joins(
         self,
-        name: str,
+        part_name: str,
         modules: Iterable[Module],
         *,
         ca_rate: float | None = None,
@@ -129,46 +131,48 @@ class Assembly:
         Raises EngineError unless refusals are collected; then links to modules that were left
         out are left out too.
         """
-        self.network.part(name, ca_rate=ca_rate)
-        for module in modules:
-            if self.refused and not self._are_there(following.targets(module)):
+        self.network.part(part_name, ca_rate=ca_rate)
+        for part_module in modules:
+            if self.refused and not self._are_there(following.targets(part_module)):
                 continue
-            if module.kind == "MAS":
-                for _, by in following.values(module, self.mat):
+            if part_module.kind == "MAS":
+                for _, by in following.values(part_module, self.mat):
                     with self._collecting_refusals():
-                        mat = self.mats[name, module.name]
-                        self.network.follow_mass(module.name, mat, by)
-            if module.kind not in LINKS:
+                        mat = self.mats[part_name, part_module.name]
+                        self.network.follow_mass(part_module.name, mat, by)
+            if part_module.kind not in LINKS:
                 continue
-            ends = module.ends
+            ends = part_module.ends
             if self.refused and any((end.part, end.module) not in self.mats for end in ends):
                 continue
             first = self.network.n_lia
             with self._collecting_refusals():
-                links = list(single_links(module))
-                for link in links:
-                    self.link(name, link, *link.ends, reach=reach)
-                if module.fields.get("box") is not None:
-                    self.walls[name, module.name] = [self.links[name, link.name] for link in links]
-            self.links[name, module.name] = range(first, self.network.n_lia)
+                module_links = list(single_links(part_module))
+                for link in module_links:
+                    self.link(part_name, link, *link.ends, reach=reach)
+                if part_module.fields.get("box") is not None:
+                    self.walls[part_name, part_module.name] = [
+                        self.links[part_name, link.name] for link in module_links
+                    ]
+            self.links[part_name, part_module.name] = range(first, self.network.n_lia)
 
     def link(self, part: str, module: Module, a: Target, b: Target, *, reach: float = 1.0) -> int:
         """Add one link between two <M> points, or two points in space; returns its index."""
         if a.points and b.points:
-            index = self._link_in_space(module, a, b)
-            self.links[part, module.name] = range(index, self.network.n_lia)
-            return index
+            link_index = self._link_in_space(module, a, b)
+            self.links[part, module.name] = range(link_index, self.network.n_lia)
+            return link_index
         ends = self._end(part, a), self._end(part, b)
         if by := following.values(module, self.mat):
             law_fields = picked(module.fields, "law", "damping", "constants", "rest")
             law_fields = {"law": None, "damping": None} | law_fields
-            index = self.network.following_lnl(module.name, *ends, follows=by, **law_fields)
+            link_index = self.network.following_lnl(module.name, *ends, follows=by, **law_fields)
         else:
             add = KINDS[module.kind].add
             fields = _seen(module.fields, reach)
-            index = add(self.network, module.name, *ends, fields, reach)
-        self.links[part, module.name] = range(index, index + 1)
-        return index
+            link_index = add(self.network, module.name, *ends, fields, reach)
+        self.links[part, module.name] = range(link_index, link_index + 1)
+        return link_index
 
     def port(self, part: str, module: str, x: float) -> None:
         """Add a fixed point at `x` [m] to which other parts link in place of a module."""
@@ -180,34 +184,45 @@ class Assembly:
         port = None if part == target.part else self.ports.get(_home(target))
         return self.mat(target) if port is None else port
 
-    def _link_in_space(self, module: Module, a: Target, b: Target) -> int:
-        fields = module.fields
-        first, second = self.coordinates(a), self.coordinates(b)
-        if is_pairwise(module.kind, fields, (a, b)):
-            groups = sorted(((first, a.count), (second, b.count)), key=lambda group: group[1])
-            contact_fields = picked(
-                fields, "K", "Z", "gap", "exponent", "clamp", "friction", "core"
+    def _link_in_space(self, link_module: Module, first_end: Target, second_end: Target) -> int:
+        link_fields = link_module.fields
+        first_coordinates, second = self.coordinates(first_end), self.coordinates(second_end)
+        if is_pairwise(link_module.kind, link_fields, (first_end, second_end)):
+            groups = sorted(
+                ((first_coordinates, first_end.count), (second, second_end.count)),
+                key=lambda group: group[1],
             )
-            contact_fields |= picked(fields, "cohesion", "reach")
-            contact_fields["inside"] = fields.get("side") == "inside"
-            contact_fields["normal"] = unit(fields.get("normal"))
-            if (surface := fields.get("mesh")) is not None:
+            contact_fields = picked(
+                link_fields, "K", "Z", "gap", "exponent", "clamp", "friction", "core"
+            )
+            contact_fields |= picked(link_fields, "cohesion", "reach")
+            contact_fields["inside"] = link_fields.get("side") == "inside"
+            contact_fields["normal"] = unit(link_fields.get("normal"))
+            if (surface := link_fields.get("mesh")) is not None:
                 contact_fields["surface"] = surface.corners, surface.faces
-            return self.network.pairwise(module.name, *groups, **contact_fields)
-        if module.kind == "BUT":
+            return self.network.pairwise(link_module.name, *groups, **contact_fields)
+        if link_module.kind == "BUT":
             contact_fields = picked(
-                fields, "K", "Z", "gap", "exponent", "clamp", "cohesion", "reach"
+                link_fields, "K", "Z", "gap", "exponent", "clamp", "cohesion", "reach"
             )
-            return self.network.space_but(module.name, first, second, **contact_fields)
-        rest = 0.0 if module.kind == "ATTRACTION" else fields.get("rest")
-        if rest is None:
-            rest = self.network.distance(first, second)
-        if module.kind == "LNL":
+            return self.network.space_but(
+                link_module.name, first_coordinates, second, **contact_fields
+            )
+        rest_length = 0.0 if link_module.kind == "ATTRACTION" else link_fields.get("rest")
+        if rest_length is None:
+            rest_length = self.network.distance(first_coordinates, second)
+        if link_module.kind == "LNL":
             return self.network.space_lnl(
-                module.name, first, second, law(cast("LawFields", fields)), rest
+                link_module.name,
+                first_coordinates,
+                second,
+                law(cast("LawFields", link_fields)),
+                rest_length,
             )
-        contact_fields = picked(fields, "K", "Z", "yields", "breaks", "core")
-        return self.network.space_ref(module.name, first, second, rest=rest, **contact_fields)
+        contact_fields = picked(link_fields, "K", "Z", "yields", "breaks", "core")
+        return self.network.space_ref(
+            link_module.name, first_coordinates, second, rest=rest_length, **contact_fields
+        )
 
     def _chance(self, name: str) -> Callable[[int], _core.Chance]:
         """A function that gives each member of a module, by index, its own random numbers."""
@@ -239,34 +254,38 @@ class Assembly:
 
     def members(self, target: Target) -> range:
         """Indices of the MATs that a target names."""
-        first = self.mats[target.part, target.module]
+        first_mat = self.mats[target.part, target.module]
         if target.first == "centre":
-            centre = self.network.centre(first)
+            centre = self.network.centre(first_mat)
             return range(centre, centre + 1)
-        return range(first + target.first, first + target.first + target.count)
+        return range(first_mat + target.first, first_mat + target.first + target.count)
 
     def _starts(self, first: int, fields: _Fields) -> None:
         """X0 and V0 of a generator: one value for all its MATs, or values for some."""
-        position, velocity = (
+        initial_positions, velocity = (
             _members(self, first, fields["X0"]),
             _members(self, first, fields["V0"]),
         )
-        for index in sorted(position.keys() | velocity.keys()):
-            self.network.start(index, position.get(index, 0.0), velocity.get(index, 0.0))
+        for index in sorted(initial_positions.keys() | velocity.keys()):
+            self.network.start(index, initial_positions.get(index, 0.0), velocity.get(index, 0.0))
 
 
 def _home(target: Target) -> tuple[str, str]:
     return target.part, target.module
 
 
-def _members(assembly: Assembly, first: int, value: Any) -> dict[int, float]:
+def _members(assembly: Assembly, first_mat: int, start_value: Any) -> dict[int, float]:
     """The MATs that do not start at 0, with their values."""
-    count = assembly.network.count(first)
-    if isinstance(value, float):
-        return dict.fromkeys(range(first, first + count), value) if value else {}
+    mat_count = assembly.network.count(first_mat)
+    if isinstance(start_value, float):
+        return (
+            dict.fromkeys(range(first_mat, first_mat + mat_count), start_value)
+            if start_value
+            else {}
+        )
     by_mat: dict[int, float] = {}
-    for start in value if isinstance(value, tuple) else (value,):
-        by_mat.update(dict.fromkeys(_range(assembly, first, count, start), start.value))
+    for start in start_value if isinstance(start_value, tuple) else (start_value,):
+        by_mat.update(dict.fromkeys(_range(assembly, first_mat, mat_count, start), start.value))
     return by_mat
 
 
@@ -283,27 +302,31 @@ _POWERS = {"X0": 1, "V0": 1, "rest": 1, "gap": 1, "M": -2, "K": -2, "Z": -2}
 _POWERS |= {name: power for kind in KINDS.values() for name, power in kind.lever.items()}
 
 
-def _seen(fields: _Fields, reach: float) -> _Fields:
+def _seen(module_fields: _Fields, lever_ratio: float) -> _Fields:
     """Fields of a module behind a lever, as the piece sees them."""
-    if reach == 1.0:
-        return fields
-    seen = dict(fields)
-    for name, power in _POWERS.items():
-        if seen.get(name) is not None:
-            seen[name] = _stretched(seen[name], reach, power)
-    for name in ("hardening", "stretching"):
-        if seen.get(name):
-            seen[name] /= reach**4  # q·(x/s)³/s
-    if seen.get("exponent", 1.0) != 1.0:
+    if lever_ratio == 1.0:
+        return module_fields
+    seen_fields = dict(module_fields)
+    for field_name, power in _POWERS.items():
+        if seen_fields.get(field_name) is not None:
+            seen_fields[field_name] = _stretched(seen_fields[field_name], lever_ratio, power)
+    for field_name in ("hardening", "stretching"):
+        if seen_fields.get(field_name):
+            seen_fields[field_name] /= lever_ratio**4  # q·(x/s)³/s
+    if seen_fields.get("exponent", 1.0) != 1.0:
         # The force is K·(p/s)^α/s, so K gets the factor s^-(1+α); s^-2 is applied above.
-        seen["K"] *= reach / _core.pow(reach, seen["exponent"])
-    return seen
+        seen_fields["K"] *= lever_ratio / _core.pow(lever_ratio, seen_fields["exponent"])
+    return seen_fields
 
 
-def _stretched(value: Any, reach: float, power: int) -> Any:
-    """A value, or those of some members of a generator, times `reach` to the power 1, -1 or -2."""
-    if isinstance(value, tuple):
-        return tuple(_stretched(each, reach, power) for each in value)
-    if isinstance(value, Start):
-        return replace(value, value=_stretched(value.value, reach, power))
-    return value * reach if power == 1 else value / (reach if power == -1 else reach * reach)
+def _stretched(field_value: Any, lever_ratio: float, lever_power: int) -> Any:
+    """A value, or those of a generator's members, times `lever_ratio` to the power 1, -1 or -2."""
+    if isinstance(field_value, tuple):
+        return tuple(_stretched(each, lever_ratio, lever_power) for each in field_value)
+    if isinstance(field_value, Start):
+        return replace(field_value, value=_stretched(field_value.value, lever_ratio, lever_power))
+    return (
+        field_value * lever_ratio
+        if lever_power == 1
+        else field_value / (lever_ratio if lever_power == -1 else lever_ratio * lever_ratio)
+    )

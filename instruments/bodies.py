@@ -24,20 +24,21 @@ class Decays(Shape):
         """Read a node."""
         if not isinstance(node, document.Mapping):
             return wrong_shape(self, node, name, context)
-        pairs = []
+        node_pairs = []
         for key, child in node.entries.values():
             pair = k.PITCH.read(key, name, context), k.DURATION.read(child, name, context)
             if MISSING in pair:
                 return MISSING
-            pairs.append(pair)
-        if not 2 <= len(pairs) <= MAX_DECAYS:
+            node_pairs.append(pair)
+        if not 2 <= len(node_pairs) <= MAX_DECAYS:
             message = (
-                f"{context.label(name)}: decays at {len(pairs)} frequencies are written; write "
+                f"{context.label(name)}: decays at {len(node_pairs)} frequencies are written; "
+                "write "
                 f"from 2 to {MAX_DECAYS}, or one time for the lowest mode"
             )
             context.error("E106", message, node.place)
             return MISSING
-        return tuple(sorted(pairs))
+        return tuple(sorted(node_pairs))
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

@@ -46,20 +46,20 @@ class _Word:
 
     def parse(self, text: str) -> LinkRange:
         """`hair 0.2N..2N`. Raises TextError."""
-        link, _, amounts = text.strip().partition(" ")
-        if not NAME.fullmatch(link) or not amounts.strip():
+        link_name, _, amounts = text.strip().partition(" ")
+        if not NAME.fullmatch(link_name) or not amounts.strip():
             message = f"a link and a range are expected, such as {self.example}"
             raise TextError(message, length=max(1, len(text)), code="E201")
         example = self.example.partition(" ")[2]
         try:
             ends = q.span(amounts, lambda word: q.quantity(word, self.dimension), example)
         except TextError as error:
-            error.offset += len(text) - len(text.lstrip()) + len(link) + 1
+            error.offset += len(text) - len(text.lstrip()) + len(link_name) + 1
             raise
         if not 0.0 < ends[0] < ends[1]:
             message = "the softest and the hardest stroke are expected, both above 0, "
             raise TextError(f"{message}such as {example}", length=len(text), code="E202")
-        return LinkRange(link, *ends)
+        return LinkRange(link_name, *ends)
 
 
 WORDS = {
@@ -98,17 +98,17 @@ class DrawnActs:
         """Take the acts by name; reports links that no act brings."""
         self._written = {name: body for name, body in written.items() if body is not MISSING}
         self._links: dict[str, str] = {}  # the act that brings each link
-        for name, body in self._written.items():
-            for link in body["with"] or ():
+        for name, act_body in self._written.items():
+            for link in act_body["with"] or ():
                 self._links.setdefault(link, name)
         self._highest: dict[tuple[str, str], float] = defaultdict(float)
         self._turning: set[tuple[str, str]] = set()
-        for body in self._written.values():
-            for word, led in _led(body):
-                if self._is_known(body, word, led):
-                    self._highest[led.link, word] += led.hard
-                    if word == "draw" and body["turns"]:
-                        self._turning.add((led.link, word))
+        for act_body in self._written.values():
+            for constant_word, led in _led(act_body):
+                if self._is_known(act_body, constant_word, led):
+                    self._highest[led.link, constant_word] += led.hard
+                    if constant_word == "draw" and act_body["turns"]:
+                        self._turning.add((led.link, constant_word))
 
     def pressing(self, body: Values) -> list[Pressing]:
         """What an act strikes to draw and to press."""
@@ -125,54 +125,71 @@ class DrawnActs:
         self, body: Values, modules_of: Callable[[Mapping[str, Any]], tuple[Module, ...]]
     ) -> tuple[Module, ...]:
         """The modules that an act brings, with the masses that lead constants of its links."""
-        written: dict[str, Any] = dict(body["with"] or {})
+        written_modules: dict[str, Any] = dict(body["with"] or {})
         for _, led in _led(body):
             if led.link in self._links:
-                written = {**(self._written[self._links[led.link]]["with"] or {}), **written}
-        modules = []
-        for module in modules_of(written):
+                written_modules = {
+                    **(self._written[self._links[led.link]]["with"] or {}),
+                    **written_modules,
+                }
+        brought_modules = []
+        for module in modules_of(written_modules):
             words = [word for word in WORDS if (module.name, word) in self._highest]
-            modules += [part for word in words for part in _mass(module, word)]
-            modules.append(self._following(module, words) if words else module)
-        return tuple(modules)
+            brought_modules += [part for word in words for part in _mass(module, word)]
+            brought_modules.append(self._following(module, words) if words else module)
+        return tuple(brought_modules)
 
     def _is_known(self, body: Values, word: str, led: LinkRange) -> bool:
         """Whether a link is one that an act brings, and has no such constant; reports others."""
-        who, constant = body.context.label(word), WORDS[word].constant
+        act_label, constant = body.context.label(word), WORDS[word].constant
         brings = None if led.link not in self._links else self._written[self._links[led.link]]
         if brings is None:
-            message = f"{who}: no act brings a link {quote(led.link)}; write it in `with`"
+            message = f"{act_label}: no act brings a link {quote(led.link)}; write it in `with`"
             near = nearest(led.link, self._links)
             body.error("E301", message, word, suggestion=near)
             return False
-        link = brings["with"][led.link]
-        fields = link.by_name.get(link.kind, MISSING) if link is not MISSING else MISSING
-        if fields is MISSING:
+        link_values = brings["with"][led.link]
+        link_fields = (
+            link_values.by_name.get(link_values.kind, MISSING)
+            if link_values is not MISSING
+            else MISSING
+        )
+        if link_fields is MISSING:
             return False  # reported already
-        if link.kind != "LNL":
-            message = f"{who}: {quote(led.link)} is a {link.kind}; only an LNL has {constant}"
+        if link_values.kind != "LNL":
+            message = (
+                f"{act_label}: {quote(led.link)} is a {link_values.kind}; only an LNL has "
+                f"{constant}"
+            )
             body.error("E304", message, word)
             return False
-        if constant in (fields["follows"] or ()):
-            message = f"{who}: {constant} of {quote(led.link)} follows a MAT; keep one of the two"
+        if constant in (link_fields["follows"] or ()):
+            message = (
+                f"{act_label}: {constant} of {quote(led.link)} follows a MAT; keep one of the two"
+            )
             body.error("E111", message, word)
             return False
         return True
 
-    def _following(self, link: Module, words: Sequence[str]) -> Module:
+    def _following(self, link_module: Module, words: Sequence[str]) -> Module:
         """A link whose constants follow the masses that lead them, from their written values on."""
-        follows, places = dict(link.fields["follows"] or {}), dict(link.places)
-        constants = dict(link.fields["constants"])
-        for word in words:
-            constant, high = WORDS[word].constant, self._highest[link.name, word]
-            low = -high if (link.name, word) in self._turning else 0.0
+        follows, field_places = dict(link_module.fields["follows"] or {}), dict(link_module.places)
+        constants = dict(link_module.fields["constants"])
+        for constant_word in words:
+            constant, high_value = (
+                WORDS[constant_word].constant,
+                self._highest[link_module.name, constant_word],
+            )
+            low_value = -high_value if (link_module.name, constant_word) in self._turning else 0.0
             rest = constants.pop(constant, 0.0)
-            mass = Name(_mass_name(link.name, word), link.place)
-            span = _TRAVEL * (high - low)
-            follows[constant] = Following(mass, rest + low, rest + high, -_TRAVEL * low, span)
-            places.setdefault("follows", link.place)
-        fields = {**link.fields, "follows": follows, "constants": constants}
-        return replace(link, fields=fields, places=places)
+            mass = Name(_mass_name(link_module.name, constant_word), link_module.place)
+            span = _TRAVEL * (high_value - low_value)
+            follows[constant] = Following(
+                mass, rest + low_value, rest + high_value, -_TRAVEL * low_value, span
+            )
+            field_places.setdefault("follows", link_module.place)
+        fields = {**link_module.fields, "follows": follows, "constants": constants}
+        return replace(link_module, fields=fields, places=field_places)
 
 
 def _led(body: Values) -> Iterator[tuple[str, LinkRange]]:
@@ -185,11 +202,11 @@ def _mass_name(link: str, word: str) -> str:
     return f"{link}-{word}"
 
 
-def _mass(link: Module, word: str) -> Iterator[Module]:
+def _mass(link: Module, constant_word: str) -> Iterator[Module]:
     """A mass that a constant follows, in its oil."""
-    name, place = _mass_name(link.name, word), link.place
+    mass_name, link_place = _mass_name(link.name, constant_word), link.place
     still = {"X0": 0.0, "V0": 0.0, "follows": ()}
-    yield Module(name, "MAS", {"M": _MASSES[word], **still}, place)
-    yield Module(f"{name}-ground", "SOL", {"X0": 0.0}, place)
-    between = Name(f"{name}-ground", place), Name(name, place)
-    yield Module(f"{name}-oil", "FRO", {"between": between, "Z": _OIL}, place)
+    yield Module(mass_name, "MAS", {"M": _MASSES[constant_word], **still}, link_place)
+    yield Module(f"{mass_name}-ground", "SOL", {"X0": 0.0}, link_place)
+    between = Name(f"{mass_name}-ground", link_place), Name(mass_name, link_place)
+    yield Module(f"{mass_name}-oil", "FRO", {"between": between, "Z": _OIL}, link_place)

@@ -29,21 +29,24 @@ class Following:
     span: float
 
 
-def field(unit: Shape, endpoint: Shape, doc: str) -> Field:
-    """The field `follows`, with parameters by name; `unit` reads their values."""
+def field(value_shape: Shape, endpoint: Shape, doc: str) -> Field:
+    """The field `follows`, with parameters by name; `value_shape` reads their values."""
 
-    def build(values: Values) -> Any:
-        if values["span"] == 0.0:
-            message = f"{values.context.label('span')}: 0 m would change nothing; write a length"
-            values.error("E105", message, "span")
+    def build(following_values: Values) -> Any:
+        if following_values["span"] == 0.0:
+            message = (
+                f"{following_values.context.label('span')}: 0 m would change nothing; write a "
+                "length"
+            )
+            following_values.error("E105", message, "span")
             return MISSING
         names = ("of", "from", "to", "offset", "span")
-        return Following(*(values[name] for name in names))
+        return Following(*(following_values[name] for name in names))
 
     fields = (
         Field("of", endpoint, "the MAT by whose position it goes", required=True),
-        Field("from", unit, "its value where that is at 0 m, and below", required=True),
-        Field("to", unit, "its value where that is at `span`, and beyond", required=True),
+        Field("from", value_shape, "its value where that is at 0 m, and below", required=True),
+        Field("to", value_shape, "its value where that is at `span`, and beyond", required=True),
         Field("offset", k.POSITION, "added to the position", 0.0),
         Field("span", k.POSITION, "how far it is from one end to the other", 1.0),
     )
@@ -63,15 +66,15 @@ def targets(module: Module) -> Iterator[Target]:
     return (one.of for one in followings(module).values() if isinstance(one.of, Target))
 
 
-def check_mass(values: Values) -> None:
+def check_mass(mass_values: Values) -> None:
     """Report another parameter of a MAS than M, and a mass that is not above 0."""
-    for name, following in written_followings(values).items():
+    for name, following in written_followings(mass_values).items():
         if name != "M":
-            message = f"{values.context.label('follows')}: of a MAS only M follows a MAT"
-            values.error("E111", message, "follows")
+            message = f"{mass_values.context.label('follows')}: of a MAS only M follows a MAT"
+            mass_values.error("E111", message, "follows")
         elif following is not MISSING and min(following.start, following.stop) <= 0.0:
-            message = f"{values.context.label('follows')}: a mass is above 0"
-            values.error("E105", message, "follows")
+            message = f"{mass_values.context.label('follows')}: a mass is above 0"
+            mass_values.error("E105", message, "follows")
 
 
 def written_followings(values: Values) -> Mapping[str, Any]:
@@ -79,19 +82,20 @@ def written_followings(values: Values) -> Mapping[str, Any]:
     return (values["follows"] or {}) if "follows" in values.record.by_name else {}
 
 
-def check_constants(values: Values) -> None:
+def check_constants(law_values: Values) -> None:
     """Report a constant of a law that has a value of its own too, and too many that follow."""
-    written = written_followings(values)
-    for name in written:
-        if name in values.nodes:
-            message = f"{values.context.label(name)}: it follows a MAT too; keep one of the two"
-            values.error("E111", message, name)
-    if len(written) > CONSTANTS_MAX:
+    written_names = written_followings(law_values)
+    for name in written_names:
+        if name in law_values.nodes:
+            message = f"{law_values.context.label(name)}: it follows a MAT too; keep one of the two"
+            law_values.error("E111", message, name)
+    if len(written_names) > CONSTANTS_MAX:
         message = (
-            f"{values.context.label('follows')}: at most {CONSTANTS_MAX} constants of a law follow "
+            f"{law_values.context.label('follows')}: at most {CONSTANTS_MAX} constants of a law "
+            "follow "
             "MATs"
         )
-        values.error("E105", message, "follows")
+        law_values.error("E105", message, "follows")
 
 
 def values(

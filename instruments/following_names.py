@@ -11,31 +11,39 @@ from ergon.notation.tables.shapes import MISSING, Name
 from ergon.notation.text.errors import quote
 
 
-def resolve(module: Module, part: Part, part_names: PartNames, who: str) -> Module:
+def resolve(
+    link_module: Module, link_part: Part, part_names: PartNames, module_label: str
+) -> Module:
     """The module with names of MATs looked up; followings that are refused are reported and left
     out.
     """
-    written = following.followings(module)
-    if not written:
-        return module
-    place = module.places.get("follows", module.place)
-    if part.struck is not None:
+    written_followings = following.followings(link_module)
+    if not written_followings:
+        return link_module
+    place = link_module.places.get("follows", link_module.place)
+    if link_part.struck is not None:
         message = (
-            f"{who}: follows: a value that follows a MAT belongs to an instrument, not to a key"
+            f"{module_label}: follows: a value that follows a MAT belongs to an instrument, not to "
+            "a key"
         )
         part_names.collector.error("E304", message, place)
-        return replace(module, fields={**module.fields, "follows": ()})
+        return replace(link_module, fields={**link_module.fields, "follows": ()})
     by_parameter: dict[str, following.Following] = {}
-    for name, value in written.items():
-        if value is MISSING or not isinstance(value.of, Name):
+    for constant_name, following_value in written_followings.items():
+        if following_value is MISSING or not isinstance(following_value.of, Name):
             continue
-        target = part_names.target(value.of, "mat", f"{who}: follows: {name}", part)
-        if target is not None:
-            by_parameter[name] = replace(value, of=target)
-        if target is not None and _is_itself(module, part, target):
-            message = f"{who}: follows: {quote(target.text)} is this mass itself; name another"
-            part_names.collector.error("E304", message, target.place)
-    return replace(module, fields={**module.fields, "follows": by_parameter})
+        followed_target = part_names.target(
+            following_value.of, "mat", f"{module_label}: follows: {constant_name}", link_part
+        )
+        if followed_target is not None:
+            by_parameter[constant_name] = replace(following_value, of=followed_target)
+        if followed_target is not None and _is_itself(link_module, link_part, followed_target):
+            message = (
+                f"{module_label}: follows: {quote(followed_target.text)} is this mass itself; name "
+                "another"
+            )
+            part_names.collector.error("E304", message, followed_target.place)
+    return replace(link_module, fields={**link_module.fields, "follows": by_parameter})
 
 
 def _is_itself(module: Module, part: Part, target: Target) -> bool:

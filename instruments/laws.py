@@ -38,73 +38,77 @@ Locate = Callable[[str, int, int], Place]  # field, offset, length
 
 
 def resolved(
-    module: Module,
+    law_module: Module,
     laws: Mapping[str, LawText],
-    who: str,
+    module_label: str,
     locate: Locate,
     collector: Collector,
 ) -> Module:
     """The module with named laws replaced by their expressions; reports texts that are not laws."""
-    fields: dict[str, Any] = dict(module.fields)
+    law_fields: dict[str, Any] = dict(law_module.fields)
     constants: dict[str, float] = {}
-    for name in ("law", "damping"):
-        text = fields[name]
+    for field_name in ("law", "damping"):
+        law_text = law_fields[field_name]
         if (
-            text is None
-            or not NAME.fullmatch(text)
-            or text in ("d", "v")
-            or text in fields["constants"]
+            law_text is None
+            or not NAME.fullmatch(law_text)
+            or law_text in ("d", "v")
+            or law_text in law_fields["constants"]
         ):
             continue
-        named = laws.get(text)
+        named = laws.get(law_text)
         if named is None:
-            message = f"{who}: no law is called {quote(text)}"
-            place = locate(name, 0, len(text))
-            collector.error("E301", message, place, word=text, names=tuple(laws))
-            return module
+            message = f"{module_label}: no law is called {quote(law_text)}"
+            law_place = locate(field_name, 0, len(law_text))
+            collector.error("E301", message, law_place, word=law_text, names=tuple(laws))
+            return law_module
         constants |= named.constants
-        if name == "law":
-            fields["law"] = named.law
-            fields["damping"] = fields["damping"] or named.damping
+        if field_name == "law":
+            law_fields["law"] = named.law
+            law_fields["damping"] = law_fields["damping"] or named.damping
         else:
-            fields["damping"] = named.damping
-    written = fields["constants"]
-    follows = following.followings(module)
+            law_fields["damping"] = named.damping
+    written_constants = law_fields["constants"]
+    follows = following.followings(law_module)
     starts = {name: own.start for name, own in follows.items()}
-    fields["constants"] = {**constants, **written, **starts}
-    interval = fields.pop("interval", None)
-    used = set(_WORDS.findall(f"{fields['law'] or ''} {fields['damping'] or ''}")) - _KNOWN
-    fields_of_kind = [w for w in module.fields if w not in ("constants", "interval")]
-    for name in (*written, *follows):
-        if name not in used:
-            message = f"{who}: the law has no constant {quote(name)}"
-            names = (*fields_of_kind, *sorted(used))
-            place = module.places[name if name in written else "follows"]
-            collector.error("E101", message, place, word=name, names=names)
-            return module
-    if check(fields, who, locate, collector):
+    law_fields["constants"] = {**constants, **written_constants, **starts}
+    interval = law_fields.pop("interval", None)
+    used_words = (
+        set(_WORDS.findall(f"{law_fields['law'] or ''} {law_fields['damping'] or ''}")) - _KNOWN
+    )
+    fields_of_kind = [w for w in law_module.fields if w not in ("constants", "interval")]
+    for field_name in (*written_constants, *follows):
+        if field_name not in used_words:
+            message = f"{module_label}: the law has no constant {quote(field_name)}"
+            names = (*fields_of_kind, *sorted(used_words))
+            law_place = law_module.places[
+                field_name if field_name in written_constants else "follows"
+            ]
+            collector.error("E101", message, law_place, word=field_name, names=names)
+            return law_module
+    if check(law_fields, module_label, locate, collector):
         if interval is not None:
-            law(fields, interval)
-        return replace(module, fields=fields)
-    return module
+            law(law_fields, interval)
+        return replace(law_module, fields=law_fields)
+    return law_module
 
 
-def check(fields: Mapping[str, Any], who: str, locate: Locate, collector: Collector) -> bool:
+def check(law_fields: Mapping[str, Any], who: str, locate: Locate, collector: Collector) -> bool:
     """Whether the core compiles the law; reports the characters at fault if not."""
     compile_law = getattr(_core, "Law", None)
     if compile_law is None:  # a core built without laws checks them when it makes the network
         return True
     try:
         compile_law(
-            fields["law"],
-            fields["damping"],
-            fields["constants"],
-            fields["points"],
+            law_fields["law"],
+            law_fields["damping"],
+            law_fields["constants"],
+            law_fields["points"],
         )
     except ValueError as error:
         name = error.args[1] if len(error.args) > 1 else "law"
         offset, length = getattr(error, "offset", 0), getattr(error, "length", 1)
-        place = locate(name if fields[name] is not None else "law", offset, length)
+        place = locate(name if law_fields[name] is not None else "law", offset, length)
         collector.error("E207", f"{who}: {error.args[0]}", place)
         return False
     return True

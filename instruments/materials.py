@@ -98,22 +98,26 @@ MATERIALS: Mapping[str, Material] = {
 }
 
 
-def _material(values: Values) -> Any:
-    if any(name not in values.by_name for name in values.nodes):
+def _material(material_values: Values) -> Any:
+    if any(name not in material_values.by_name for name in material_values.nodes):
         return MISSING  # reported
-    like = values["like"]
-    parameters = {name: value for name, value in values.by_name.items() if name != "like"}
+    like = material_values["like"]
+    material_parameters = {
+        name: value for name, value in material_values.by_name.items() if name != "like"
+    }
     if like is not None:
-        if "young" in parameters:  # a material without a grain
-            parameters.setdefault("across", None)
-        return replace(MATERIALS[like], **parameters)
-    missing = [name for name in ("density", "young", "poisson", "loss") if name not in parameters]
+        if "young" in material_parameters:  # a material without a grain
+            material_parameters.setdefault("across", None)
+        return replace(MATERIALS[like], **material_parameters)
+    missing = [
+        name for name in ("density", "young", "poisson", "loss") if name not in material_parameters
+    ]
     if missing:
-        message = f"{values.context.label('material')} has no {', '.join(missing)}; write "
+        message = f"{material_values.context.label('material')} has no {', '.join(missing)}; write "
         message += "them, or name a material with `like`"
-        values.context.error("E103", message, values.node.place)
+        material_values.context.error("E103", message, material_values.node.place)
         return MISSING
-    return Material(**parameters, source="written")
+    return Material(**material_parameters, source="written")
 
 
 _MATERIAL_NAME = choice(*MATERIALS)

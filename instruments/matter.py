@@ -34,46 +34,49 @@ class _Refused(Exception):
         self.code, self.message, self.field = code, message, field
 
 
-def from_material(kind: str, values: Values, *, quietly: bool = False) -> Values | None:
+def from_material(body_kind: str, body_values: Values, *, quietly: bool = False) -> Values | None:
     """The fields of a body, with mass, pitch, stiffness and decay computed from its material.
 
     None if an error was reported, or if fields are missing and `quietly` is set.
     """
-    resolve = {"STRING": _string, "PLATE": _plate}.get(kind)
+    resolve = {"STRING": _string, "PLATE": _plate}.get(body_kind)
     if resolve is None:
-        return values
+        return body_values
     try:
-        if not values.written("material"):
-            _needs_material(kind, values)
-            return values
-        if any(name not in values.by_name for name in values.nodes):
+        if not body_values.written("material"):
+            _needs_material(body_kind, body_values)
+            return body_values
+        if any(name not in body_values.by_name for name in body_values.nodes):
             return None  # a field was refused already
-        resolved = resolve(values, values.by_name["material"])
+        resolved = resolve(body_values, body_values.by_name["material"])
     except _Refused as refused:
         if not quietly:
-            where = values.context.label(refused.field)
-            values.error(refused.code, f"{where}: {refused.message}", refused.field)
+            where = body_values.context.label(refused.field)
+            body_values.error(refused.code, f"{where}: {refused.message}", refused.field)
         return None
-    place = values.nodes["material"]
-    gone = (*MATTER, "masses") if kind == "PLATE" else MATTER
-    fields = {name: value for name, value in values.by_name.items() if name not in gone}
-    nodes = {name: node for name, node in values.nodes.items() if name not in gone}
+    place = body_values.nodes["material"]
+    gone = (*MATTER, "masses") if body_kind == "PLATE" else MATTER
+    fields = {name: value for name, value in body_values.by_name.items() if name not in gone}
+    nodes = {name: node for name, node in body_values.nodes.items() if name not in gone}
     resolved = {name: value for name, value in resolved.items() if value is not None}
     nodes |= {name: nodes.get(name, place) for name in resolved}
-    return replace(values, by_name={**fields, **resolved}, nodes=nodes)
+    return replace(body_values, by_name={**fields, **resolved}, nodes=nodes)
 
 
-def _needs_material(kind: str, values: Values) -> None:
+def _needs_material(kind: str, body_values: Values) -> None:
     needing = (*MATTER, "masses") if kind == "PLATE" else MATTER
-    for name in needing:
-        if values.written(name):
+    for field_name in needing:
+        if body_values.written(field_name):
             message = "a size in metres needs a material; write for instance `material: steel` too"
-            raise _Refused("E103", message, name)
-    for name, count in (("radius", "radius: 12, rings"), ("sides", "sides: [40, 25], masses")):
-        if _is_size(values.by_name.get(name)):
+            raise _Refused("E103", message, field_name)
+    for field_name, count in (
+        ("radius", "radius: 12, rings"),
+        ("sides", "sides: [40, 25], masses"),
+    ):
+        if _is_size(body_values.by_name.get(field_name)):
             message = "a size in metres needs a material; write for instance `material: bronze` "
             message += f"too, or {count}"
-            raise _Refused("E103", message, name)
+            raise _Refused("E103", message, field_name)
 
 
 def _is_size(value: Any) -> bool:
@@ -81,20 +84,20 @@ def _is_size(value: Any) -> bool:
     return any(isinstance(one, float) for one in (value if isinstance(value, tuple) else (value,)))
 
 
-def _open(values: Values, names: tuple[str, ...], what: str) -> str:
-    """The name in `names` that is not written, and follows from the others; refuses none or
+def _open(values: Values, field_names: tuple[str, ...], what: str) -> str:
+    """The name in `field_names` that is not written, and follows from the others; refuses none or
     several.
     """
-    missing = [name for name in names if name not in values.by_name]
-    words = f"{', '.join(names[:-1])} and {names[-1]}"
-    if not missing:
-        others = f"{', '.join(names[:-2])} and {names[-2]}"
-        message = f"{others} already determine it; remove one of {words}"
-        raise _Refused("E111", message, names[-1])
-    if len(missing) > 1:
-        need = f"{what} needs all but one of {words}; write {' or '.join(missing)} too"
+    missing_names = [name for name in field_names if name not in values.by_name]
+    names_text = f"{', '.join(field_names[:-1])} and {field_names[-1]}"
+    if not missing_names:
+        others = f"{', '.join(field_names[:-2])} and {field_names[-2]}"
+        message = f"{others} already determine it; remove one of {names_text}"
+        raise _Refused("E111", message, field_names[-1])
+    if len(missing_names) > 1:
+        need = f"{what} needs all but one of {names_text}; write {' or '.join(missing_names)} too"
         raise _Refused("E103", need)
-    return missing[0]
+    return missing_names[0]
 
 
 def _root(square: float) -> float:
@@ -114,57 +117,74 @@ def _pitch(f: float) -> float:
 # --- a round wire under tension -------------------------------------------------------------------
 
 
-def _string(values: Values, matter: Material) -> dict[str, Any]:
-    fields = dict(values.by_name)
-    stretch = 2.0 if values["ends"] == "left" else 1.0  # a quarter of a wave fits, not a half
-    if "M" in fields:
-        if "length" not in fields:
+def _string(string_values: Values, matter: Material) -> dict[str, Any]:
+    string_fields = dict(string_values.by_name)
+    stretch = (
+        2.0 if string_values["ends"] == "left" else 1.0
+    )  # a quarter of a wave fits, not a half
+    if "M" in string_fields:
+        if "length" not in string_fields:
             raise _Refused("E103", "a written mass needs the length too", "M")
-        share = _string_share(values["ends"], fields.get("masses", _STRING_MASSES[0]))
-        line = fields["M"] / (share * fields["length"])
-        fields.setdefault("diameter", sqrt(4.0 * line / (pi * matter.density)))
-        values = replace(values, by_name=fields)
-    unknown = _open(values, ("length", "diameter", "f", "tension"), "a STRING of a material")
-    plain = bool(values.written("stiffness"))
-    bent = 0.0 if plain else fields.get("inharmonicity")  # B, if it is written
-    length, diameter = fields.get("length", 0.0) * stretch, fields.get("diameter", 0.0)
-    line = matter.density * pi * diameter * diameter / 4.0  # [kg/m]
-    if "M" in fields:
-        line = fields["M"] / (share * fields["length"])
-    f, tension = fields.get("f", 0.0), fields.get("tension", 0.0)
+        mass_share = _string_share(
+            string_values["ends"], string_fields.get("masses", _STRING_MASSES[0])
+        )
+        line_density = string_fields["M"] / (mass_share * string_fields["length"])
+        string_fields.setdefault("diameter", sqrt(4.0 * line_density / (pi * matter.density)))
+        string_values = replace(string_values, by_name=string_fields)
+    unknown = _open(string_values, ("length", "diameter", "f", "tension"), "a STRING of a material")
+    plain = bool(string_values.written("stiffness"))
+    bent = 0.0 if plain else string_fields.get("inharmonicity")  # B, if it is written
+    string_length, diameter = (
+        string_fields.get("length", 0.0) * stretch,
+        string_fields.get("diameter", 0.0),
+    )
+    line_density = matter.density * pi * diameter * diameter / 4.0  # [kg/m]
+    if "M" in string_fields:
+        line_density = string_fields["M"] / (mass_share * string_fields["length"])
+    string_pitch, tension = string_fields.get("f", 0.0), string_fields.get("tension", 0.0)
     young = matter.young if bent is None else 0.0
     stiff = pi * pi * young * pi * diameter * diameter * diameter * diameter / 64.0  # π²·E·I
     more = 1.0 + (bent or 0.0)
     if unknown == "tension":
-        tension = 4.0 * length * length * line * f * f / more - stiff / (length * length)
+        tension = (
+            4.0 * string_length * string_length * line_density * string_pitch * string_pitch / more
+            - stiff / (string_length * string_length)
+        )
         _root(tension)
     elif unknown == "length":
-        rise = 4.0 * line * f * f / more
-        length = _root((tension + sqrt(tension * tension + 4.0 * rise * stiff)) / (2.0 * rise))
+        rise = 4.0 * line_density * string_pitch * string_pitch / more
+        string_length = _root(
+            (tension + sqrt(tension * tension + 4.0 * rise * stiff)) / (2.0 * rise)
+        )
     elif unknown == "diameter":
-        a = pi * pi * pi * young / (64.0 * length * length)
-        b = matter.density * pi * f * f * length * length / more
+        a = pi * pi * pi * young / (64.0 * string_length * string_length)
+        b = matter.density * pi * string_pitch * string_pitch * string_length * string_length / more
         square = b * b - 4.0 * a * tension
         diameter = sqrt(2.0 * tension / (b + _root(square)))
-        line = matter.density * pi * diameter * diameter / 4.0
+        line_density = matter.density * pi * diameter * diameter / 4.0
         stiff = pi * pi * pi * young * diameter * diameter * diameter * diameter / 64.0
-    inharmonicity = bent if bent is not None else stiff / (tension * length * length)
+    inharmonicity = bent if bent is not None else stiff / (tension * string_length * string_length)
     if inharmonicity > INHARMONICITY_MAX:
         message = f"the inharmonicity would be {inharmonicity:.3g}, above the maximum of "
         message += f"{INHARMONICITY_MAX:g}; take a thinner or longer wire, or more tension"
-        raise _Refused("E202", message, "diameter" if values.written("diameter") else "")
+        raise _Refused("E202", message, "diameter" if string_values.written("diameter") else "")
     if unknown == "f":
-        f = _pitch(sqrt(tension / line * (1.0 + inharmonicity)) / (2.0 * length))
+        string_pitch = _pitch(
+            sqrt(tension / line_density * (1.0 + inharmonicity)) / (2.0 * string_length)
+        )
     low, high = _STRING_MASSES
-    masses = fields.get("masses") or min(max(low, ceil(2.0 * AUDIBLE_TOP / f)), high)
-    mass = line * length / stretch * _string_share(values["ends"], masses)
-    resolved = {"masses": masses, "M": fields.get("M", mass), "f": f}
+    masses = string_fields.get("masses") or min(
+        max(low, ceil(2.0 * AUDIBLE_TOP / string_pitch)), high
+    )
+    mass = line_density * string_length / stretch * _string_share(string_values["ends"], masses)
+    resolved = {"masses": masses, "M": string_fields.get("M", mass), "f": string_pitch}
     if not plain:
         resolved["inharmonicity"] = inharmonicity
-    if "t60" not in fields:
+    if "t60" not in string_fields:
         curved = stiff / (pi * pi)
         resolved["t60"] = _decays(
-            f, lambda at: _string_loss(at, line, diameter, tension, curved, matter.loss)
+            string_pitch,
+            lambda at: _string_loss(at, line_density, diameter, tension, curved, matter.loss),
         )
     return resolved
 
@@ -175,78 +195,98 @@ def _string_share(ends: str, masses: int) -> float:
 
 
 def _string_loss(
-    f: float, line: float, diameter: float, tension: float, curved: float, loss: float
+    partial_frequency: float,
+    line_density: float,
+    diameter: float,
+    tension: float,
+    curved: float,
+    loss: float,
 ) -> float:
     """1/Q of a partial: losses to the air (Stokes) and in bending, after Valette and after
     Woodhouse.
     """
-    air = sqrt(pi * _AIR_VISCOSITY * _AIR_DENSITY * f)
+    air = sqrt(pi * _AIR_VISCOSITY * _AIR_DENSITY * partial_frequency)
     drag = 2.0 * pi * (_AIR_VISCOSITY + diameter * air)  # [N·s/m²]
-    wave = 2.0 * pi * f
-    return drag / (line * wave) + loss * curved * line * wave * wave / (tension * tension)
+    wave = 2.0 * pi * partial_frequency
+    return drag / (line_density * wave) + loss * curved * line_density * wave * wave / (
+        tension * tension
+    )
 
 
-def _decays(f: float, loss: Any) -> Any:
+def _decays(lowest_frequency: float, loss: Any) -> Any:
     """T60 at the lowest mode and at a higher frequency, with a ratio that dampers of a row or mesh
     can have.
     """
-    high = max(_HELD, 4.0 * f)
-    if loss(f) <= 0.0:
+    high_frequency = max(_HELD, 4.0 * lowest_frequency)
+    if loss(lowest_frequency) <= 0.0:
         return None
-    low_t60, high_t60 = (LN_1000 / (pi * at * loss(at)) for at in (f, high))
-    ratio = high / f
-    return (f, low_t60), (high, min(max(high_t60, low_t60 / (ratio * ratio)), low_t60))
+    low_t60, high_t60 = (
+        LN_1000 / (pi * at * loss(at)) for at in (lowest_frequency, high_frequency)
+    )
+    ratio = high_frequency / lowest_frequency
+    return (lowest_frequency, low_t60), (
+        high_frequency,
+        min(max(high_t60, low_t60 / (ratio * ratio)), low_t60),
+    )
 
 
 # --- plates and membranes -------------------------------------------------------------------------
 
 
-def _plate(values: Values, matter: Material) -> dict[str, Any]:
-    fields = dict(values.by_name)
-    is_disc = _is_size(fields.get("radius"))
-    _plate_form(values, "disc" if is_disc else "rectangle")
-    is_membrane = _is_membrane(values)
-    rim = "fixed" if is_membrane else values["rim"]
-    wide, high = (2.0 * fields["radius"],) * 2 if is_disc else fields["sides"]
-    area = pi * wide * high / 4.0 if is_disc else wide * high
-    if "M" in fields and "thickness" not in fields:
-        mesh, share = _mesh(is_disc, rim, wide, high, fields.get("masses", _MASSES[0]), is_membrane)
-        fields["thickness"] = fields["M"] / (share * area * matter.density)
-        values = replace(values, by_name=fields)
+def _plate(plate_values: Values, matter: Material) -> dict[str, Any]:
+    plate_fields = dict(plate_values.by_name)
+    is_disc = _is_size(plate_fields.get("radius"))
+    _plate_form(plate_values, "disc" if is_disc else "rectangle")
+    is_membrane = _is_membrane(plate_values)
+    rim = "fixed" if is_membrane else plate_values["rim"]
+    wide, plate_height = (2.0 * plate_fields["radius"],) * 2 if is_disc else plate_fields["sides"]
+    area = pi * wide * plate_height / 4.0 if is_disc else wide * plate_height
+    if "M" in plate_fields and "thickness" not in plate_fields:
+        mesh, mass_share = _mesh(
+            is_disc, rim, wide, plate_height, plate_fields.get("masses", _MASSES[0]), is_membrane
+        )
+        plate_fields["thickness"] = plate_fields["M"] / (mass_share * area * matter.density)
+        plate_values = replace(plate_values, by_name=plate_fields)
     names = ("thickness", "f", "tension") if is_membrane else ("thickness", "f")
-    unknown = _open(values, names, "a PLATE of a material and a size")
-    thickness, f, tension = (fields.get(name, 0.0) for name in ("thickness", "f", "tension"))
-    poisson = fields.get("bending") or matter.poisson
-    wave = 2.0 * pi * f
+    unknown = _open(plate_values, names, "a PLATE of a material and a size")
+    thickness, lowest_frequency, tension = (
+        plate_fields.get(name, 0.0) for name in ("thickness", "f", "tension")
+    )
+    poisson = plate_fields.get("bending") or matter.poisson
+    wave = 2.0 * pi * lowest_frequency
     if is_membrane:
-        shape = _DISC_MEMBRANE / fields["radius"] if is_disc else _held(wide, high)
+        shape_factor = (
+            _DISC_MEMBRANE / plate_fields["radius"] if is_disc else _held(wide, plate_height)
+        )
         if unknown == "tension":
-            tension = thickness * matter.density * (wave / shape) * (wave / shape)
+            tension = thickness * matter.density * (wave / shape_factor) * (wave / shape_factor)
         elif unknown == "thickness":
-            thickness = tension * (shape / wave) * (shape / wave) / matter.density
+            thickness = tension * (shape_factor / wave) * (shape_factor / wave) / matter.density
         speed = sqrt(tension / (thickness * matter.density))
-        f = f or _pitch(shape * speed / (2.0 * pi))
+        lowest_frequency = lowest_frequency or _pitch(shape_factor * speed / (2.0 * pi))
         # As many masses as put the highest mode of the lattice at AUDIBLE_TOP.
         need = 1.6 * pi * area * AUDIBLE_TOP * AUDIBLE_TOP / (speed * speed)
     else:
         young = matter.young if matter.across is None else sqrt(matter.young * matter.across)
-        shape = (
-            _disc(rim, poisson, fields["radius"])
+        shape_factor = (
+            _disc(rim, poisson, plate_fields["radius"])
             if is_disc
-            else _rectangle(rim, poisson, wide, high)
+            else _rectangle(rim, poisson, wide, plate_height)
         )
         flexural_speed = sqrt(young / (12.0 * matter.density * (1.0 - poisson * poisson)))  # [m/s]
-        thickness = thickness or wave / (shape * flexural_speed)
-        f = f or _pitch(shape * flexural_speed * thickness / (2.0 * pi))
+        thickness = thickness or wave / (shape_factor * flexural_speed)
+        lowest_frequency = lowest_frequency or _pitch(
+            shape_factor * flexural_speed * thickness / (2.0 * pi)
+        )
         need = (1.9 if rim == "free" else 1.2) * area * AUDIBLE_TOP / (flexural_speed * thickness)
-    masses = fields.get("masses") or min(max(_MASSES[0], ceil(need)), _MASSES[1])
-    mesh, share = _mesh(is_disc, rim, wide, high, masses, is_membrane)
-    mass = thickness * matter.density * area * share
-    resolved = {**mesh, "rim": rim, "M": fields.get("M", mass), "f": f}
+    masses = plate_fields.get("masses") or min(max(_MASSES[0], ceil(need)), _MASSES[1])
+    mesh, mass_share = _mesh(is_disc, rim, wide, plate_height, masses, is_membrane)
+    mass = thickness * matter.density * area * mass_share
+    resolved = {**mesh, "rim": rim, "M": plate_fields.get("M", mass), "f": lowest_frequency}
     if not is_membrane:
         resolved["bending"] = poisson
-    if "t60" not in fields:
-        resolved["t60"] = _decays(f, lambda _: matter.loss)
+    if "t60" not in plate_fields:
+        resolved["t60"] = _decays(lowest_frequency, lambda _: matter.loss)
     return resolved
 
 
@@ -255,55 +295,59 @@ def _is_membrane(values: Values) -> bool:
     return "tension" in values.by_name or values.by_name.get("bending", True) is None
 
 
-def _plate_form(values: Values, shape: str) -> None:
+def _plate_form(plate_values: Values, plate_shape: str) -> None:
     """Refuse fields that contradict each other."""
-    fields = values.by_name
-    if values.written("radius") and values.written("sides"):
+    plate_fields = plate_values.by_name
+    if plate_values.written("radius") and plate_values.written("sides"):
         raise _Refused("E111", "`radius` is written too; keep one of the two", "sides")
-    if not _is_size(fields.get("radius" if shape == "disc" else "sides")):
+    if not _is_size(plate_fields.get("radius" if plate_shape == "disc" else "sides")):
         message = "a PLATE of a material needs its size: radius: 30cm, or sides: [40cm, 25cm]"
         raise _Refused("E103", message)
-    if fields.get("shape", shape) != shape:
-        message = f"a PLATE of a material with this size is a {shape}; remove the shape"
+    if plate_fields.get("shape", plate_shape) != plate_shape:
+        message = f"a PLATE of a material with this size is a {plate_shape}; remove the shape"
         raise _Refused("E111", message, "shape")
-    if not _is_membrane(values):
+    if not _is_membrane(plate_values):
         return
-    if fields.get("bending") is not None:
+    if plate_fields.get("bending") is not None:
         message = "a membrane under tension does not bend; remove one of tension and bending"
         raise _Refused("E111", message, "bending")
-    if fields.get("rim") == "free":
+    if plate_fields.get("rim") == "free":
         message = "a membrane under tension is held at its rim; write `rim: fixed`"
         raise _Refused("E111", message, "rim")
 
 
 def _mesh(
-    is_disc: bool, rim: str, wide: float, high: float, masses: int, is_membrane: bool
+    is_disc: bool, rim: str, wide: float, plate_height: float, masses: int, is_membrane: bool
 ) -> tuple[dict[str, Any], float]:
     """The fields of a mesh of about `masses` masses, and the share of the material's mass in
     them.
     """
     if is_disc:
-        rings, rings_max = _RINGS
-        while 3 * rings * (rings + 1) + 1 < masses and rings < rings_max:
-            rings += 1
-        inner = (rings - 0.5) / rings
-        share = inner * inner if rim == "fixed" else 1.0
-        return {"shape": "disc", "radius": rings}, share
+        ring_count, rings_max = _RINGS
+        while 3 * ring_count * (ring_count + 1) + 1 < masses and ring_count < rings_max:
+            ring_count += 1
+        inner = (ring_count - 0.5) / ring_count
+        mass_share = inner * inner if rim == "fixed" else 1.0
+        return {"shape": "disc", "radius": ring_count}, mass_share
     # The number of gaps between masses, including those to a fixed rim.
     more = 1 if rim == "fixed" else -1
     low, rings_max = _SIDES[0] + more, (_SIDES[1] if not is_membrane else 4 * _SIDES[1]) + more
-    short, long = min(wide, high), max(wide, high)
-    ratio = long / short
-    first = max(low, round(sqrt(masses / ratio)) + more)
-    gaps = [n for n in range(first, first + 4) if n * ratio <= rings_max]
+    short, long = min(wide, plate_height), max(wide, plate_height)
+    side_ratio = long / short
+    first = max(low, round(sqrt(masses / side_ratio)) + more)
+    gaps = [n for n in range(first, first + 4) if n * side_ratio <= rings_max]
     if not gaps:
-        message = f"its sides are {ratio:.3g} to 1, more than a mesh of at most {rings_max - more} "
+        message = (
+            f"its sides are {side_ratio:.3g} to 1, more than a mesh of at most {rings_max - more} "
+        )
         raise _Refused("E202", message + "masses a side can have; make it squarer", "sides")
-    best = min(gaps, key=lambda n: abs(round(n * ratio) / (n * ratio) - 1.0))
-    counts = best - more, round(best * ratio) - more
-    sides = counts if wide < high else counts[::-1]
-    share = counts[0] * counts[1] / (best * round(best * ratio)) if rim == "fixed" else 1.0
-    return {"shape": "rectangle", "sides": sides}, share
+    best = min(gaps, key=lambda n: abs(round(n * side_ratio) / (n * side_ratio) - 1.0))
+    counts = best - more, round(best * side_ratio) - more
+    sides = counts if wide < plate_height else counts[::-1]
+    mass_share = (
+        counts[0] * counts[1] / (best * round(best * side_ratio)) if rim == "fixed" else 1.0
+    )
+    return {"shape": "rectangle", "sides": sides}, mass_share
 
 
 # ω·√(ρ·h/D) [1/m²] of the lowest mode of a plate, and ω/c [1/m] of a membrane's. Polynomials in
@@ -344,19 +388,19 @@ def _held(wide: float, high: float) -> float:
     return pi * sqrt(1.0 / (wide * wide) + 1.0 / (high * high))
 
 
-def _rectangle(rim: str, poisson: float, wide: float, high: float) -> float:
+def _rectangle(rim: str, poisson: float, wide: float, plate_height: float) -> float:
     """ω·√(ρ·h/D) of a rectangle [1/m²]; with a free rim its lowest mode bends along its length, or
     twists.
     """
     if rim == "fixed":
-        wave = _held(wide, high)
+        wave = _held(wide, plate_height)
         return wave * wave
-    long, q = max(wide, high), min(wide, high) / max(wide, high)
+    long, side_ratio = max(wide, plate_height), min(wide, plate_height) / max(wide, plate_height)
     bent, twisted = (
-        _polynomial(tuple(_polynomial(row, poisson) for row in table), q)
+        _polynomial(tuple(_polynomial(row, poisson) for row in table), side_ratio)
         for table in (_BENT, _TWISTED)
     )
     bent *= sqrt(1.0 - poisson * poisson)
-    twisted *= sqrt(1.0 - poisson) / q
-    lowest = twisted if q > 0.8 else bent if q < 0.45 else min(bent, twisted)
+    twisted *= sqrt(1.0 - poisson) / side_ratio
+    lowest = twisted if side_ratio > 0.8 else bent if side_ratio < 0.45 else min(bent, twisted)
     return lowest / (long * long)

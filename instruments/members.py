@@ -11,27 +11,31 @@ PATTERN = r"(?:[0-9]{1,9}(?:\.\.(?:[0-9]{1,9}|last))?|all|last|centre)"
 _MEMBERS = re.compile(PATTERN)
 
 
-def members(text: str, count: int, called: str) -> tuple[int | Literal["centre"], int]:
-    """The first member that `text` names, and their number; `called` has `count` members.
+def members(
+    members_text: str, member_count: int, called: str
+) -> tuple[int | Literal["centre"], int]:
+    """The first member that `members_text` names, and their number; `called` has `member_count`
+    members.
 
     Raises TextError.
     """
-    words: dict[str, tuple[int | Literal["centre"], int]] = {
-        "all": (0, count),
-        "last": (count - 1, 1),
+    member_words: dict[str, tuple[int | Literal["centre"], int]] = {
+        "all": (0, member_count),
+        "last": (member_count - 1, 1),
         "centre": ("centre", 1),
     }
-    if text in words:
-        return words[text]
-    if not _MEMBERS.fullmatch(text):
+    if members_text in member_words:
+        return member_words[members_text]
+    if not _MEMBERS.fullmatch(members_text):
         raise TextError(
-            f"{quote(text)} is not a choice of members; write 3, 3..8, 3..last, all, last or centre"
+            f"{quote(members_text)} is not a choice of members; write 3, 3..8, 3..last, all, last "
+            "or centre"
         )
-    low, _, high = text.partition("..")
-    first = int(low)
-    last = count - 1 if high == "last" else int(high or low)
-    if max(first, last) >= count:
-        raise TextError(f"{called} has members 0 to {count - 1:,}")
-    if last < first:
-        raise TextError(f"{text} runs downwards; write the lower number first")
-    return first, last - first + 1
+    low, _, high = members_text.partition("..")
+    first_member = int(low)
+    last_member = member_count - 1 if high == "last" else int(high or low)
+    if max(first_member, last_member) >= member_count:
+        raise TextError(f"{called} has members 0 to {member_count - 1:,}")
+    if last_member < first_member:
+        raise TextError(f"{members_text} runs downwards; write the lower number first")
+    return first_member, last_member - first_member + 1

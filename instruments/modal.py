@@ -47,58 +47,68 @@ BANK_DECAYS = _each(k.DURATION, k.DURATIONS)
 BANK_GAINS = _each(k.GAIN, None)
 
 
-def listed(values: Values) -> Values | None:
+def listed(bank_values: Values) -> Values | None:
     """The fields of a BANK whose modes are listed, with its count; None if an error was
     reported.
     """
-    fields, nodes = dict(values.by_name), dict(values.nodes)
-    if any(name not in fields for name in ("f", "t60", "gain") if name in nodes):
+    bank_fields, bank_nodes = dict(bank_values.by_name), dict(bank_values.nodes)
+    if any(name not in bank_fields for name in ("f", "t60", "gain") if name in bank_nodes):
         return None  # refused already
-    f, t60, gain = (fields.get(name) for name in ("f", "t60", "gain"))
-    if not isinstance(f, Each):
-        for name, value in (("t60", t60), ("gain", gain)):
-            if isinstance(value, Each):
-                message = f"{values.context.label(name)}: a list of values needs a list of "
-                values.error("E103", message + "frequencies, such as f: [200Hz, 453Hz]", name)
+    mode_frequencies, t60, mode_gains = (bank_fields.get(name) for name in ("f", "t60", "gain"))
+    if not isinstance(mode_frequencies, Each):
+        for field_name, field_value in (("t60", t60), ("gain", mode_gains)):
+            if isinstance(field_value, Each):
+                message = (
+                    f"{bank_values.context.label(field_name)}: a list of values needs a list of "
+                )
+                bank_values.error(
+                    "E103", message + "frequencies, such as f: [200Hz, 453Hz]", field_name
+                )
                 return None
-        return values
-    if wrong := values.written("count", "spread"):
-        message = f"{values.context.label(wrong[0])}: its modes are listed one by one; remove it"
-        values.error("E111", message, wrong[0])
+        return bank_values
+    if wrong := bank_values.written("count", "spread"):
+        message = (
+            f"{bank_values.context.label(wrong[0])}: its modes are listed one by one; remove it"
+        )
+        bank_values.error("E111", message, wrong[0])
         return None
     if isinstance(t60, tuple) and not isinstance(t60, Each) and t60[0] == t60[1]:
-        t60 = Each(t60[:1] * len(f))
-    gain = Each((1.0,) * len(f)) if gain is None else gain
-    for name, value in (("t60", t60), ("gain", gain)):
-        if name == "gain" and any(one <= 0.0 for one in gain):
+        t60 = Each(t60[:1] * len(mode_frequencies))
+    mode_gains = Each((1.0,) * len(mode_frequencies)) if mode_gains is None else mode_gains
+    for field_name, field_value in (("t60", t60), ("gain", mode_gains)):
+        if field_name == "gain" and any(one <= 0.0 for one in mode_gains):
             message = (
-                f"{values.context.label(name)}: a mode of gain 0 does not move; remove the mode"
+                f"{bank_values.context.label(field_name)}: a mode of gain 0 does not move; remove "
+                "the mode"
             )
-            values.error("E202", message, name)
+            bank_values.error("E202", message, field_name)
             return None
-        if value is not None and (not isinstance(value, Each) or len(value) != len(f)):
+        if field_value is not None and (
+            not isinstance(field_value, Each) or len(field_value) != len(mode_frequencies)
+        ):
             message = (
-                f"{values.context.label(name)}: there are {len(f)} frequencies; write as many "
+                f"{bank_values.context.label(field_name)}: there are {len(mode_frequencies)} "
+                "frequencies; write as many "
             )
-            if not isinstance(value, Each):
+            if not isinstance(field_value, Each):
                 message += "values, as a list"
             else:
-                message += f"values, not {len(value)}"
-            values.error("E106", message, name)
+                message += f"values, not {len(field_value)}"
+            bank_values.error("E106", message, field_name)
             return None
-    fields |= {"count": len(f), "gain": gain}
+    bank_fields |= {"count": len(mode_frequencies), "gain": mode_gains}
     if t60 is not None:
-        fields["t60"] = t60
-    place = nodes.get("modes", nodes["f"])
-    nodes |= {"count": place, "gain": nodes.get("gain", place)}
-    return replace(values, by_name=fields, nodes=nodes)
+        bank_fields["t60"] = t60
+    place = bank_nodes.get("modes", bank_nodes["f"])
+    bank_nodes |= {"count": place, "gain": bank_nodes.get("gain", place)}
+    return replace(bank_values, by_name=bank_fields, nodes=bank_nodes)
 
 
 # --- files ----------------------------------------------------------------------------------------
 
 
 def from_file(
-    values: Values,
+    bank_values: Values,
     read: Callable[[str, Place], Document | None],
     moved: Callable[[str, Any, Any], Any],
     collector: Collector,
@@ -106,27 +116,30 @@ def from_file(
     """The fields of a BANK or MODES with the modes of the file that it names, moved by an
     `interval` if there is one.
     """
-    name = values.by_name.get("modes")
-    if name is None:
-        return values
-    conflicting = values.written("f", "t60", "gain", "count", "spread", "places")
+    file_name = bank_values.by_name.get("modes")
+    if file_name is None:
+        return bank_values
+    conflicting = bank_values.written("f", "t60", "gain", "count", "spread", "places")
     if conflicting:
         message = (
-            f"{values.context.label(conflicting[0])}: `modes` is written too; keep one of the two"
+            f"{bank_values.context.label(conflicting[0])}: `modes` is written too; keep one of the "
+            "two"
         )
-        values.error("E111", message, conflicting[0])
-        return _without(values)
-    table = read(name, values.place_of("modes"))
-    columns = None if table is None else _columns(table, values, collector)
-    if columns is None:
-        return _without(values)
-    fields = {field: value for field, value in values.by_name.items() if field != "modes"}
-    nodes, node = dict(values.nodes), values.nodes["modes"]
-    for field, column in columns.items():
-        fields[field] = moved(field, column, fields["interval"]) if "interval" in fields else column
-        nodes[field] = node
-    fields.pop("interval", None)
-    return replace(values, by_name=fields, nodes=nodes)
+        bank_values.error("E111", message, conflicting[0])
+        return _without(bank_values)
+    table = read(file_name, bank_values.place_of("modes"))
+    file_columns = None if table is None else _columns(table, bank_values, collector)
+    if file_columns is None:
+        return _without(bank_values)
+    bank_fields = {field: value for field, value in bank_values.by_name.items() if field != "modes"}
+    bank_nodes, node = dict(bank_values.nodes), bank_values.nodes["modes"]
+    for field, column in file_columns.items():
+        bank_fields[field] = (
+            moved(field, column, bank_fields["interval"]) if "interval" in bank_fields else column
+        )
+        bank_nodes[field] = node
+    bank_fields.pop("interval", None)
+    return replace(bank_values, by_name=bank_fields, nodes=bank_nodes)
 
 
 def _without(values: Values) -> Values:
@@ -135,42 +148,44 @@ def _without(values: Values) -> Values:
     return replace(values, by_name=fields, nodes={**values.nodes, "f": values.nodes["modes"]})
 
 
-def _columns(table: Document, values: Values, collector: Collector) -> dict[str, Any] | None:
+def _columns(
+    table_document: Document, bank_values: Values, collector: Collector
+) -> dict[str, Any] | None:
     """Fields from the columns of a table: f [Hz], t60 [s], and gain or places; None if errors were
     reported.
     """
-    who, asked = values.context.label("modes"), values.place_of("modes")
-    is_bank = "gain" in values.record.by_name
+    bank_label, asked = bank_values.context.label("modes"), bank_values.place_of("modes")
+    is_bank = "gain" in bank_values.record.by_name
     format = _BANK_ROW if is_bank else _places_row([DEFAULT_PLACE])
-    rows: list[tuple[float, ...]] = []
+    mode_rows: list[tuple[float, ...]] = []
     is_whole = True
-    for number, line in enumerate(table.text.splitlines(), 1):
-        if not line.strip() or line.lstrip().startswith("#"):
+    for number, table_line in enumerate(table_document.text.splitlines(), 1):
+        if not table_line.strip() or table_line.lstrip().startswith("#"):
             continue
-        place = Place(table.file, number, 1)
-        if not rows and is_whole and _is_heading(line):
-            names = [cell.strip() for cell in line.split(",")][2:]
-            if is_bank or not names:
+        line_place = Place(table_document.file, number, 1)
+        if not mode_rows and is_whole and _is_heading(table_line):
+            place_names = [cell.strip() for cell in table_line.split(",")][2:]
+            if is_bank or not place_names:
                 continue
-            if (wrong := _wrong_name(names)) is not None:
-                collector.error("E110", f"{who}: {wrong}", place)
+            if (wrong := _wrong_name(place_names)) is not None:
+                collector.error("E110", f"{bank_label}: {wrong}", line_place)
                 return None
-            format = _places_row(names)
+            format = _places_row(place_names)
             continue
-        row = _row(line, place, who, format, collector)
+        row = _row(table_line, line_place, bank_label, format, collector)
         is_whole &= row is not None
         if row is not None:
-            rows.append(row)
-        if len(rows) > MAX_MODES:
-            message = f"{who}: the file has more than {MAX_MODES:,} modes"
+            mode_rows.append(row)
+        if len(mode_rows) > MAX_MODES:
+            message = f"{bank_label}: the file has more than {MAX_MODES:,} modes"
             collector.error("E105", message, asked)
             return None
-    if not rows and is_whole:
-        message = f"{who}: the file has no modes; write lines such as {format.example}"
+    if not mode_rows and is_whole:
+        message = f"{bank_label}: the file has no modes; write lines such as {format.example}"
         collector.error("E106", message, asked)
-    if not rows or not is_whole:
+    if not mode_rows or not is_whole:
         return None
-    f, t60, *others = (Each(column) for column in zip(*rows, strict=True))
+    f, t60, *others = (Each(column) for column in zip(*mode_rows, strict=True))
     if is_bank:
         return {"f": f, "t60": t60, "gain": others[0]}
     return {"f": f, "t60": t60, "places": dict(zip(format.places, others, strict=True))}
@@ -214,42 +229,46 @@ def _is_heading(line: str) -> bool:
 
 
 def _row(
-    line: str, place: Place, who: str, format: _Row, collector: Collector
+    table_line: str, line_place: Place, bank_label: str, format: _Row, collector: Collector
 ) -> tuple[float, ...] | None:
     """The values of a line; None if errors were reported, each at its cell."""
-    cells = line.split(",")
-    if not format.fits(len(cells)) or len(line) > _MAX_LINE:
-        message = f"{who}: a line is {format.words}"
-        collector.error("E106", message, replace(place, length=max(1, min(len(line), 80))))
+    line_cells = table_line.split(",")
+    if not format.fits(len(line_cells)) or len(table_line) > _MAX_LINE:
+        message = f"{bank_label}: a line is {format.words}"
+        collector.error(
+            "E106", message, replace(line_place, length=max(1, min(len(table_line), 80)))
+        )
         return None
-    row_values, column = [], 1
-    for cell, read in zip(cells, format.reads, strict=False):
-        word = cell.strip()
-        begin = column + len(cell) - len(cell.lstrip())
+    row_values, cell_column = [], 1
+    for cell_text, read in zip(line_cells, format.reads, strict=False):
+        word = cell_text.strip()
+        begin = cell_column + len(cell_text) - len(cell_text.lstrip())
         try:
             row_values.append(_value(word, read))
         except TextError as error:
-            error_place = replace(place, column=begin + error.offset, length=max(1, error.length))
-            message = f"{who}: {error.message}"
+            error_place = replace(
+                line_place, column=begin + error.offset, length=max(1, error.length)
+            )
+            message = f"{bank_label}: {error.message}"
             collector.error(error.code, message, error_place, suggestion=error.suggestion)
-        column += len(cell) + 1
-    if len(row_values) < len(cells):
+        cell_column += len(cell_text) + 1
+    if len(row_values) < len(line_cells):
         return None
     return (*row_values, 1.0)[: len(format.reads)]
 
 
-def _value(word: str, read: Text) -> float:
+def _value(cell_text: str, cell_reader: Text) -> float:
     """The value of a cell; a decay without a unit is in seconds, as other programs write it."""
-    if read is k.DURATION and word.replace(".", "", 1).isdigit():
-        word += "s"
-    value = float(read.parse(word))
-    if read is k.GAIN and value <= 0.0:
+    if cell_reader is k.DURATION and cell_text.replace(".", "", 1).isdigit():
+        cell_text += "s"
+    cell_value = float(cell_reader.parse(cell_text))
+    if cell_reader is k.GAIN and cell_value <= 0.0:
         raise TextError(
-            f"{quote(word)}: a mode of gain 0 does not move; remove the line",
-            length=len(word),
+            f"{quote(cell_text)}: a mode of gain 0 does not move; remove the line",
+            length=len(cell_text),
             code="E202",
         )
-    return value
+    return cell_value
 
 
 # --- MODES ----------------------------------------------------------------------------------------
@@ -274,68 +293,78 @@ PLACES = NamesOf(ListOf(LEVEL, 1, _core.MAX_MODAL, single=True), "place")
 BAND = band(LEVEL)
 
 
-def _wrong_name(names: Sequence[str]) -> str | None:
+def _wrong_name(place_names: Sequence[str]) -> str | None:
     """Why names cannot be those of places; None if they can."""
-    for name in names:
-        if not NAME.fullmatch(name) or name in ("all", "last", "centre"):
-            message = f"{quote(name)} is not a name for a place: a name has letters, digits, '-' "
+    for place_name in place_names:
+        if not NAME.fullmatch(place_name) or place_name in ("all", "last", "centre"):
+            message = (
+                f"{quote(place_name)} is not a name for a place: a name has letters, digits, '-' "
+            )
             return message + "and '_', begins with a letter, and is not all, last or centre"
-        if names.count(name) > 1:
-            return f"two places are called {quote(name)}; rename one of them"
-    if len(names) > _core.MAX_PLACES:
-        return f"there are {len(names)} places; the most is {_core.MAX_PLACES}"
+        if place_names.count(place_name) > 1:
+            return f"two places are called {quote(place_name)}; rename one of them"
+    if len(place_names) > _core.MAX_PLACES:
+        return f"there are {len(place_names)} places; the most is {_core.MAX_PLACES}"
     return None
 
 
-def placed(values: Values) -> Values | None:
+def placed(modes_values: Values) -> Values | None:
     """The fields of MODES, with a decay for each mode and the level of each mode at each place.
 
     None if an error was reported.
     """
-    fields, nodes = dict(values.by_name), dict(values.nodes)
-    if any(name not in fields for name in ("f", "t60", "places", "band") if name in nodes):
+    modes_fields, modes_nodes = dict(modes_values.by_name), dict(modes_values.nodes)
+    if any(
+        name not in modes_fields for name in ("f", "t60", "places", "band") if name in modes_nodes
+    ):
         return None  # refused already
-    f, t60, places = fields.get("f"), fields.get("t60"), fields.get("places")
-    if f is None:
-        return values
+    mode_frequencies, t60, mode_places = (
+        modes_fields.get("f"),
+        modes_fields.get("t60"),
+        modes_fields.get("places"),
+    )
+    if mode_frequencies is None:
+        return modes_values
     if t60 is not None and len(t60) == 1:
-        fields["t60"] = t60 = Each(t60 * len(f))
-    if places is None:
-        fields["places"] = places = {DEFAULT_PLACE: (1.0,) * len(f)}
-        nodes["places"] = nodes["f"]
-    names = list(places)
-    if (wrong := _wrong_name(names)) is not None or not names:
+        modes_fields["t60"] = t60 = Each(t60 * len(mode_frequencies))
+    if mode_places is None:
+        modes_fields["places"] = mode_places = {DEFAULT_PLACE: (1.0,) * len(mode_frequencies)}
+        modes_nodes["places"] = modes_nodes["f"]
+    place_names = list(mode_places)
+    if (wrong := _wrong_name(place_names)) is not None or not place_names:
         wrong = wrong or "name a place at least, such as rim: [1, 0.5]"
-        values.error("E110", f"{values.context.label('places')}: {wrong}", "places")
+        modes_values.error("E110", f"{modes_values.context.label('places')}: {wrong}", "places")
         return None
-    lists = {"t60": t60, **{f"place {quote(name)}": levels for name, levels in places.items()}}
-    for name, levels in lists.items():
-        field = name if name == "t60" else "places"
-        if levels is MISSING:
+    lists = {"t60": t60, **{f"place {quote(name)}": levels for name, levels in mode_places.items()}}
+    for list_name, mode_levels in lists.items():
+        field_name = list_name if list_name == "t60" else "places"
+        if mode_levels is MISSING:
             return None
-        if levels is not None and len(levels) != len(f):
+        if mode_levels is not None and len(mode_levels) != len(mode_frequencies):
             message = (
-                f"{values.context.label(name)}: there are {len(f)} frequencies; write as many "
+                f"{modes_values.context.label(list_name)}: there are {len(mode_frequencies)} "
+                "frequencies; write as many "
             )
-            values.error("E106", message + f"values, not {len(levels)}", field)
+            modes_values.error("E106", message + f"values, not {len(mode_levels)}", field_name)
             return None
-        if field == "places" and not any(levels):
+        if field_name == "places" and not any(mode_levels):
             message = (
-                f"{values.context.label(name)}: all levels are 0, so that nothing moves there; "
+                f"{modes_values.context.label(list_name)}: all levels are 0, so that nothing moves "
+                "there; "
             )
-            values.error("E202", message + "remove the place", field)
+            modes_values.error("E202", message + "remove the place", field_name)
             return None
-    if isinstance(drawn := fields.pop("band", None), Band):
-        if (mistake := _wrong_band(drawn, names, len(f))) is not None:
-            values.error("E110", f"{values.context.label('band')}: {mistake}", "band")
+    if isinstance(drawn := modes_fields.pop("band", None), Band):
+        if (mistake := _wrong_band(drawn, place_names, len(mode_frequencies))) is not None:
+            modes_values.error("E110", f"{modes_values.context.label('band')}: {mistake}", "band")
             return None
-        pitches, decays, levels = drawn.drawn(names)
-        fields["f"] = Each((*f, *pitches))
+        pitches, decays, mode_levels = drawn.drawn(place_names)
+        modes_fields["f"] = Each((*mode_frequencies, *pitches))
         if t60 is not None:
-            fields["t60"] = Each((*t60, *decays))
-        places = {name: (*places[name], *levels[name]) for name in names}
-    fields["places"] = tuple(places.items())
-    return replace(values, by_name=fields, nodes=nodes)
+            modes_fields["t60"] = Each((*t60, *decays))
+        mode_places = {name: (*mode_places[name], *mode_levels[name]) for name in place_names}
+    modes_fields["places"] = tuple(mode_places.items())
+    return replace(modes_values, by_name=modes_fields, nodes=modes_nodes)
 
 
 def _wrong_band(drawn: Band, names: Sequence[str], listed_modes: int) -> str | None:
@@ -350,36 +379,44 @@ def _wrong_band(drawn: Band, names: Sequence[str], listed_modes: int) -> str | N
 
 
 def retuned_modes(
-    body: Values, member: Values, tune: Callable[[tuple[float, ...], float], Any]
+    body_values: Values, member_values: Values, tune: Callable[[tuple[float, ...], float], Any]
 ) -> Values:
     """MODES with its lowest pitch, its decay and its mass set to those of the instrument's own
     fields.
 
     `tune` moves the other modes by the same interval; their decays keep their ratios.
     """
-    fields, nodes = dict(body.by_name), dict(body.nodes)
-    f = fields.get("f")
-    for name in member.written("f", "t60", "M"):
-        value = member.by_name.get(name)
-        if value is None or not f:
+    body_fields, body_nodes = dict(body_values.by_name), dict(body_values.nodes)
+    mode_frequencies = body_fields.get("f")
+    for field_name in member_values.written("f", "t60", "M"):
+        member_value = member_values.by_name.get(field_name)
+        if member_value is None or not mode_frequencies:
             continue
-        if name != "M" and value[0] != value[1]:
-            member.error("E202", f"{member.context.label(name)}: only a BANK has a range", name)
+        if field_name != "M" and member_value[0] != member_value[1]:
+            member_values.error(
+                "E202",
+                f"{member_values.context.label(field_name)}: only a BANK has a range",
+                field_name,
+            )
             continue
-        if name == "f":
-            fields["f"] = Each(tune(f, value[0]))
-            if isinstance(drawn := fields.get("band"), Band):
-                ends = tune((min(f), *drawn.f), value[0])[1:]
-                fields["band"] = replace(drawn, f=tuple(ends))
-        elif name == "M":
-            fields["M"] = value
-        elif t60 := fields.get("t60"):
-            lowest = t60[min(range(len(f)), key=f.__getitem__)] if len(t60) == len(f) else t60[0]
-            fields["t60"] = Each(value[0] * (one / lowest) for one in t60)
-            if isinstance(drawn := fields.get("band"), Band):
-                low, high = (value[0] * (one / lowest) for one in drawn.t60)
-                fields["band"] = replace(drawn, t60=(low, high))
+        if field_name == "f":
+            body_fields["f"] = Each(tune(mode_frequencies, member_value[0]))
+            if isinstance(drawn := body_fields.get("band"), Band):
+                ends = tune((min(mode_frequencies), *drawn.f), member_value[0])[1:]
+                body_fields["band"] = replace(drawn, f=tuple(ends))
+        elif field_name == "M":
+            body_fields["M"] = member_value
+        elif t60 := body_fields.get("t60"):
+            lowest = (
+                t60[min(range(len(mode_frequencies)), key=mode_frequencies.__getitem__)]
+                if len(t60) == len(mode_frequencies)
+                else t60[0]
+            )
+            body_fields["t60"] = Each(member_value[0] * (one / lowest) for one in t60)
+            if isinstance(drawn := body_fields.get("band"), Band):
+                low, high = (member_value[0] * (one / lowest) for one in drawn.t60)
+                body_fields["band"] = replace(drawn, t60=(low, high))
         else:
-            fields["t60"] = Each(value[:1])
-        nodes[name] = member.nodes[name]
-    return replace(body, by_name=fields, nodes=nodes)
+            body_fields["t60"] = Each(member_value[:1])
+        body_nodes[field_name] = member_values.nodes[field_name]
+    return replace(body_values, by_name=body_fields, nodes=body_nodes)

@@ -42,18 +42,22 @@ class Band:
         that places hardly move together at the first instant, as on a body that is large.
         """
         chance = random.Random(self.seed)  # what is drawn is music: no secret
-        f, t60 = [], []
-        levels: dict[str, list[float]] = {name: [] for name in names}
+        drawn_frequencies, t60 = [], []
+        levels_by_place: dict[str, list[float]] = {name: [] for name in names}
         for i in range(self.count):
             height = (i + chance.random()) / self.count
-            f.append(_between(self.f, height))
+            drawn_frequencies.append(_between(self.f, height))
             scatter = _core.pow(2.0, _SCATTER * (2.0 * chance.random() - 1.0))
             t60.append(_rounded(_between(self.t60, 1.0 - height) * scatter))
             for number, name in enumerate(names):
                 share = _WEAKEST + (1.0 - _WEAKEST) * chance.random()
                 sign = -1.0 if number and (i >> (number - 1)) % 2 else 1.0
-                levels[name].append(_rounded(self.levels.get(name, 0.0) * share * sign))
-        return tuple(f), tuple(t60), {name: tuple(column) for name, column in levels.items()}
+                levels_by_place[name].append(_rounded(self.levels.get(name, 0.0) * share * sign))
+        return (
+            tuple(drawn_frequencies),
+            tuple(t60),
+            {name: tuple(column) for name, column in levels_by_place.items()},
+        )
 
 
 def _between(ends: tuple[float, float], height: float) -> float:

@@ -33,12 +33,12 @@ _ON_ONE_AXIS = (
 
 def _all() -> dict[str, Kind]:
     proxy = proxies.table(ENDPOINT)
-    kinds = {kind.name: kind for kind in _ON_ONE_AXIS}
-    kinds["PROXY"] = Kind("PROXY", "mat", {"si": proxy, "ca": proxy}, check=proxies.check)
+    kinds_by_name = {kind.name: kind for kind in _ON_ONE_AXIS}
+    kinds_by_name["PROXY"] = Kind("PROXY", "mat", {"si": proxy, "ca": proxy}, check=proxies.check)
     for name, (family, table) in space_fields.tables(BETWEEN, ENDPOINT, LAW_FIELDS).items():
-        known = kinds.get(name, Kind(name, family, {}))
-        kinds[name] = replace(known, tables={**known.tables, "space": table})
-    return {**kinds, "ENX": ENX, "ENF": ENF}
+        known = kinds_by_name.get(name, Kind(name, family, {}))
+        kinds_by_name[name] = replace(known, tables={**known.tables, "space": table})
+    return {**kinds_by_name, "ENX": ENX, "ENF": ENF}
 
 
 KINDS = _all()

@@ -79,48 +79,51 @@ class PartNames:
 
         If one is not found, that is reported once, and there are none.
         """
-        targets = []
+        name_targets = []
         for each in self.members(name):
             target = self.target(each, wanted, who)
             if target is None:
                 return []
-            targets.append(target)
-        return targets
+            name_targets.append(target)
+        return name_targets
 
     def struck(self, name: Name, who: str) -> list[Target]:
         """The MATs that strikes reach by a name: where it names an instrument, or an act of one
         (`kick.strike`), those of the act; there are none if an error was reported.
         """
-        targets = []
-        for each in self.members(name):
-            owner, act = self._act(each)
+        struck_targets = []
+        for member_name in self.members(name):
+            named_part, act = self._act(member_name)
             if act is None:
-                target = self.target(each, "mats", who)
+                target = self.target(member_name, "mats", who)
                 if target is None:
                     return []
-                targets.append(target)
+                struck_targets.append(target)
                 continue
             # What is wrong with the act itself is reported where it is written.
             quiet = replace(self, collector=Collector())
-            self.reached.add(owner.name)
-            self._bring(owner, act)
-            inside = quiet.act_targets(owner, act)
-            targets += [replace(t, text=str(each), place=each.place) for t in inside]
-        return targets
+            self.reached.add(named_part.name)
+            self._bring(named_part, act)
+            inside = quiet.act_targets(named_part, act)
+            struck_targets += [
+                replace(t, text=str(member_name), place=member_name.place) for t in inside
+            ]
+        return struck_targets
 
-    def act_targets(self, owner: Part, act: Act) -> list[Target]:
+    def act_targets(self, act_owner: Part, act: Act) -> list[Target]:
         """The MATs that an act of an instrument strikes; reports what is wrong with its names."""
         if act.at:
-            return self._inside(owner, act, act.at)
-        target = self.target(Name(owner.name, act.place), "mats", _who_plays(owner))
+            return self._inside(act_owner, act, act.at)
+        target = self.target(Name(act_owner.name, act.place), "mats", _who_plays(act_owner))
         return [] if target is None else [target]
 
-    def resolved_act(self, owner: Part, act: Act) -> Act:
+    def resolved_act(self, act_owner: Part, act: Act) -> Act:
         """An act with what it strikes; reports what is wrong with its names."""
         holds = tuple(
-            replace(hold, targets=tuple(self._inside(owner, act, hold.at))) for hold in act.holds
+            replace(hold, targets=tuple(self._inside(act_owner, act, hold.at)))
+            for hold in act.holds
         )
-        return replace(act, targets=tuple(self.act_targets(owner, act)), holds=holds)
+        return replace(act, targets=tuple(self.act_targets(act_owner, act)), holds=holds)
 
     def _inside(self, owner: Part, act: Act, names: Iterable[Name]) -> list[Target]:
         """The MATs of names that are written inside an instrument, for one of its acts."""
@@ -128,24 +131,24 @@ class PartNames:
         reached = (self.target(name, "mats", _who_plays(owner), owner) for name in names)
         return [target for target in reached if target is not None]
 
-    def bring(self, target: Target) -> None:
+    def bring(self, struck_target: Target) -> None:
         """Add the modules of the act that strikes a target, if they are not there yet."""
-        owner = self.parts.get(target.part)
-        if owner is None or target.module in owner.modules:
+        target_part = self.parts.get(struck_target.part)
+        if target_part is None or struck_target.module in target_part.modules:
             return
-        for act in owner.acts.values():
-            if any(module.name == target.module for module in act.modules):
-                self._bring(owner, act)
+        for act in target_part.acts.values():
+            if any(module.name == struck_target.module for module in act.modules):
+                self._bring(target_part, act)
 
-    def bring_ready(self, owner: Part, names: Sequence[Name], who: str) -> None:
+    def bring_ready(self, act_owner: Part, names: Sequence[Name], who: str) -> None:
         """Add the modules of acts by their names; reports names of none."""
-        for name in names:
-            if name in owner.acts:
-                self._bring(owner, owner.acts[name])
+        for act_name in names:
+            if act_name in act_owner.acts:
+                self._bring(act_owner, act_owner.acts[act_name])
             else:
-                known = tuple(owner.acts)
-                problem = f"{quote(owner.name)} has no act {quote(name)}"
-                self._refuse(name, who, problem, "E301", word=str(name), names=known)
+                known = tuple(act_owner.acts)
+                problem = f"{quote(act_owner.name)} has no act {quote(act_name)}"
+                self._refuse(act_name, who, problem, "E301", word=str(act_name), names=known)
 
     def _bring(self, owner: Part, act: Act) -> None:
         owner.modules = _with(owner.modules, act)
@@ -169,35 +172,39 @@ class PartNames:
         acts = self.parts[target.part].acts.values()
         return any(act.is_drawn for act in acts if target.module in map(_head, act.at))
 
-    def drawn_act(self, name: Name, act: str) -> Iterator[Name]:
+    def drawn_act(self, instrument_name: Name, act: str) -> Iterator[Name]:
         """The name of an act of the instrument that a name names, if it has such an act, which
         lasts as long as a note.
         """
-        owner = name if name in self.parts else name.rpartition(".")[0]
+        owner = (
+            instrument_name if instrument_name in self.parts else instrument_name.rpartition(".")[0]
+        )
         part = self.parts.get(owner)
         if part is not None and act in part.acts and part.acts[act].is_drawn:
-            yield Name(f"{owner}.{act}", name.place)
+            yield Name(f"{owner}.{act}", instrument_name.place)
 
-    def sure_reach(self, target: Target, who: str) -> ImpulseRange | None:
+    def sure_reach(self, struck_target: Target, who: str) -> ImpulseRange | None:
         """The impulses of the softest and the hardest stroke at a target; reports an instrument
         that does not say how it is played.
         """
-        reach = self.reach(target)
-        if reach is None:
-            message = f"{who}: how strongly? {quote(target.part)} has no `play` that says what "
+        impulse_reach = self.reach(struck_target)
+        if impulse_reach is None:
+            message = (
+                f"{who}: how strongly? {quote(struck_target.part)} has no `play` that says what "
+            )
             message += "soft and hard are; write an impulse with its unit, such as impulse: 2mNs"
-            self.collector.error("E103", message, target.place)
-        return reach
+            self.collector.error("E103", message, struck_target.place)
+        return impulse_reach
 
     def _act(self, name: Name) -> tuple[Part, Act | None]:
         """The instrument and its act that a name names; no act if it names something else."""
-        part = self.parts.get(name)
-        if part is not None and part.acts:
-            return part, next(iter(part.acts.values()))
+        named_part = self.parts.get(name)
+        if named_part is not None and named_part.acts:
+            return named_part, next(iter(named_part.acts.values()))
         head, _, tail = name.rpartition(".")
-        part = self.parts.get(head)
-        if part is not None and tail in part.acts and tail not in part.modules:
-            return part, part.acts[tail]
+        named_part = self.parts.get(head)
+        if named_part is not None and tail in named_part.acts and tail not in named_part.modules:
+            return named_part, named_part.acts[tail]
         return Part("", {}), None
 
     def members(self, name: Name, prefix: str = "") -> list[Name]:
@@ -216,12 +223,12 @@ class PartNames:
         else None.
         """
         for full in _with_prefix(tuning.spelled(path), prefix) if self.families else ():
-            words = full.split(".")
-            for count in range(len(words), 0, -1):
-                family = self.families.get(".".join(words[:count]))
-                is_note = count < len(words) and tuning.is_pitch(words[count])
+            path_words = full.split(".")
+            for word_count in range(len(path_words), 0, -1):
+                family = self.families.get(".".join(path_words[:word_count]))
+                is_note = word_count < len(path_words) and tuning.is_pitch(path_words[word_count])
                 if family is not None and not is_note:
-                    return family, ".".join(words[count:])
+                    return family, ".".join(path_words[word_count:])
         return None
 
     def is_known(self, name: str) -> bool:
@@ -232,12 +239,12 @@ class PartNames:
         """A path with its note spelled as in the instrument: `string.Gb3` for `string.F#3`."""
         path = tuning.spelled(path)
         for full in _with_prefix(path, prefix) if self.families else ():
-            words = full.split(".")
-            for count in range(1, len(words)):
-                family = self.families.get(".".join(words[:count]))
-                part = None if family is None else family.note(words[count])
+            path_words = full.split(".")
+            for word_count in range(1, len(path_words)):
+                family = self.families.get(".".join(path_words[:word_count]))
+                part = None if family is None else family.note(path_words[word_count])
                 if part is not None:
-                    return ".".join((part, *words[count + 1 :]))
+                    return ".".join((part, *path_words[word_count + 1 :]))
         return path
 
     def tuning_of(self, path: str) -> Tuning | None:
@@ -253,39 +260,41 @@ class PartNames:
         `body` is `mats`, where the name of a module alone means all its members. A point is in
         space, and each of its coordinates is a MAT: `ball.bob.x`.
         """
-        match = _MEMBERS.fullmatch(name)
+        members_match = _MEMBERS.fullmatch(name)
         prefix = prefix or (part.prefix if part else "")
-        path = self.spelled(match[1] if match else str(name), prefix)
-        target = self._find(path, part, prefix)
-        some = match[2] if match else None
-        axis = None
-        if target is None and some is None:
-            target, some = self._place(path, part, prefix)
-        if target is None and match is not None and match[2] is None:
-            target, some, axis = self._coordinate(path, part, prefix)
-        if target is None and (family := self.family(path, prefix)) is not None:
+        path = self.spelled(members_match[1] if members_match else str(name), prefix)
+        named_target = self._find(path, part, prefix)
+        members_text = members_match[2] if members_match else None
+        axis_index = None
+        if named_target is None and members_text is None:
+            named_target, members_text = self._place(path, part, prefix)
+        if named_target is None and members_match is not None and members_match[2] is None:
+            named_target, members_text, axis_index = self._coordinate(path, part, prefix)
+        if named_target is None and (family := self.family(path, prefix)) is not None:
             parts = [*family[0].parts.values()]
             examples = ", ".join(parts[:4])
             problem = f"{quote(name)} has {len(parts)} notes; write one of them: {examples}"
             self._refuse(name, who, problem)
             return None
-        if target is None:
+        if named_target is None:
             self._unknown(name, path, who, part)
             return None
-        owner, module_name = target
-        self.reached.add(owner.name)
+        target_part, module_name = named_target
+        self.reached.add(target_part.name)
         if module_name is None:
-            module_name = self._only(owner, name, wanted, who, some)
+            module_name = self._only(target_part, name, wanted, who, members_text)
             if module_name is None:
                 return None
-        module = owner.modules[module_name]
-        if (module.kind in LINKS) != (wanted in ("link", "links")) or (
-            module.kind not in LINKS and module.kind not in HOLDERS
+        target_module = target_part.modules[module_name]
+        if (target_module.kind in LINKS) != (wanted in ("link", "links")) or (
+            target_module.kind not in LINKS and target_module.kind not in HOLDERS
         ):
-            self._wrong_family(name, module, wanted, who)
+            self._wrong_family(name, target_module, wanted, who)
             return None
-        if owner.axes > 1 and module.kind not in LINKS:
-            return self._in_space(name, owner, module, some, axis, wanted, who)
+        if target_part.axes > 1 and target_module.kind not in LINKS:
+            return self._in_space(
+                name, target_part, target_module, members_text, axis_index, wanted, who
+            )
         if wanted in ("point", "points"):
             problem = f"{quote(name)} moves along one axis, not in space; to link one "
             problem += (
@@ -293,7 +302,7 @@ class PartNames:
             )
             self._refuse(name, who, problem)
             return None
-        return self._members(name, owner, module, some, wanted, who)
+        return self._members(name, target_part, target_module, members_text, wanted, who)
 
     def _coordinate(
         self, path: str, part: Part | None, prefix: str
@@ -301,14 +310,14 @@ class PartNames:
         """The part and module, the members, and the axis of a path that names a coordinate in
         space; None otherwise.
         """
-        head, _, tail = path.rpartition(".")
-        match = _MEMBERS.fullmatch(head)
-        if tail not in AXES or match is None:
+        head, _, axis_name = path.rpartition(".")
+        members_match = _MEMBERS.fullmatch(head)
+        if axis_name not in AXES or members_match is None:
             return None, None, None
-        target = self._find(match[1], part, prefix)
+        target = self._find(members_match[1], part, prefix)
         if target is None or target[0].axes == 1:
             return None, None, None
-        return target, match[2], AXES.index(tail)
+        return target, members_match[2], AXES.index(axis_name)
 
     def _in_space(
         self,
@@ -321,48 +330,52 @@ class PartNames:
         who: str,
     ) -> Target | None:
         """Points of a module, or one of their coordinates; None if an error was reported."""
-        body = self._body(owner, module)
-        count = body.count if body else member_count(module.kind, module.fields)
+        body_module = self._body(owner, module)
+        point_count = body_module.count if body_module else member_count(module.kind, module.fields)
         called = ".".join(filter(None, (owner.name, module.name)))
-        first, size, problem = 0, 1, ""
-        if count == 0:  # of a body that was refused already
+        first_point, range_size, problem = 0, 1, ""
+        if point_count == 0:  # of a body that was refused already
             return None
-        if some is None and count > 1:
-            problem = f"{called} has {count:,} points; write some of them: {called}.0, {called}.all"
-        elif some is not None and count == 1:
+        if some is None and point_count > 1:
+            problem = (
+                f"{called} has {point_count:,} points; write some of them: {called}.0, {called}.all"
+            )
+        elif some is not None and point_count == 1:
             problem = f"{called} is one {module.kind}; it has no members"
         elif some is not None:
             try:
-                start, size = members(some, count, called)
-                first = count // 2 if start == "centre" else start
+                start, range_size = members(some, point_count, called)
+                first_point = point_count // 2 if start == "centre" else start
             except TextError as error:
                 problem = error.message
         is_point = wanted in ("point", "points")
         bare = str(name) if axis is None else str(name).rpartition(".")[0]
-        axes = AXES[: owner.axes]
+        axis_names = AXES[: owner.axes]
         if problem:
             pass
         elif is_point and axis is not None:
             problem = f"{quote(name)} is one axis of a point; write the point: {bare}"
         elif not is_point and axis is None:
-            examples = ", ".join(f"{bare}.{one}" for one in axes)
+            examples = ", ".join(f"{bare}.{one}" for one in axis_names)
             problem = f"{quote(name)} is a point in space; write one of its axes: {examples}"
         elif axis is not None and axis >= owner.axes:
-            problem = f"{owner.name} has the axes {' and '.join(axes)}"
-        elif axis is not None and body and axis == owner.axes - 1:
-            home = ".".join(filter(None, (body.part, body.module)))
+            problem = f"{owner.name} has the axes {' and '.join(axis_names)}"
+        elif axis is not None and body_module and axis == owner.axes - 1:
+            home = ".".join(filter(None, (body_module.part, body_module.module)))
             problem = (
                 f"{quote(name)} moves with a mass of {home}; write that mass, such as {home}.0"
             )
-        elif size > 1 and wanted in ("mat", "point"):
-            problem = f"one is expected here, but {size:,} are named"
+        elif range_size > 1 and wanted in ("mat", "point"):
+            problem = f"one is expected here, but {range_size:,} are named"
         if problem:
             self._refuse(name, who, problem)
             return None
         if is_point:
-            return Target(owner.name, module.name, first, size, str(name), name.place, count)
-        first += count * (axis or 0)
-        return Target(owner.name, module.name, first, size, str(name), name.place)
+            return Target(
+                owner.name, module.name, first_point, range_size, str(name), name.place, point_count
+            )
+        first_point += point_count * (axis or 0)
+        return Target(owner.name, module.name, first_point, range_size, str(name), name.place)
 
     def _body(self, owner: Part, module: Module) -> Target | None:
         """The masses that carry the points of a surface; None for other modules."""
@@ -379,61 +392,78 @@ class PartNames:
         """The part and its MODES, and the index of the place, for a path that names a place; None
         otherwise.
         """
-        head, _, tail = path.rpartition(".")
+        head, _, place_name = path.rpartition(".")
         target = self._find(head, part, prefix) if head else None
         if target is None:
             return None, None
-        owner, name = target
-        bodies = [m for n, m in owner.modules.items() if m.kind == "MODES" and name in (None, n)]
+        place_part, name = target
+        bodies = [
+            m for n, m in place_part.modules.items() if m.kind == "MODES" and name in (None, n)
+        ]
         if len(bodies) != 1:
             return None, None
         module = bodies[0]
         names = [place for place, _ in module.fields["places"]]
-        return ((owner, module.name), str(names.index(tail))) if tail in names else (None, None)
+        return (
+            ((place_part, module.name), str(names.index(place_name)))
+            if place_name in names
+            else (None, None)
+        )
 
-    def _find(self, path: str, part: Part | None, prefix: str) -> tuple[Part, str | None] | None:
+    def _find(
+        self, path: str, seen_from: Part | None, prefix: str
+    ) -> tuple[Part, str | None] | None:
         """The part and the module that a path names (module None: a part of several modules); None
         if there is none.
         """
-        if part is not None and path in part.modules:
-            return part, path
-        if part is not None:
-            head, _, tail = path.partition(".")
-            if head in part.selves and (not tail or tail in part.modules):
-                return part, tail if tail or "" in part.modules else None
-        for full in _with_prefix(path, prefix):
-            if full in self.parts:
-                self.searched.add(full)
-                owner = self.parts[full]
+        if seen_from is not None and path in seen_from.modules:
+            return seen_from, path
+        if seen_from is not None:
+            path_head, _, path_tail = path.partition(".")
+            if path_head in seen_from.selves and (not path_tail or path_tail in seen_from.modules):
+                return seen_from, path_tail if path_tail or "" in seen_from.modules else None
+        for full_path in _with_prefix(path, prefix):
+            if full_path in self.parts:
+                self.searched.add(full_path)
+                owner = self.parts[full_path]
                 return owner, "" if "" in owner.modules else None
-            head, _, tail = full.rpartition(".")
-            if head in self.parts:
-                self.searched.add(head)
-                if tail in self.parts[head].modules:
-                    return self.parts[head], tail
+            path_head, _, path_tail = full_path.rpartition(".")
+            if path_head in self.parts:
+                self.searched.add(path_head)
+                if path_tail in self.parts[path_head].modules:
+                    return self.parts[path_head], path_tail
         return None
 
     def _only(
-        self, owner: Part, name: Name, wanted: Wanted, who: str, some: str | None
+        self,
+        target_part: Part,
+        target_name: Name,
+        wanted: Wanted,
+        module_label: str,
+        members_text: str | None,
     ) -> str | None:
-        if owner.struck:
-            return owner.struck
-        links = [n for n, m in owner.modules.items() if m.kind in LINKS]
-        candidates = links if wanted in ("link", "links") else owner.mats
-        if owner.broken or not owner.modules:  # refused already
+        if target_part.struck:
+            return target_part.struck
+        links = [n for n, m in target_part.modules.items() if m.kind in LINKS]
+        candidates = links if wanted in ("link", "links") else target_part.mats
+        if target_part.broken or not target_part.modules:  # refused already
             return None
         if len(candidates) == 1:
             return candidates[0]
-        examples = ", ".join(f"{owner.name}.{c}" for c in candidates[:4])
-        if some is not None and examples:
-            problem = f"{quote(owner.name)} is made of named modules, which {quote(some)} "
-            self._refuse(name, who, f"{problem}does not select; write a list: [{examples}]")
+        examples = ", ".join(f"{target_part.name}.{c}" for c in candidates[:4])
+        if members_text is not None and examples:
+            problem = (
+                f"{quote(target_part.name)} is made of named modules, which {quote(members_text)} "
+            )
+            self._refuse(
+                target_name, module_label, f"{problem}does not select; write a list: [{examples}]"
+            )
             return None
-        word, count = quote(name.written), len(candidates)
+        word, count = quote(target_name.written), len(candidates)
         problem = f"{word} is ambiguous: it has {count} modules of this kind"
         if examples:
             problem += f"; write one of them: {examples}"
-        self._refuse(name, who, problem)
+        self._refuse(target_name, module_label, problem)
         return None
 
     def _members(
@@ -448,31 +478,34 @@ class PartNames:
         count = self._count(owner, module)
         several = wanted in ("mats", "body", "links")
         called = ".".join(filter(None, (owner.name, module.name)))
-        first: int | Literal["centre"] = 0
-        size = 1
+        first_member: int | Literal["centre"] = 0
+        range_size = 1
         problem = ""
         if some is None:
             if module.kind in LINKS or wanted == "body":  # all together
-                size = count
+                range_size = count
             elif count > 1:
-                kind, examples = "masses", ("0", "centre")
+                member_kind, examples = "masses", ("0", "centre")
                 if module.kind == "MODES":
-                    kind, examples = "places", tuple(one for one, _ in module.fields["places"])[:4]
+                    member_kind, examples = (
+                        "places",
+                        tuple(one for one, _ in module.fields["places"])[:4],
+                    )
                 words = ", ".join(f"{called}.{one}" for one in examples)
-                problem = f"{called} has {count:,} {kind}; write one of them: {words}"
+                problem = f"{called} has {count:,} {member_kind}; write one of them: {words}"
         elif count == 1 and module.kind in (*LINKS, "MAS", "SOL", "CEL", "PROXY"):
             problem = f"{called} is one {module.kind}; it has no members"
         else:
             try:
-                first, size = members(some, count, called)
+                first_member, range_size = members(some, count, called)
             except TextError as error:
                 problem = error.message
-        if not problem and size > 1 and not several:
-            problem = f"one MAT is expected here, but {size:,} are named"
+        if not problem and range_size > 1 and not several:
+            problem = f"one MAT is expected here, but {range_size:,} are named"
         if problem:
             self._refuse(name, who, problem)
             return None
-        return Target(owner.name, module.name, first, size, str(name), name.place)
+        return Target(owner.name, module.name, first_member, range_size, str(name), name.place)
 
     def _count(self, owner: Part, module: Module) -> int:
         """The number of members of a module, or of single links of a link over a range."""
@@ -494,12 +527,12 @@ class PartNames:
             suggestion = slip.suggestion and f"{instrument}.{slip.suggestion}"
             self._refuse(name, who, slip.message, "E201", suggestion=suggestion)
             return
-        names = list(part.modules) if part else []
-        names += list(self.parts)
+        known_names = list(part.modules) if part else []
+        known_names += list(self.parts)
         if "." in path and (head := path.rpartition(".")[0]) in self.parts:
             written = name.written.rpartition(".")[0] if name.written != name else head
-            names = [f"{written}.{own}" for own in _inside(self.parts[head].modules.values())]
-        known = [known for known in names if known]  # a lone generator's module has no name
+            known_names = [f"{written}.{own}" for own in _inside(self.parts[head].modules.values())]
+        known = [known for known in known_names if known]  # a lone generator's module has no name
         problem = f"nothing is called {quote(name.written)}"
         if family is not None:
             notes = [full.rpartition(".")[2] for full in family[0].parts.values()]
@@ -511,28 +544,36 @@ class PartNames:
         message = f"{who}: {problem}" if who else problem
         self.collector.error(code, message, name.place, **more)
 
-    def _is_broken(self, path: str, part: Part | None) -> bool:
+    def _is_broken(self, path: str, seen_from: Part | None) -> bool:
         """Whether the name was refused already: each mistake is reported once."""
         words = path.split(".")
         cuts = [(".".join(words[:i]), ".".join(words[i:])) for i in range(1, len(words) + 1)]
         for head, tail in cuts:  # a part, a module of the same part, or a module of another
-            if head in self.broken or (part is not None and head in part.broken):
+            if head in self.broken or (seen_from is not None and head in seen_from.broken):
                 return True
             owner = self.parts.get(head)
             if owner is not None and (not owner.modules or tail.split(".")[0] in owner.broken):
                 return True
         return False
 
-    def _wrong_family(self, name: Name, module: Module, wanted: Wanted, who: str) -> None:
+    def _wrong_family(
+        self, target_name: Name, target_module: Module, wanted: Wanted, who: str
+    ) -> None:
         if wanted in ("link", "links"):
-            sentence = f"{quote(name)} is a {module.kind}: SOF listens to the force of a link"
-        elif module.kind in LINKS:
-            sentence = (
-                f"{quote(name)} is a {module.kind}, a link: an <L> point joins <M> points only"
+            error_sentence = (
+                f"{quote(target_name)} is a {target_module.kind}: SOF listens to the force of a "
+                "link"
+            )
+        elif target_module.kind in LINKS:
+            error_sentence = (
+                f"{quote(target_name)} is a {target_module.kind}, a link: an <L> point joins <M> "
+                "points only"
             )
         else:
-            sentence = f"{quote(name)} is a {module.kind}: it has no <M> point of its own"
-        self._refuse(name, who, sentence)
+            error_sentence = (
+                f"{quote(target_name)} is a {target_module.kind}: it has no <M> point of its own"
+            )
+        self._refuse(target_name, who, error_sentence)
 
 
 def _who_plays(owner: Part) -> str:
@@ -552,11 +593,11 @@ def _head(name: str) -> str:
 
 def _inside(modules: Iterable[Module]) -> Iterator[str]:
     """Names of modules and of their places, as written after the name of their part."""
-    for module in modules:
-        if module.name:
-            yield module.name
-        for place, _ in module.fields["places"] if module.kind == "MODES" else ():
-            yield ".".join(filter(None, (module.name, place)))
+    for part_module in modules:
+        if part_module.name:
+            yield part_module.name
+        for place, _ in part_module.fields["places"] if part_module.kind == "MODES" else ():
+            yield ".".join(filter(None, (part_module.name, place)))
 
 
 def _with_prefix(path: str, prefix: str) -> tuple[str, ...]:

@@ -42,26 +42,26 @@ def speed_up(network: _core.Network, n_frames: int) -> int:
     return len(worth)
 
 
-def is_worth_compiling(rows: Sequence[Row], alone: int, in_runs: int, n_frames: int) -> bool:
+def is_worth_compiling(law_rows: Sequence[Row], alone: int, in_runs: int, n_frames: int) -> bool:
     """Whether native code saves more time than compiling takes; depends on the score alone, not on
     a clock.
 
     `alone` and `in_runs` are numbers of links. A law with functions of the core that work link
     by link saves nothing.
     """
-    if any(row[0] in SLOW for row in rows):
+    if any(row[0] in SLOW for row in law_rows):
         return False
-    saved = (_SAVED_ALONE * alone + _SAVED_IN_RUN * in_runs) * len(rows) * n_frames
-    return saved > _COST + _COST_OF_ROW * len(rows)
+    saved = (_SAVED_ALONE * alone + _SAVED_IN_RUN * in_runs) * len(law_rows) * n_frames
+    return saved > _COST + _COST_OF_ROW * len(law_rows)
 
 
 def address(rows: Sequence[Row]) -> int:
     """The address of a law's machine code; laws with the same rows share it."""
-    key = tuple(rows)
+    law_key = tuple(rows)
     with _lock:
-        if key not in _compiled:
-            _compiled[key] = _compile(source(key))
-        return int(_compiled[key].address)
+        if law_key not in _compiled:
+            _compiled[law_key] = _compile(source(law_key))
+        return int(_compiled[law_key].address)
 
 
 def _compile(text: str) -> Any:
@@ -71,11 +71,11 @@ def _compile(text: str) -> Any:
     types = numba.types
     room, integer = ctypes.POINTER(ctypes.c_double), ctypes.c_int64
     function = ctypes.CFUNCTYPE(None, room, integer, integer, integer, integer)
-    names: dict[str, Any] = {name: function(at) for name, at in _core.law_functions()}
-    names["sqrt"] = math.sqrt
-    exec(compile(text, "<law>", "exec"), names)
+    functions_by_name: dict[str, Any] = {name: function(at) for name, at in _core.law_functions()}
+    functions_by_name["sqrt"] = math.sqrt
+    exec(compile(text, "<law>", "exec"), functions_by_name)
     pointer: Any = types.CPointer
     signature = types.void(*[pointer(types.float64)] * 5, types.int64)
     # error_model="numpy": a division by zero gives a number, as in the core. No fast math: results
     # have the core's bits.
-    return numba.cfunc(signature, error_model="numpy")(names["law"])
+    return numba.cfunc(signature, error_model="numpy")(functions_by_name["law"])

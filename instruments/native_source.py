@@ -44,14 +44,16 @@ def source(rows: Sequence[Row]) -> str:
 
 
 def _operands(row: Row) -> tuple[int, ...]:
-    name, *operands = row
-    if name == "constant":
+    operation_name, *operands = row
+    if operation_name == "constant":
         return ()
-    if name == "whole_power":
+    if operation_name == "whole_power":
         return (operands[0],)
-    text = _OPERATIONS.get(name, "")
+    text = _OPERATIONS.get(operation_name, "")
     return tuple(
-        operands[: _FUNCTIONS.get(name, 3 if "{2}" in text else 2 if "{1}" in text else 1)]
+        operands[
+            : _FUNCTIONS.get(operation_name, 3 if "{2}" in text else 2 if "{1}" in text else 1)
+        ]
     )
 
 
@@ -85,10 +87,10 @@ class _Writer:
 
     def _loop(self, stage: int, link: str) -> Iterator[str]:
         loaded: set[int] = set()
-        for i, row in enumerate(self.rows):
-            if self.stage[i] != stage or row[0] in _FUNCTIONS or row[0] == "constant":
+        for i, law_row in enumerate(self.rows):
+            if self.stage[i] != stage or law_row[0] in _FUNCTIONS or law_row[0] == "constant":
                 continue
-            for operand in _operands(row):
+            for operand in _operands(law_row):
                 if (
                     self._is_computed(operand)
                     and operand not in loaded
@@ -96,11 +98,11 @@ class _Writer:
                 ):
                     yield f"r{operand} = room[{_place(operand)} + i]"
                     loaded.add(operand)
-            names = [self._name(operand, link) for operand in _operands(row)]
-            if row[0] == "whole_power":
-                yield from _integer_power(f"r{_FIRST + i}", names[0], row[2])
+            operand_names = [self._name(operand, link) for operand in _operands(law_row)]
+            if law_row[0] == "whole_power":
+                yield from _integer_power(f"r{_FIRST + i}", operand_names[0], law_row[2])
             else:
-                yield f"r{_FIRST + i} = {_OPERATIONS[row[0]].format(*names)}"
+                yield f"r{_FIRST + i} = {_OPERATIONS[law_row[0]].format(*operand_names)}"
         for operand in sorted(self._shared(stage)):
             yield f"room[{_place(operand)} + i] = {self._name(operand, link)}"
         if self.stage[-1] == stage:
@@ -150,13 +152,13 @@ def _place(at: int) -> int:
     return _LANES * at
 
 
-def _integer_power(name: str, base: str, exponent: int) -> Iterator[str]:
+def _integer_power(result_name: str, base_name: str, exponent: int) -> Iterator[str]:
     """Exponentiation by squaring from the highest bit down, as in the core."""
     size = abs(exponent)
-    yield f"{name} = {base if size else 1.0}"
+    yield f"{result_name} = {base_name if size else 1.0}"
     for bit in bin(size)[3:]:
-        yield f"{name} = {name} * {name}"
+        yield f"{result_name} = {result_name} * {result_name}"
         if bit == "1":
-            yield f"{name} = {name} * {base}"
+            yield f"{result_name} = {result_name} * {base_name}"
     if exponent < 0:
-        yield f"{name} = 1.0 / {name}"
+        yield f"{result_name} = 1.0 / {result_name}"

@@ -55,8 +55,8 @@ def _names(kind: OutputKind) -> Shape:
 _LISTENERS = {name: _names(kind) for name, kind in OUTPUTS.items()}
 
 
-def _listening(values: Values) -> Any:
-    value = values.by_name.get(values.kind, MISSING)
+def _listening(output_values: Values) -> Any:
+    value = output_values.by_name.get(output_values.kind, MISSING)
     if value is MISSING:
         return MISSING
     nearest = None
@@ -66,12 +66,16 @@ def _listening(values: Values) -> Any:
     elif isinstance(value, Values):  # SOF: {BUT: b} or {nearest: file}
         nearest = value["nearest"]
         if (nearest is None) == (not value.kind):
-            values.error("E111", "SOF names a link by its kind, or a layout: nearest", values.kind)
+            output_values.error(
+                "E111", "SOF names a link by its kind, or a layout: nearest", output_values.kind
+            )
             return MISSING
         value = value.by_name.get(value.kind, ()) if value.kind else ()
     names = (value,) if isinstance(value, Name) else value
-    place = values.place_of(values.kind)
-    return Listening(values.context.name, values.kind, names, nearest, place, is_distance)
+    place = output_values.place_of(output_values.kind)
+    return Listening(
+        output_values.context.name, output_values.kind, names, nearest, place, is_distance
+    )
 
 
 _LISTENER = Record("output", "one output", (), _listening, kinds=_LISTENERS, kind_required=True)
@@ -94,11 +98,11 @@ class Outputs(Shape):
             bare = Context(context.collector, f"out of {context.owner}", "", node.place)
             value = _LISTENER.read(node, name, bare)
             return MISSING if value is MISSING else (value,)
-        for word, (key, child) in node.entries.items():
-            is_close = word.isupper() or near_word(word.upper(), _LISTENERS) is not None
+        for entry_word, (key, child) in node.entries.items():
+            is_close = entry_word.isupper() or near_word(entry_word.upper(), _LISTENERS) is not None
             if not isinstance(child, document.Mapping) and is_close:
-                message = f"unknown output {quote(word)} of {context.owner}"
-                context.error("E101", message, key.place, word=word, names=tuple(_LISTENERS))
+                message = f"unknown output {quote(entry_word)} of {context.owner}"
+                context.error("E101", message, key.place, word=entry_word, names=tuple(_LISTENERS))
                 return MISSING
         named = _NAMED.read(node, name, context)
         if named is MISSING:

@@ -63,62 +63,70 @@ def acts(
     A module of the name of an act, or of one that an act brings, replaces it. Reports acts
     that have no range.
     """
-    result = []
+    written_acts = []
     written: dict[str, Any] = values["play"] or {}
     drawn = DrawnActs(written)
-    for name, body in written.items():
-        if body is MISSING or (body.written("impulse") and body["impulse"] is None):
+    for name, act_body in written.items():
+        if act_body is MISSING or (act_body.written("impulse") and act_body["impulse"] is None):
             continue
-        pressing = drawn.pressing(body)
-        struck = _struck(body, pressing)
+        pressing = drawn.pressing(act_body)
+        struck = _struck(act_body, pressing)
         if struck is None:
             continue
-        places, reach = struck
-        brought = drawn.modules(body, modules_of)
+        struck_places, reach = struck
+        brought = drawn.modules(act_body, modules_of)
         holds = tuple(
-            Hold((Name(mass, body.place),), each) for mass, each in pressing if (mass,) != places
+            Hold((Name(mass, act_body.place),), each)
+            for mass, each in pressing
+            if (mass,) != struck_places
         )
-        result.append(
+        written_acts.append(
             Act(
                 name,
-                places,
+                struck_places,
                 reach,
-                body.place,
+                act_body.place,
                 brought,
-                holds=(*_release(body), *holds),
-                is_drawn=bool(pressing) and pressing[0].mass in places,
-                lasts=body["lasts"],
+                holds=(*_release(act_body), *holds),
+                is_drawn=bool(pressing) and pressing[0].mass in struck_places,
+                lasts=act_body["lasts"],
             )
         )
-    return tuple(result)
+    return tuple(written_acts)
 
 
-def _struck(body: Values, pressing: list[Pressing]) -> tuple[tuple[Name, ...], ImpulseRange] | None:
+def _struck(
+    act_body: Values, pressing: list[Pressing]
+) -> tuple[tuple[Name, ...], ImpulseRange] | None:
     """What an act strikes, with its impulses; None if that is not known, which is reported."""
-    if body["impulse"] is None:
-        if body["at"]:
-            body.error("E103", f"{body.context.label('')} has no 'impulse': 3mNs..40mNs, say", "at")
+    if act_body["impulse"] is None:
+        if act_body["at"]:
+            act_body.error(
+                "E103", f"{act_body.context.label('')} has no 'impulse': 3mNs..40mNs, say", "at"
+            )
             return None
         if pressing:
             mass, reach = pressing[0]
-            return (Name(mass, body.place),), reach
-        if not any(body.written(word) for word in WORDS):
+            return (Name(mass, act_body.place),), reach
+        if not any(act_body.written(word) for word in WORDS):
             message = (
-                f"{body.context.label('')} has no 'impulse': the softest and the hardest stroke"
+                f"{act_body.context.label('')} has no 'impulse': the softest and the hardest stroke"
             )
-            body.error("E103", f"{message}, such as 3mNs..40mNs; a bow has `draw` and `press`")
+            act_body.error("E103", f"{message}, such as 3mNs..40mNs; a bow has `draw` and `press`")
         return None
-    soft, hard = body["impulse"]
+    soft, hard = act_body["impulse"]
     if not 0.0 < soft < hard:
-        message = f"{body.context.label('impulse')}: the softest and the hardest stroke are "
-        body.error("E202", message + "expected, both above 0, such as 3mNs..40mNs", "impulse")
+        message = f"{act_body.context.label('impulse')}: the softest and the hardest stroke are "
+        act_body.error("E202", message + "expected, both above 0, such as 3mNs..40mNs", "impulse")
         soft, hard = _ANY_REACH  # strikes by this act are not refused once more
-    return body["at"] or (), ImpulseRange(soft, hard, body["turns"])
+    return act_body["at"] or (), ImpulseRange(soft, hard, act_body["turns"])
 
 
 def _release(body: Values) -> tuple[Hold, ...]:
-    written = body["release"]
-    if written is None or not all(name in written.by_name for name in ("at", "impulse")):
+    release_value = body["release"]
+    if release_value is None or not all(
+        name in release_value.by_name for name in ("at", "impulse")
+    ):
         return ()
-    impulse = written["impulse"]
-    return (Hold(written["at"], ImpulseRange(impulse, impulse), is_lifted=True),)
+    impulse = release_value["impulse"]
+    return (Hold(release_value["at"], ImpulseRange(impulse, impulse), is_lifted=True),)

@@ -48,60 +48,64 @@ def table(endpoint: Shape) -> Record:
     return Record("module", "a massless point between masses", fields)
 
 
-def check(values: Values) -> None:
+def check(proxy_values: Values) -> None:
     """Report fields that do not go together."""
-    ways = values.written(*_WAYS)
+    ways = proxy_values.written(*_WAYS)
     if not ways:
-        message = f"{values.context.label('')}: a PROXY needs at, follows or shares"
-        values.error("E103", message)
+        message = f"{proxy_values.context.label('')}: a PROXY needs at, follows or shares"
+        proxy_values.error("E103", message)
     elif len(ways) > 1:
         message = (
-            f"{values.context.label(ways[1])}: `{ways[0]}` is written too; keep one of the two"
+            f"{proxy_values.context.label(ways[1])}: `{ways[0]}` is written too; keep one of the "
+            "two"
         )
-        values.error("E111", message, ways[1])
+        proxy_values.error("E111", message, ways[1])
     only: dict[str, tuple[str, ...]] = dict.fromkeys(("offset", "span"), ("follows",))
     only |= dict.fromkeys(("columns", "rim"), ("at", "follows"))
-    for name in values.written(*only):
-        if not values.written(*only[name]):
+    for field_name in proxy_values.written(*only):
+        if not proxy_values.written(*only[field_name]):
             message = (
-                f"{values.context.label(name)}: only a PROXY with {' or '.join(only[name])} has "
+                f"{proxy_values.context.label(field_name)}: only a PROXY with "
+                f"{' or '.join(only[field_name])} has "
             )
-            values.error("E111", f"{message}this field", name)
-    if 0.0 in (values["span"] or ()):
-        message = f"{values.context.label('span')}: a span of 0 m would not move it; write a length"
-        values.error("E105", message, "span")
+            proxy_values.error("E111", f"{message}this field", field_name)
+    if 0.0 in (proxy_values["span"] or ()):
+        message = (
+            f"{proxy_values.context.label('span')}: a span of 0 m would not move it; write a length"
+        )
+        proxy_values.error("E105", message, "span")
 
 
 def add(
     network: _core.Network,
-    name: str,
-    fields: Mapping[str, Any],
-    members: Callable[[Target], Sequence[int]],
+    proxy_name: str,
+    proxy_fields: Mapping[str, Any],
+    members_of: Callable[[Target], Sequence[int]],
 ) -> int:
     """Add a PROXY; returns the index of its MAT. Raises EngineError."""
-    mats = [mat for target in fields["of"] for mat in members(target)]
-    if fields["shares"] is not None:
-        return network.proxy(name, list(zip(mats, fields["shares"], strict=True)))
-    columns = fields["columns"]
-    rows = [mats[first : first + columns] for first in range(0, len(mats), columns)]
-    if fields["rim"] is not None:
-        held = members(fields["rim"])[0]
-        rows = [[held, *row, held] for row in rows]
-        if len(rows) > 1:
-            around = [held] * len(rows[0])
-            rows = [around, *rows, around]
-    if fields["follows"]:
-        guides = [members(target)[0] for target in fields["follows"]]
-        lengths = (_each(fields[name], len(guides)) for name in ("offset", "span"))
+    mats = [mat for target in proxy_fields["of"] for mat in members_of(target)]
+    if proxy_fields["shares"] is not None:
+        return network.proxy(proxy_name, list(zip(mats, proxy_fields["shares"], strict=True)))
+    columns = proxy_fields["columns"]
+    mat_rows = [mats[first : first + columns] for first in range(0, len(mats), columns)]
+    if proxy_fields["rim"] is not None:
+        held = members_of(proxy_fields["rim"])[0]
+        mat_rows = [[held, *row, held] for row in mat_rows]
+        if len(mat_rows) > 1:
+            around = [held] * len(mat_rows[0])
+            mat_rows = [around, *mat_rows, around]
+    if proxy_fields["follows"]:
+        guides = [members_of(target)[0] for target in proxy_fields["follows"]]
+        lengths = (_each(proxy_fields[name], len(guides)) for name in ("offset", "span"))
         along = list(zip(guides, *lengths, strict=True))
     else:
-        along = [(None, at, 1.0) for at in fields["at"]]
+        along = [(None, at, 1.0) for at in proxy_fields["at"]]
     still = (None, 0.0, 1.0)
-    pair = along[0], along[-1]
+    mat_pair = along[0], along[-1]
     if len(along) == 1:
-        pair = (still, along[0]) if len(rows) == 1 else (along[0], still)
-    all_mats = [mat for row in rows for mat in row]
-    return network.moving_proxy(name, all_mats, len(rows[0]), pair)
+        mat_pair = (still, along[0]) if len(mat_rows) == 1 else (along[0], still)
+    all_mats = [mat for row in mat_rows for mat in row]
+    return network.moving_proxy(proxy_name, all_mats, len(mat_rows[0]), mat_pair)
 
 
 def _each(values: tuple[float, ...], count: int) -> tuple[float, ...]:

@@ -10,58 +10,81 @@ from ergon.notation.text.errors import quote
 
 
 def resolve(
-    module: Module, part: Part, part_names: PartNames, fields: dict[str, Any], who: str
+    proxy_module: Module,
+    proxy_part: Part,
+    part_names: PartNames,
+    proxy_fields: dict[str, Any],
+    module_label: str,
 ) -> bool:
     """Replace names by their targets; False if an error was reported."""
 
     def wrong(message: str, name: str = "of", code: str = "E304") -> bool:
-        place = module.places.get(name, module.place)
-        part_names.collector.error(code, f"{who}: {message}", place)
+        place = proxy_module.places.get(name, proxy_module.place)
+        part_names.collector.error(code, f"{module_label}: {message}", place)
         return False
 
-    if part.struck is not None:
+    if proxy_part.struck is not None:
         return wrong("a PROXY can be a module of an instrument, not of a key")
-    bodies = [part_names.target(name, "body", who, part) for name in fields["of"] or ()]
-    follows = [part_names.target(name, "mat", who, part) for name in fields["follows"] or ()]
-    rim = fields["rim"] and part_names.target(fields["rim"], "mat", who, part)
-    bodies_and_rim = [*bodies, *follows, rim] if fields["rim"] else [*bodies, *follows]
-    if not bodies or None in bodies_and_rim:
+    body_targets = [
+        part_names.target(name, "body", module_label, proxy_part)
+        for name in proxy_fields["of"] or ()
+    ]
+    follows = [
+        part_names.target(name, "mat", module_label, proxy_part)
+        for name in proxy_fields["follows"] or ()
+    ]
+    rim = proxy_fields["rim"] and part_names.target(
+        proxy_fields["rim"], "mat", module_label, proxy_part
+    )
+    bodies_and_rim = (
+        [*body_targets, *follows, rim] if proxy_fields["rim"] else [*body_targets, *follows]
+    )
+    if not body_targets or None in bodies_and_rim:
         return False
     named = [target for target in bodies_and_rim if target is not None]
-    for target in named:
-        kind = part_names.parts[target.part].modules[target.module].kind
+    for mass_target in named:
+        kind = part_names.parts[mass_target.part].modules[mass_target.module].kind
         if kind == "PROXY":
             message = "is a PROXY itself; write the masses that it lies between"
-            return wrong(f"{quote(target.text)} {message}")
-    masses = [target for target in bodies if target is not None]
-    fields["of"], fields["follows"], fields["rim"] = tuple(masses), tuple(follows), rim
-    count = sum(target.count for target in masses)
-    if fields["shares"] is not None:
-        if len(fields["shares"]) != count:
-            written = len(fields["shares"])
-            message = f"it has {count:,} masses and {written:,} shares; write one share for each"
+            return wrong(f"{quote(mass_target.text)} {message}")
+    masses = [target for target in body_targets if target is not None]
+    proxy_fields["of"], proxy_fields["follows"], proxy_fields["rim"] = (
+        tuple(masses),
+        tuple(follows),
+        rim,
+    )
+    mass_count = sum(target.count for target in masses)
+    if proxy_fields["shares"] is not None:
+        if len(proxy_fields["shares"]) != mass_count:
+            written = len(proxy_fields["shares"])
+            message = (
+                f"it has {mass_count:,} masses and {written:,} shares; write one share for each"
+            )
             return wrong(message, "shares", "E106")
         return True
-    for target in masses:
-        shape = part_names.parts[target.part].modules[target.module].fields.get("shape")
+    for mass_target in masses:
+        shape = part_names.parts[mass_target.part].modules[mass_target.module].fields.get("shape")
         if shape not in (None, "rectangle"):
             message = (
-                f"{quote(target.text)} is a {shape}, whose masses are not in rows; write shares"
+                f"{quote(mass_target.text)} is a {shape}, whose masses are not in rows; write "
+                "shares"
             )
             return wrong(message)
-    columns = fields["columns"] or _columns(masses, part_names) or count
-    fields["columns"] = columns
-    if count % columns:
-        message = f"{count:,} masses do not fill rows of {columns:,}"
-        return wrong(message, "columns" if "columns" in module.places else "of", "E106")
-    sides = [side for side in _sides(count, columns, rim is not None) if side > 1] or [1]
-    field_name = "follows" if fields["follows"] else "at"
-    for name in (field_name, "offset", "span"):
-        n_values = len(fields[name] or ())
-        if n_values != len(sides) and not (name in ("offset", "span") and n_values == 1):
-            words = "a row and a column" if len(sides) > 1 else "one place"
-            return wrong(f"{name}: it has {n_values} items; write {words}", name, "E106")
-    for position, side in zip(fields["at"] or (), sides, strict=False):
+    column_count = proxy_fields["columns"] or _columns(masses, part_names) or mass_count
+    proxy_fields["columns"] = column_count
+    if mass_count % column_count:
+        message = f"{mass_count:,} masses do not fill rows of {column_count:,}"
+        return wrong(message, "columns" if "columns" in proxy_module.places else "of", "E106")
+    mesh_sides = [
+        side for side in _sides(mass_count, column_count, rim is not None) if side > 1
+    ] or [1]
+    field_name = "follows" if proxy_fields["follows"] else "at"
+    for field_key in (field_name, "offset", "span"):
+        n_values = len(proxy_fields[field_key] or ())
+        if n_values != len(mesh_sides) and not (field_key in ("offset", "span") and n_values == 1):
+            words = "a row and a column" if len(mesh_sides) > 1 else "one place"
+            return wrong(f"{field_key}: it has {n_values} items; write {words}", field_key, "E106")
+    for position, side in zip(proxy_fields["at"] or (), mesh_sides, strict=False):
         if not 0.0 <= position <= side - 1:
             message = f"at: {position:g} is beyond its masses, which are at 0 to {side - 1:,}"
             return wrong(message, "at", "E105")
@@ -77,10 +100,10 @@ def _columns(masses: list[Target], part_names: PartNames) -> int | None:
     return int(sides[0]) if sides and masses[0].count == sides[0] * sides[1] else None
 
 
-def _sides(count: int, columns: int, has_rim: bool) -> tuple[int, int]:
+def _sides(count: int, column_count: int, has_rim: bool) -> tuple[int, int]:
     """The numbers of rows and columns including the rim; a single row has the rim at its ends
     only.
     """
-    rows = count // columns
+    rows = count // column_count
     more = 2 * has_rim
-    return (1 if rows == 1 else rows + more, columns + more)
+    return (1 if rows == 1 else rows + more, column_count + more)

@@ -55,22 +55,27 @@ def module_table(form: Form) -> Record:
     return Record("module", "one module", (), kinds=kinds, kind_required=True)
 
 
-def member_table(form: Form) -> Record:
+def member_table(instrument_form: Form) -> Record:
     """The fields that one note of an instrument may have of its own."""
     fields = (
         Field(
             "modules",
-            NamesOf(module_table(form), "module", has_loops=True),
+            NamesOf(module_table(instrument_form), "module", has_loops=True),
             "fields of its modules",
         ),
         Field("f", k.PITCHES, "another pitch for a single generator"),
         Field("transpose", INTERVAL, "how much higher it is than its note"),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
         Field(
-            "M", k.MASS_OR_NUMBER if form == "ca" else k.MASS, "another mass for a single generator"
+            "M",
+            k.MASS_OR_NUMBER if instrument_form == "ca" else k.MASS,
+            "another mass for a single generator",
         ),
     )
-    kinds = {name: with_optional_fields(table) for name, table in tables(form, HOLDERS).items()}
+    kinds = {
+        name: with_optional_fields(table)
+        for name, table in tables(instrument_form, HOLDERS).items()
+    }
     return Record("member", "what one note has of its own", fields, kinds=kinds)
 
 
@@ -84,18 +89,18 @@ class Members(Shape):
         """Read a node."""
         if not isinstance(node, document.Mapping):
             return wrong_shape(self, node, name, context)
-        members: dict[str, Any] = {}
-        for word, (key, child) in node.entries.items():
+        members_by_note: dict[str, Any] = {}
+        for entry_word, (entry_key, child) in node.entries.items():
             try:
-                check_note(word)
+                check_note(entry_word)
             except TextError as error:
-                context.text_error(error, key, name)
+                context.text_error(error, entry_key, name)
                 continue
-            inside = Context(context.collector, context.owner, context.name, key.place)
+            inside = Context(context.collector, context.owner, context.name, entry_key.place)
             value = self.item.read(child, "", inside)
             if value is not MISSING:
-                members[word] = value
-        return members
+                members_by_note[entry_word] = value
+        return members_by_note
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
@@ -138,7 +143,7 @@ _ELSEWHERE = {
 }
 
 
-def instrument_table(form: Form) -> Record:
+def instrument_table(instrument_form: Form) -> Record:
     """The fields of an instrument of a form."""
     fields = (
         Field(
@@ -147,16 +152,24 @@ def instrument_table(form: Form) -> Record:
             "begin with another one's modules and outputs",
         ),
         Field("from", Reference("file/name"), "an instrument of a file that `use:` names"),
-        Field("modules", NamesOf(module_table(form), "module", has_loops=True), MODULES_DOC),
+        Field(
+            "modules", NamesOf(module_table(instrument_form), "module", has_loops=True), MODULES_DOC
+        ),
         Field("out", Outputs(), "what is heard of it", shown="nothing"),
         Field("f", k.PITCHES, "its pitch; what it begins with is retuned as a whole"),
         Field("transpose", INTERVAL, "how much higher than what it begins with, or is written"),
         Field("tuning", TUNING, "of the notes of this instrument", shown="that of the score"),
         Field("notes", Notes(), "one of it at each note; its members are called by them"),
-        Field("members", Members(member_table(form)), "what single members have of their own"),
+        Field(
+            "members",
+            Members(member_table(instrument_form)),
+            "what single members have of their own",
+        ),
         Field("t60", k.DURATIONS, "another decay for a single generator"),
         Field(
-            "M", k.MASS_OR_NUMBER if form == "ca" else k.MASS, "another mass for a single generator"
+            "M",
+            k.MASS_OR_NUMBER if instrument_form == "ca" else k.MASS,
+            "another mass for a single generator",
         ),
         Field("units", choice("si", "ca"), "`ca`: M, K, Z of the discrete network", "si"),
         Field("at", k.RATE, "the rate of that network"),
@@ -164,11 +177,18 @@ def instrument_table(form: Form) -> Record:
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="audio"),
         Field("space", k.integer(1, 3, "3"), "how many axes its masses move along", 1),
         Field("gravity", k.GRAVITY, "gravity in space, against the last axis", shown="none"),
-        Field("play", play_table(module_table(form)), "how it is played; the first act is usual"),
+        Field(
+            "play",
+            play_table(module_table(instrument_form)),
+            "how it is played; the first act is usual",
+        ),
         Field("ready", READY, "acts whose modules are there before a line plays them"),
         Field("level", LOUDNESS, LEVEL_DOC, shown="unknown"),
     )
-    kinds = {name: with_optional_fields(table) for name, table in tables(form, HOLDERS).items()}
+    kinds = {
+        name: with_optional_fields(table)
+        for name, table in tables(instrument_form, HOLDERS).items()
+    }
     return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=kinds, elsewhere=_ELSEWHERE)
 
 
@@ -205,11 +225,13 @@ class InstrumentShape(Shape):
         return self.forms[form(node)]
 
 
-def form(node: Node) -> Form:
+def form(instrument_node: Node) -> Form:
     """The form in which an instrument is written."""
 
     def text(field: str) -> str:
-        found = node.get(field) if isinstance(node, document.Mapping) else None
+        found = (
+            instrument_node.get(field) if isinstance(instrument_node, document.Mapping) else None
+        )
         return found.text.strip() if isinstance(found, document.Scalar) else ""
 
     if text("space") not in ("", "1"):
@@ -217,39 +239,44 @@ def form(node: Node) -> Form:
     return "ca" if text("units") == "ca" else "si"
 
 
-def _with_more(first: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+def _with_more(base_schema: dict[str, Any], other_schema: dict[str, Any]) -> dict[str, Any]:
     """A schema with the properties and types that another has in addition."""
-    first_type, their = first.get("type"), other.get("type")
+    first_type, their = base_schema.get("type"), other_schema.get("type")
     if isinstance(first_type, list) and isinstance(their, list) and not {*first_type} & {*their}:
-        return merged(other, first)
+        return merged(other_schema, base_schema)
     merged_schema = {
-        key: _with_more(value, other[key])
-        if isinstance(value, dict) and isinstance(other.get(key), dict)
+        key: _with_more(value, other_schema[key])
+        if isinstance(value, dict) and isinstance(other_schema.get(key), dict)
         else value
-        for key, value in first.items()
+        for key, value in base_schema.items()
     }
     if "properties" in merged_schema:
-        merged_schema["properties"] = {**other.get("properties", {}), **merged_schema["properties"]}
+        merged_schema["properties"] = {
+            **other_schema.get("properties", {}),
+            **merged_schema["properties"],
+        }
     return merged_schema
 
 
 INSTRUMENT = InstrumentShape({one: instrument_table(one) for one in ("si", "ca", "space")})
 
 
-def has_required_fields(kind: str, values: Values, axes: int = 1) -> bool:
+def has_required_fields(kind_name: str, module_values: Values, axes: int = 1) -> bool:
     """Whether all required fields of a module are there, after `like:` is followed; reports an
     error if not.
     """
-    tables = KINDS[kind].tables
+    tables = KINDS[kind_name].tables
     # Under `units: ca` some kinds have more fields, and other fields are required.
-    is_more = values.record.by_name.keys() != KINDS[kind].table.by_name.keys()
+    is_more = module_values.record.by_name.keys() != KINDS[kind_name].table.by_name.keys()
     table = tables["space" if axes > 1 else "ca" if is_more else "si"]
     required = [field for field in table.fields if field.required]
     for field in required:
-        if field.name not in values.nodes and field.name not in values.misspelt:
-            message = f"{values.context.label('')} has no '{field.name}': {field.shape.words()}"
-            values.context.error("E103", message, values.place)
-    return all(field.name in values.by_name for field in required)
+        if field.name not in module_values.nodes and field.name not in module_values.misspelt:
+            message = (
+                f"{module_values.context.label('')} has no '{field.name}': {field.shape.words()}"
+            )
+            module_values.context.error("E103", message, module_values.place)
+    return all(field.name in module_values.by_name for field in required)
 
 
 def modules(values: Values, axes: int = 1, recall: Recall = make_anew) -> tuple[Module, ...]:
@@ -270,100 +297,116 @@ def _modules_of(bodies: Mapping[str, Any], axes: int, recall: Recall) -> tuple[M
     return tuple(chain.from_iterable(known))
 
 
-def _with_modules(name: str, values: Values, axes: int) -> tuple[Values, tuple[Module, ...]]:
+def _with_modules(
+    name: str, module_values: Values, axis_count: int
+) -> tuple[Values, tuple[Module, ...]]:
     """The values of a module, and the modules that they make: none if they were refused."""
     _core.poll(_MODULE_STEPS)
-    body = _followed(values.kind, values.by_name[values.kind], axes)
-    if body is None or not has_required_fields(values.kind, body, axes):
-        return values, ()
-    return values, with_ground_point(module(name, values.kind, body, axes))
+    body = _followed(module_values.kind, module_values.by_name[module_values.kind], axis_count)
+    if body is None or not has_required_fields(module_values.kind, body, axis_count):
+        return module_values, ()
+    return module_values, with_ground_point(module(name, module_values.kind, body, axis_count))
 
 
-def with_ground_point(module: Module) -> tuple[Module, ...]:
+def with_ground_point(module_made: Module) -> tuple[Module, ...]:
     """A module; for a DRY with `to`, preceded by the fixed point on which it rubs."""
-    to = module.fields.get("to")
-    if module.kind != "DRY" or to is None:
-        return (module,)
-    ground = Module(f"{module.name} ground", "SOL", {"X0": 0.0}, module.place)
-    ends = (Name(ground.name, module.place), to)
-    return ground, replace(module, fields={**module.fields, "to": None, "between": ends})
+    to = module_made.fields.get("to")
+    if module_made.kind != "DRY" or to is None:
+        return (module_made,)
+    ground = Module(f"{module_made.name} ground", "SOL", {"X0": 0.0}, module_made.place)
+    ends = (Name(ground.name, module_made.place), to)
+    return ground, replace(module_made, fields={**module_made.fields, "to": None, "between": ends})
 
 
-def _followed(kind: str, values: Values, axes: int = 1) -> Values | None:
+def _followed(kind_name: str, module_values: Values, axes: int = 1) -> Values | None:
     """The fields of a module with those computed from others; None if an error was reported."""
     if axes > 1:
-        return values
-    follow = {"BANK": listed, "MODES": placed}.get(kind)
-    return from_material(kind, values) if follow is None else follow(values)
+        return module_values
+    follow = {"BANK": listed, "MODES": placed}.get(kind_name)
+    return from_material(kind_name, module_values) if follow is None else follow(module_values)
 
 
-def module(name: str, kind: str, values: Values, axes: int = 1) -> Module:
+def module(module_name: str, kind_name: str, module_values: Values, axis_count: int = 1) -> Module:
     """A module with all its fields, with defaults filled in; checks the fields against each
     other.
     """
-    if axes > 1:
-        return _in_space(name, kind, values, axes)
+    if axis_count > 1:
+        return _in_space(module_name, kind_name, module_values, axis_count)
     return _completed(
-        name, kind, {field.name: values[field.name] for field in values.record.fields}, values
+        module_name,
+        kind_name,
+        {field.name: module_values[field.name] for field in module_values.record.fields},
+        module_values,
     )
 
 
-def _in_space(name: str, kind: str, values: Values, axes: int) -> Module:
-    fields = {field.name: values[field.name] for field in values.record.fields}
-    if kind in HOLDERS:
-        fields["axes"] = axes
-    check_in_space(kind, fields, values, axes)
-    return _completed(name, kind, fields, values)
+def _in_space(name: str, kind_name: str, module_values: Values, axis_count: int) -> Module:
+    module_fields = {field.name: module_values[field.name] for field in module_values.record.fields}
+    if kind_name in HOLDERS:
+        module_fields["axes"] = axis_count
+    check_in_space(kind_name, module_fields, module_values, axis_count)
+    return _completed(name, kind_name, module_fields, module_values)
 
 
-def _completed(name: str, kind: str, fields: dict[str, object], values: Values) -> Module:
+def _completed(
+    name: str, kind_name: str, written_fields: dict[str, object], module_values: Values
+) -> Module:
     """A module of the fields that are built from those that are written."""
-    known = KINDS[kind]
-    for unbuilt in known.unbuilt:
-        fields.pop(unbuilt, None)
-    known.complete(values, fields)
-    known.check(values)
-    becomes, written = (known.becomes, kind) if known.becomes else (kind, "")
-    return Module(name, becomes, fields, values.place, Places(values.nodes), written)
+    module_kind = KINDS[kind_name]
+    for unbuilt in module_kind.unbuilt:
+        written_fields.pop(unbuilt, None)
+    module_kind.complete(module_values, written_fields)
+    module_kind.check(module_values)
+    becomes, written = (module_kind.becomes, kind_name) if module_kind.becomes else (kind_name, "")
+    return Module(
+        name, becomes, written_fields, module_values.place, Places(module_values.nodes), written
+    )
 
 
-def instrument(values: Values, recall: Recall = make_anew) -> Instrument:
+def instrument(instrument_values: Values, recall: Recall = make_anew) -> Instrument:
     """An instrument from its values, with `like:` and `from:` already followed; `recall` gives
     modules that were read before.
     """
     built: list[Module] = []
-    space = _space(values)
-    axes = 1 if space is None else space.axes
-    if values.kind:
-        body = values.by_name[values.kind]
-        if body is not MISSING and axes == 1:
-            body = _retuned(values, body)
+    space = _space(instrument_values)
+    axis_count = 1 if space is None else space.axes
+    if instrument_values.kind:
+        body_values = instrument_values.by_name[instrument_values.kind]
+        if body_values is not MISSING and axis_count == 1:
+            body_values = _retuned(instrument_values, body_values)
         if (
-            body is not MISSING
-            and body is not None
-            and has_required_fields(values.kind, body, axes)
+            body_values is not MISSING
+            and body_values is not None
+            and has_required_fields(instrument_values.kind, body_values, axis_count)
         ):
-            built.append(module("", values.kind, body, axes))
-    elif extra := [
+            built.append(module("", instrument_values.kind, body_values, axis_count))
+    elif extra_fields := [
         name
-        for name in values.written("t60", "M")
-        if values.by_name.get(name, MISSING) is not MISSING
+        for name in instrument_values.written("t60", "M")
+        if instrument_values.by_name.get(name, MISSING) is not MISSING
     ]:
         message = (
-            f"{values.context.label(extra[0])}: only an instrument of one generator has this field"
+            f"{instrument_values.context.label(extra_fields[0])}: only an instrument of one "
+            "generator has this field"
         )
-        values.error("E111", message, extra[0])
-    elif values.written("f") and (f := values["f"]) is not None and f[0] != f[1]:
-        values.error("E202", f"{values.context.label('f')}: only a BANK has a range", "f")
-    built += modules(values, axes, recall)
-    if not values.kind and not values.written("modules"):
-        values.error("E103", f"{values.context.label('')} has no modules")
-    if values.kind and values.written("modules"):
+        instrument_values.error("E111", message, extra_fields[0])
+    elif (
+        instrument_values.written("f")
+        and (f := instrument_values["f"]) is not None
+        and f[0] != f[1]
+    ):
+        instrument_values.error(
+            "E202", f"{instrument_values.context.label('f')}: only a BANK has a range", "f"
+        )
+    built += modules(instrument_values, axis_count, recall)
+    if not instrument_values.kind and not instrument_values.written("modules"):
+        instrument_values.error("E103", f"{instrument_values.context.label('')} has no modules")
+    if instrument_values.kind and instrument_values.written("modules"):
         message = (
-            f"{values.context.label('modules')}: the instrument is a "
-            f"{values.kind} already; keep one of the two"
+            f"{instrument_values.context.label('modules')}: the instrument is a "
+            f"{instrument_values.kind} already; keep one of the two"
         )
-        values.error("E111", message, "modules")
+        instrument_values.error("E111", message, "modules")
     outputs = tuple(
         Output(
             output.name,
@@ -373,19 +416,19 @@ def instrument(values: Values, recall: Recall = make_anew) -> Instrument:
             output.place,
             output.is_distance,
         )
-        for output in values["out"] or ()
+        for output in instrument_values["out"] or ()
     )
-    pitch = None if values.kind else named_pitch(values)
-    arguments = tuple(built), outputs, _ca_rate(values), values.place
-    placing = _placing(values["place"])
+    pitch = None if instrument_values.kind else named_pitch(instrument_values)
+    arguments = tuple(built), outputs, _ca_rate(instrument_values), instrument_values.place
+    placing = _placing(instrument_values["place"])
     return Instrument(
-        values.context.name,
+        instrument_values.context.name,
         *arguments,
         pitch=pitch,
         placing=placing,
         space=space,
-        acts=acts(values, partial(_modules_of, axes=axes, recall=recall)),
-        loudness=values["level"],
+        acts=acts(instrument_values, partial(_modules_of, axes=axis_count, recall=recall)),
+        loudness=instrument_values["level"],
     )
 
 
@@ -393,28 +436,29 @@ def instrument(values: Values, recall: Recall = make_anew) -> Instrument:
 _SINGLE_AXIS = ("f", "t60", "M", "transpose", "notes", "members", "units", "at", "place", "rate")
 
 
-def _space(values: Values) -> Space | None:
+def _space(space_values: Values) -> Space | None:
     """The space of an instrument; None if its masses move along one axis. Reports fields that do
     not fit.
     """
-    axes = values["space"] if "space" in values.by_name else 1
-    is_written = values.record is INSTRUMENT.forms["space"]
-    if is_written and axes == 1:  # refused already
-        axes = len(AXES)
-    if axes > 1 and not is_written:
-        message = f"{values.context.label('')} begins with an instrument in space; write "
-        values.error("E103", f"{message}`space: {axes}` in it too")
-    if axes == 1:
-        if values.written("gravity"):
+    axis_count = space_values["space"] if "space" in space_values.by_name else 1
+    is_written = space_values.record is INSTRUMENT.forms["space"]
+    if is_written and axis_count == 1:  # refused already
+        axis_count = len(AXES)
+    if axis_count > 1 and not is_written:
+        message = f"{space_values.context.label('')} begins with an instrument in space; write "
+        space_values.error("E103", f"{message}`space: {axis_count}` in it too")
+    if axis_count == 1:
+        if space_values.written("gravity"):
             message = (
-                f"{values.context.label('gravity')}: only an instrument in space has this field"
+                f"{space_values.context.label('gravity')}: only an instrument in space has this "
+                "field"
             )
-            values.error("E111", f"{message}; write space: 2 or 3", "gravity")
+            space_values.error("E111", f"{message}; write space: 2 or 3", "gravity")
         return None
-    for name in values.written(*_SINGLE_AXIS):
-        message = f"{values.context.label(name)}: an instrument in space has no such field"
-        values.error("E111", message, name)
-    return Space(axes, values["gravity"] or 0.0)
+    for name in space_values.written(*_SINGLE_AXIS):
+        message = f"{space_values.context.label(name)}: an instrument in space has no such field"
+        space_values.error("E111", message, name)
+    return Space(axis_count, space_values["gravity"] or 0.0)
 
 
 def _placing(values: Values | None) -> Placing | None:
@@ -424,56 +468,72 @@ def _placing(values: Values | None) -> Placing | None:
     return Placing(values["across"], position, values["height"])
 
 
-def _ca_rate(values: Values) -> float | None:
-    _no_matter(values)
-    if values["units"] != "ca":
-        if values.written("at"):
-            values.error(
-                "E111", f"{values.context.label('at')}: only `units: ca` has this field", "at"
+def _ca_rate(instrument_values: Values) -> float | None:
+    _no_matter(instrument_values)
+    if instrument_values["units"] != "ca":
+        if instrument_values.written("at"):
+            instrument_values.error(
+                "E111",
+                f"{instrument_values.context.label('at')}: only `units: ca` has this field",
+                "at",
             )
         return None
-    if not values.written("at"):
-        message = f"{values.context.label('units')}: `ca` needs the rate of the network, "
-        values.error("E103", message + "such as at: 44100Hz", "units")
-    return values["at"] or 44100.0
+    if not instrument_values.written("at"):
+        message = (
+            f"{instrument_values.context.label('units')}: `ca` needs the rate of the network, "
+        )
+        instrument_values.error("E103", message + "such as at: 44100Hz", "units")
+    return instrument_values["at"] or 44100.0
 
 
 def _no_matter(values: Values) -> None:
     """Refuse materials under `units: ca`, whose M, K and Z are plain numbers."""
     bodies = [values, *(values["modules"] or {}).values()] if values["units"] == "ca" else []
     for body in bodies:
-        fields = body.by_name.get(body.kind) if isinstance(body, Values) else None
-        if isinstance(fields, Values) and fields.written("material"):
+        body_fields = body.by_name.get(body.kind) if isinstance(body, Values) else None
+        if isinstance(body_fields, Values) and body_fields.written("material"):
             message = (
-                f"{fields.context.label('material')}: under `units: ca` M, K and Z are those of "
+                f"{body_fields.context.label('material')}: under `units: ca` M, K and Z are those "
+                "of "
             )
             message += "a discrete network, which no material sets; write them, or use SI units"
-            fields.error("E111", message, "material")
+            body_fields.error("E111", message, "material")
 
 
-def _retuned(values: Values, body: Values) -> Values | None:
+def _retuned(instrument_values: Values, body_values: Values) -> Values | None:
     """The generator's values with the instrument's own `f`, `t60` and `M`.
 
     A body of a material that has a pitch gets the new one; if its size is incomplete, `f`
     completes it.
     """
-    if values.kind == "MODES":
+    if instrument_values.kind == "MODES":
         retuned_values = retuned_modes(
-            body, values, lambda f, to: moved("f", f, between(min(f), to))
+            body_values, instrument_values, lambda f, to: moved("f", f, between(min(f), to))
         )
         return _followed("MODES", retuned_values)
-    body = from_material(values.kind, body, quietly=True) or body
-    fields, nodes = dict(body.by_name), dict(body.nodes)
-    for name in values.written("f", "t60", "M"):
-        if name not in values.by_name:
+    body_values = from_material(instrument_values.kind, body_values, quietly=True) or body_values
+    body_fields, body_nodes = dict(body_values.by_name), dict(body_values.nodes)
+    for field_name in instrument_values.written("f", "t60", "M"):
+        if field_name not in instrument_values.by_name:
             continue
-        value = values.by_name[name]
-        is_range = isinstance(value, tuple)
-        if is_range and values.kind != "BANK":
-            if value[0] != value[1]:
-                message = f"{values.context.label(name)}: only a BANK has a range"
-                values.error("E202", message, name)
-            value = value[0]
-        fields[name], nodes[name] = value, values.nodes[name]
-    retuned = Values(body.record, body.node, body.context, fields, nodes, body.free, body.kind)
-    return _followed(values.kind, retuned)
+        field_value = instrument_values.by_name[field_name]
+        is_range = isinstance(field_value, tuple)
+        if is_range and instrument_values.kind != "BANK":
+            if field_value[0] != field_value[1]:
+                message = f"{instrument_values.context.label(field_name)}: only a BANK has a range"
+                instrument_values.error("E202", message, field_name)
+            field_value = field_value[0]
+        body_fields[field_name], body_nodes[field_name] = (
+            field_value,
+            instrument_values.nodes[field_name],
+        )
+    retuned = Values(
+        body_values.record,
+        body_values.node,
+        body_values.context,
+        body_fields,
+        body_nodes,
+        body_values.free,
+        body_values.kind,
+    )
+    return _followed(instrument_values.kind, retuned)

@@ -43,31 +43,47 @@ class ModuleRules:
 
     def resolved(self, module: Module) -> Module | None:
         """A module with every name replaced by its target; None if it was refused."""
-        part, part_names = self._part, self._part_names
-        who = f"{module.shown_kind} {quote('.'.join(filter(None, (part.name, module.name))))}"
-        fields = dict(module.fields)
+        module_part, part_names = self._part, self._part_names
+        module_label = (
+            f"{module.shown_kind} {quote('.'.join(filter(None, (module_part.name, module.name))))}"
+        )
+        module_fields = dict(module.fields)
         if module.kind in LINKS:
-            ends = fields["between"] = _ends(module, part, part_names, who)
-            if "gap" in fields and part.axes == 1:
-                fields["gap"] = spread.gaps(module, spread.size(ends), who, part_names.collector)
+            ends = module_fields["between"] = _ends(module, module_part, part_names, module_label)
+            if "gap" in module_fields and module_part.axes == 1:
+                module_fields["gap"] = spread.gaps(
+                    module, spread.size(ends), module_label, part_names.collector
+                )
         elif module.kind in ("ENX", "ENF"):
-            _drive(module, part, part_names, self._takes, fields, self._driven, who)
+            _drive(
+                module,
+                module_part,
+                part_names,
+                self._takes,
+                module_fields,
+                self._driven,
+                module_label,
+            )
         elif module.kind == "SURFACE":
-            fields["of"] = _body(module, part, part_names, who)
-            if fields["of"] is None:
+            module_fields["of"] = _body(module, module_part, part_names, module_label)
+            if module_fields["of"] is None:
                 return None
         elif module.kind == "PROXY":
-            if not proxy_names.resolve(module, part, part_names, fields, who):
+            if not proxy_names.resolve(
+                module, module_part, part_names, module_fields, module_label
+            ):
                 return None
-        elif module.kind in GENERATORS and part.axes == 1:
-            _starts(module, who, part_names.collector)
-        named = following_names.resolve(replace(module, fields=fields), part, part_names, who)
+        elif module.kind in GENERATORS and module_part.axes == 1:
+            _starts(module, module_label, part_names.collector)
+        named = following_names.resolve(
+            replace(module, fields=module_fields), module_part, part_names, module_label
+        )
         body = self._bodies.get(module.name)
-        return with_checked_law(named, self._laws, body, who, part_names.collector)
+        return with_checked_law(named, self._laws, body, module_label, part_names.collector)
 
 
 def with_checked_law(
-    module: Module,
+    law_module: Module,
     laws: Mapping[str, LawText],
     body: Values | None,
     who: str,
@@ -76,60 +92,69 @@ def with_checked_law(
     """The module with its law written out and checked; other modules, and laws that were refused,
     are unchanged.
     """
-    fields = module.fields
-    refused = (n in module.places and fields[n] is None for n in ("law", "damping", "points"))
-    if module.kind != "LNL" or any(refused):
-        return module
-    return resolved(module, laws, who, _locator(module, body), collector)
+    fields = law_module.fields
+    refused = (n in law_module.places and fields[n] is None for n in ("law", "damping", "points"))
+    if law_module.kind != "LNL" or any(refused):
+        return law_module
+    return resolved(law_module, laws, who, _locator(law_module, body), collector)
 
 
-def _ends(module: Module, part: Part, part_names: PartNames, who: str) -> tuple[Target, ...]:
+def _ends(
+    link_module: Module, link_part: Part, part_names: PartNames, module_label: str
+) -> tuple[Target, ...]:
     """The ends of a link; checks that each <L> point joins one <M> point, and a link two different
     ones.
     """
-    names = module.fields["between"] or ()
-    wanted: Wanted = "points" if part.axes > 1 else "mats"
-    targets = (part_names.target(name, wanted, who, part) for name in names)
+    names = link_module.fields["between"] or ()
+    wanted: Wanted = "points" if link_part.axes > 1 else "mats"
+    targets = (part_names.target(name, wanted, module_label, link_part) for name in names)
     ends = tuple(end for end in targets if end is not None)
-    if spread.is_pairwise(module.kind, module.fields, ends):
+    if spread.is_pairwise(link_module.kind, link_module.fields, ends):
         spread.may_touch_all(
-            module.kind, ends, spread.has_wall(module.fields), who, part_names.collector
+            link_module.kind,
+            ends,
+            spread.has_wall(link_module.fields),
+            module_label,
+            part_names.collector,
         )
     else:
-        spread.is_fitting(ends, who, part_names.collector)
+        spread.is_fitting(ends, module_label, part_names.collector)
     return ends
 
 
-def _body(module: Module, part: Part, part_names: PartNames, who: str) -> Target | None:
+def _body(module: Module, part: Part, part_names: PartNames, module_label: str) -> Target | None:
     """The masses that carry a surface, which must be those of a STRING or PLATE; None if an error
     was reported.
     """
-    name = module.fields["of"]
-    target = None if name is None else part_names.target(name, "body", who, part)
-    if target is None:
+    body_name = module.fields["of"]
+    body_target = (
+        None if body_name is None else part_names.target(body_name, "body", module_label, part)
+    )
+    if body_target is None:
         return None
-    kind = part_names.parts[target.part].modules[target.module].kind
+    kind = part_names.parts[body_target.part].modules[body_target.module].kind
     if kind not in BODIES:
         message = (
-            f"{who}: of: {quote(target.text)} is a {kind}; a surface is that of a STRING or a "
+            f"{module_label}: of: {quote(body_target.text)} is a {kind}; a surface is that of a "
+            "STRING or a "
         )
-        part_names.collector.error("E304", f"{message}PLATE: of: gong", name.place)
+        part_names.collector.error("E304", f"{message}PLATE: of: gong", body_name.place)
         return None
-    return target
+    return body_target
 
 
-def _starts(module: Module, who: str, collector: Collector) -> None:
+def _starts(generator_module: Module, who: str, collector: Collector) -> None:
     """Report initial values for members that a generator does not have."""
-    count = member_count(module.kind, module.fields)
-    for name in ("X0", "V0"):
-        starts = module.fields.get(name)
-        for start in starts if isinstance(starts, tuple) else (starts,):
-            if isinstance(start, Start):
+    count = member_count(generator_module.kind, generator_module.fields)
+    for field_name in ("X0", "V0"):
+        starts = generator_module.fields.get(field_name)
+        for start_values in starts if isinstance(starts, tuple) else (starts,):
+            if isinstance(start_values, Start):
                 try:
-                    members(str(start.at), count, module.name or "it")
+                    members(str(start_values.at), count, generator_module.name or "it")
                 except TextError as error:
-                    message = f"{who}: {name}: {error.message}"
-                    collector.error("E304", message, start.at.place)
+                    message = f"{who}: {field_name}: {error.message}"
+                    collector.error("E304", message, start_values.at.place)
 
 
 def _point(target: Target) -> tuple[str, str, object]:
@@ -137,47 +162,49 @@ def _point(target: Target) -> tuple[str, str, object]:
 
 
 def _drive(
-    module: Module,
-    part: Part,
+    drive_module: Module,
+    drive_part: Part,
     part_names: PartNames,
     takes: Mapping[str, Any],
-    fields: dict[str, Any],
+    drive_fields: dict[str, Any],
     driven: dict[tuple[str, str, object], str],
-    who: str,
+    module_label: str,
 ) -> None:
     """Look up the target and source of an ENX or ENF, and report two imposed positions at one
     point.
     """
-    target = part_names.target(fields["to"], "mat", who, part)
-    fields["to"] = target
-    source = fields["from"]
-    if isinstance(source, Name) and source not in takes:
-        full = f"{part.prefix}.{source}"
+    driven_target = part_names.target(drive_fields["to"], "mat", module_label, drive_part)
+    drive_fields["to"] = driven_target
+    drive_source = drive_fields["from"]
+    if isinstance(drive_source, Name) and drive_source not in takes:
+        full = f"{drive_part.prefix}.{drive_source}"
         if full in takes:
-            fields["from"] = Name(full, source.place)
+            drive_fields["from"] = Name(full, drive_source.place)
         else:
-            message = f"{who}: {quote(source)} is neither a take nor a number"
+            message = f"{module_label}: {quote(drive_source)} is neither a take nor a number"
             part_names.collector.error(
-                "E301", message, source.place, word=str(source), names=tuple(takes)
+                "E301", message, drive_source.place, word=str(drive_source), names=tuple(takes)
             )
     else:
-        _check_input(module, takes.get(str(source)), who, part_names.collector)
-    if target is None or module.kind != "ENX":
+        _check_input(drive_module, takes.get(str(drive_source)), module_label, part_names.collector)
+    if driven_target is None or drive_module.kind != "ENX":
         return
-    if part_names.parts[target.part].modules[target.module].kind == "PROXY":
+    if part_names.parts[driven_target.part].modules[driven_target.module].kind == "PROXY":
         message = (
-            f"{who}: {quote(target.text)} is a PROXY, which moves as its masses do; drive one "
+            f"{module_label}: {quote(driven_target.text)} is a PROXY, which moves as its masses "
+            "do; drive one "
         )
-        part_names.collector.error("E304", f"{message}of its masses instead", module.place)
-    first = driven.setdefault(_point(target), module.name)
-    if first != module.name:
+        part_names.collector.error("E304", f"{message}of its masses instead", drive_module.place)
+    first = driven.setdefault(_point(driven_target), drive_module.name)
+    if first != drive_module.name:
         message = (
-            f"{who}: {first} already imposes the position of {target.text}; only forces add up"
+            f"{module_label}: {first} already imposes the position of {driven_target.text}; only "
+            "forces add up"
         )
-        part_names.collector.error("E304", message, module.place)
+        part_names.collector.error("E304", message, drive_module.place)
 
 
-def _check_input(module: Module, take: Any, who: str, collector: Collector) -> None:
+def _check_input(drive_module: Module, take: Any, module_label: str, collector: Collector) -> None:
     """Report an input whose unit does not fit what it drives, or that does not begin at the
     beginning.
     """
@@ -185,59 +212,72 @@ def _check_input(module: Module, take: Any, who: str, collector: Collector) -> N
     if not isinstance(values, Values) or values["input"] is None or values["gain"] is None:
         return
     _, is_force = values["gain"]
-    if is_force != (module.kind == "ENF"):
+    if is_force != (drive_module.kind == "ENF"):
         unit, kind = ("force", "ENF") if is_force else ("length", "ENX")
-        name = quote(str(module.fields["from"]))
-        message = f"{who}: the gain of the input {name} is a {unit}, which drives an {kind}"
-        collector.error("E304", message, module.places.get("from", module.place))
-    if module.fields["at"] is not None:
-        message = f"{who}: an input is heard from the beginning on; remove `at`"
-        collector.error("E111", message, module.places.get("at", module.place))
+        name = quote(str(drive_module.fields["from"]))
+        message = (
+            f"{module_label}: the gain of the input {name} is a {unit}, which drives an {kind}"
+        )
+        collector.error("E304", message, drive_module.places.get("from", drive_module.place))
+    if drive_module.fields["at"] is not None:
+        message = f"{module_label}: an input is heard from the beginning on; remove `at`"
+        collector.error("E111", message, drive_module.places.get("at", drive_module.place))
 
 
 def outputs(
-    part: Part,
+    output_part: Part,
     written: tuple[Output, ...],
     part_names: PartNames,
     layout: Callable[[str, Place], Layout | None],
 ) -> tuple[Output, ...]:
     """Outputs with names replaced by their targets."""
-    result = []
-    for output in written:
-        called = f"{part.name}.{output.name}" if output.name else part.name
-        who = f"{output.kind} of {quote(called)}"
-        family = "point" if output.is_distance else output.traits.sources
-        names: tuple[Any, ...] = output.targets
-        each = (one for name in names for one in _each(name, part, part_names))
-        target_lists = (_output_target(name, family, who, part, part_names) for name in each)
-        targets = tuple(target for target in target_lists if target is not None)
-        if output.is_distance and not _is_distance(targets, who, part_names):
+    resolved_outputs = []
+    for written_output in written:
+        called = (
+            f"{output_part.name}.{written_output.name}" if written_output.name else output_part.name
+        )
+        output_label = f"{written_output.kind} of {quote(called)}"
+        family = "point" if written_output.is_distance else written_output.traits.sources
+        names: tuple[Any, ...] = written_output.targets
+        each = (one for name in names for one in _each(name, output_part, part_names))
+        target_lists = (
+            _output_target(name, family, output_label, output_part, part_names) for name in each
+        )
+        output_targets = tuple(target for target in target_lists if target is not None)
+        if written_output.is_distance and not _is_distance(
+            output_targets, output_label, part_names
+        ):
             continue
         room = None
-        if isinstance(output.nearest, str):
-            room = layout(output.nearest, output.place)
-            if not any(module.kind == "BANK" for module in part.modules.values()):
-                message = f"{who}: `nearest` needs the members of a BANK"
-                part_names.collector.error("E304", message, output.place)
-        result.append(replace(output, targets=targets, nearest=room))
-    return tuple(result)
+        if isinstance(written_output.nearest, str):
+            room = layout(written_output.nearest, written_output.place)
+            if not any(module.kind == "BANK" for module in output_part.modules.values()):
+                message = f"{output_label}: `nearest` needs the members of a BANK"
+                part_names.collector.error("E304", message, written_output.place)
+        resolved_outputs.append(replace(written_output, targets=output_targets, nearest=room))
+    return tuple(resolved_outputs)
 
 
-def _is_distance(targets: tuple[Target, ...], who: str, part_names: PartNames) -> bool:
+def _is_distance(output_targets: tuple[Target, ...], who: str, part_names: PartNames) -> bool:
     """Whether the targets are two different points of spaces with equally many axes; reports an
     error if not.
     """
-    if len(targets) != 2:
+    if len(output_targets) != 2:
         return False
-    a, b = targets
-    axes = [part_names.parts[end.part].axes for end in targets]
+    first_target, second_target = output_targets
+    axis_counts = [part_names.parts[end.part].axes for end in output_targets]
     problem = ""
-    if _point(a) == _point(b):
-        problem = f"both points are {b.text}; a distance is that of two different points"
-    elif axes[0] != axes[1]:
-        problem = f"{quote(a.text)} has {axes[0]} axes and {quote(b.text)} {axes[1]}"
+    if _point(first_target) == _point(second_target):
+        problem = (
+            f"both points are {second_target.text}; a distance is that of two different points"
+        )
+    elif axis_counts[0] != axis_counts[1]:
+        problem = (
+            f"{quote(first_target.text)} has {axis_counts[0]} axes and {quote(second_target.text)} "
+            f"{axis_counts[1]}"
+        )
     if problem:
-        part_names.collector.error("E304", f"{who}: {problem}", b.place)
+        part_names.collector.error("E304", f"{who}: {problem}", second_target.place)
     return not problem
 
 
@@ -248,20 +288,22 @@ def _each(name: Name, part: Part, part_names: PartNames) -> list[Name]:
 
 
 def _output_target(
-    name: Name, family: Any, who: str, part: Part, part_names: PartNames
+    target_name: Name, family: Any, output_label: str, output_part: Part, part_names: PartNames
 ) -> Target | None:
     """The target of an output. SOF also accepts the ground springs of a CEL or BANK, and all
     springs of a net.
     """
     if family == "links":
-        output_module = part.modules.get(str(name))
+        output_module = output_part.modules.get(str(target_name))
         if output_module is not None and output_module.kind in NETS:
-            return Target(part.name, output_module.name, 0, 1, str(name), name.place)
-        head = name.split(".")[0] if name not in part.modules else name
-        module = part.modules.get(str(head)) or part.modules.get("")
+            return Target(
+                output_part.name, output_module.name, 0, 1, str(target_name), target_name.place
+            )
+        head = target_name.split(".")[0] if target_name not in output_part.modules else target_name
+        module = output_part.modules.get(str(head)) or output_part.modules.get("")
         if module is not None and module.kind in ("CEL", "BANK"):
-            return part_names.target(name, "body", who, part)
-    return part_names.target(name, family, who, part)
+            return part_names.target(target_name, "body", output_label, output_part)
+    return part_names.target(target_name, family, output_label, output_part)
 
 
 def _locator(module: Module, body: Values | None) -> Callable[[str, int, int], Place]:

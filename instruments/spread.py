@@ -78,82 +78,91 @@ def size(ends: Sequence[Target]) -> int:
     return max((end.count for end in ends), default=1)
 
 
-def is_pairwise(kind: str, fields: Mapping[str, Any], ends: Sequence[Target]) -> bool:
+def is_pairwise(kind: str, link_fields: Mapping[str, Any], ends: Sequence[Target]) -> bool:
     """Whether a link in space acts between all points of its ends, touches a wall, or has
     friction.
     """
     if kind not in ("BUT", "ATTRACTION") or not any(end.points for end in ends):
         return False
-    return size(ends) > 1 or has_wall(fields) or fields.get("friction", 0.0) > 0.0
+    return size(ends) > 1 or has_wall(link_fields) or link_fields.get("friction", 0.0) > 0.0
 
 
-def has_wall(fields: Mapping[str, Any]) -> bool:
+def has_wall(contact_fields: Mapping[str, Any]) -> bool:
     """Whether the first end of a contact in space is a wall: a plane, a box, a surface, or a sphere
     seen from inside.
     """
-    shapes = (fields.get(name) for name in ("normal", "box", "mesh"))
-    return any(shape is not None for shape in shapes) or fields.get("side") == "inside"
+    shapes = (contact_fields.get(name) for name in ("normal", "box", "mesh"))
+    return any(shape is not None for shape in shapes) or contact_fields.get("side") == "inside"
 
 
-def single_links(module: Module) -> Iterator[Module]:
+def single_links(link_module: Module) -> Iterator[Module]:
     """The single links of a link over a range, `bridge.0` and so on; the link itself if it is one.
 
     A link that acts between all points of two ranges is one link; a box is one for each wall.
     """
-    ends = module.ends
-    n, gap = size(ends), module.fields.get("gap")
-    if module.fields.get("box") is not None:
-        yield from _walls(module)
+    ends = link_module.ends
+    n, gap = size(ends), link_module.fields.get("gap")
+    if link_module.fields.get("box") is not None:
+        yield from _walls(link_module)
         return
-    if n == 1 or is_pairwise(module.kind, module.fields, ends):
-        yield module
+    if n == 1 or is_pairwise(link_module.kind, link_module.fields, ends):
+        yield link_module
         return
     for i in range(n):
-        fields = {**module.fields, "between": tuple(_member(end, i) for end in ends)}
+        fields = {**link_module.fields, "between": tuple(_member(end, i) for end in ends)}
         if isinstance(gap, tuple):
             fields["gap"] = gap[i]
-        yield replace(module, name=f"{module.name}.{i}", fields=fields)
+        yield replace(link_module, name=f"{link_module.name}.{i}", fields=fields)
 
 
-def _walls(module: Module) -> Iterator[Module]:
+def _walls(box_module: Module) -> Iterator[Module]:
     """The walls of a box, two for each axis: planes that face its middle."""
-    widths = module.fields["box"]
-    for axis, width in enumerate(widths):
+    widths = box_module.fields["box"]
+    for axis_index, width in enumerate(widths):
         for sign, side in ((1.0, "from"), (-1.0, "to")):
-            normal = tuple(sign if other == axis else 0.0 for other in range(len(widths)))
-            wall_fields = {"box": None, "normal": normal, "gap": module.fields["gap"] - 0.5 * width}
-            name = f"{module.name} {side} {AXES[axis]}"
-            yield replace(module, name=name, fields={**module.fields, **wall_fields})
+            normal = tuple(sign if other == axis_index else 0.0 for other in range(len(widths)))
+            wall_fields = {
+                "box": None,
+                "normal": normal,
+                "gap": box_module.fields["gap"] - 0.5 * width,
+            }
+            name = f"{box_module.name} {side} {AXES[axis_index]}"
+            yield replace(box_module, name=name, fields={**box_module.fields, **wall_fields})
 
 
-def _member(end: Target, i: int) -> Target:
+def _member(link_end: Target, i: int) -> Target:
     """The end of single link `i`: a range gives its member, a single module stays."""
-    if end.count == 1 or end.first == "centre":
-        return end
-    member = end.first + i
-    return replace(end, first=member, count=1, text=f"{_MEMBERS.sub('', end.text)}.{member}")
+    if link_end.count == 1 or link_end.first == "centre":
+        return link_end
+    member = link_end.first + i
+    return replace(
+        link_end, first=member, count=1, text=f"{_MEMBERS.sub('', link_end.text)}.{member}"
+    )
 
 
-def is_fitting(ends: Sequence[Target], who: str, collector: Collector) -> bool:
+def is_fitting(ends: Sequence[Target], link_label: str, collector: Collector) -> bool:
     """Whether two ends make links: one MAT and a range, or two ranges of one size; reports an error
     if not.
     """
     if len(ends) != 2:
         return False
-    a, b = ends
-    place = b.place
-    if a.count != b.count and min(a.count, b.count) > 1:
-        message = f"{who}: {quote(a.text)} has {a.count:,} members and {quote(b.text)} {b.count:,}"
+    first_end, second_end = ends
+    end_place = second_end.place
+    if first_end.count != second_end.count and min(first_end.count, second_end.count) > 1:
+        message = (
+            f"{link_label}: {quote(first_end.text)} has {first_end.count:,} members and "
+            f"{quote(second_end.text)} {second_end.count:,}"
+        )
         message += "; a link joins one module to each of a range, or two ranges of one length"
-        collector.error("E304", message, place)
+        collector.error("E304", message, end_place)
         return False
     if size(ends) > MAX_SPREAD:
-        message = f"{who}: a link has at most {MAX_SPREAD:,} points, not {size(ends):,}"
-        collector.error("E105", message, place)
+        message = f"{link_label}: a link has at most {MAX_SPREAD:,} points, not {size(ends):,}"
+        collector.error("E105", message, end_place)
         return False
-    if (shared := _shared(a, b)) is not None:
-        message = f"{who}: both ends are {shared}; a link joins two different points"
-        collector.error("E304", message, place)
+    if (shared := _shared(first_end, second_end)) is not None:
+        message = f"{link_label}: both ends are {shared}; a link joins two different points"
+        collector.error("E304", message, end_place)
         return False
     return True
 
@@ -166,51 +175,69 @@ def may_touch_all(
     """
     if len(ends) != 2:
         return False
-    a, b = ends
-    what, limit = _PAIRS_MAX[kind]
+    first_end, second_end = ends
+    pair_kind, pairs_limit = _PAIRS_MAX[kind]
     problem = ""
     code = "E304"
-    if is_wall and a.count > b.count:
-        problem = f"{quote(a.text)} has {a.count:,} points; the first end is the wall and must be "
+    if is_wall and first_end.count > second_end.count:
+        problem = (
+            f"{quote(first_end.text)} has {first_end.count:,} points; the first end is the wall "
+            "and must be "
+        )
         problem += "one point"
-    elif a.part == b.part and a.module == b.module and isinstance(a.first, int):
-        is_same = (a.first, a.count) == (b.first, b.count)
-        last = min(a.first + a.count, b.first + b.count) if isinstance(b.first, int) else 0
-        if is_same and (is_wall or a.count == 1):
-            problem = f"both ends are {b.text}; {what} joins different points"
-        elif not is_same and isinstance(b.first, int) and max(a.first, b.first) < last:
-            problem = f"{quote(a.text)} and {quote(b.text)} have points in common; write the same "
+    elif (
+        first_end.part == second_end.part
+        and first_end.module == second_end.module
+        and isinstance(first_end.first, int)
+    ):
+        is_same = (first_end.first, first_end.count) == (second_end.first, second_end.count)
+        last = (
+            min(first_end.first + first_end.count, second_end.first + second_end.count)
+            if isinstance(second_end.first, int)
+            else 0
+        )
+        if is_same and (is_wall or first_end.count == 1):
+            problem = f"both ends are {second_end.text}; {pair_kind} joins different points"
+        elif (
+            not is_same
+            and isinstance(second_end.first, int)
+            and max(first_end.first, second_end.first) < last
+        ):
+            problem = (
+                f"{quote(first_end.text)} and {quote(second_end.text)} have points in common; "
+                "write the same "
+            )
             problem += "range twice, or two that have none"
-    if not problem and size(ends) > limit:
+    if not problem and size(ends) > pairs_limit:
         code = "E105"
-        problem = f"{what} of all pairs has at most {limit:,} points, not {size(ends):,}"
+        problem = f"{pair_kind} of all pairs has at most {pairs_limit:,} points, not {size(ends):,}"
     if problem:
-        collector.error(code, f"{who}: {problem}", b.place)
+        collector.error(code, f"{who}: {problem}", second_end.place)
     return not problem
 
 
-def _shared(a: Target, b: Target) -> str | None:
+def _shared(first_end: Target, second_end: Target) -> str | None:
     """A point that would be joined to itself; None if there is none."""
-    if (a.part, a.module) != (b.part, b.module):
+    if (first_end.part, first_end.module) != (second_end.part, second_end.module):
         return None
-    if "centre" in (a.first, b.first):
-        return b.text if a.first == b.first else None
-    n = size((a, b))
-    for first, other in ((_member(a, i), _member(b, i)) for i in range(n)):
+    if "centre" in (first_end.first, second_end.first):
+        return second_end.text if first_end.first == second_end.first else None
+    n = size((first_end, second_end))
+    for first, other in ((_member(first_end, i), _member(second_end, i)) for i in range(n)):
         if first.first == other.first:
             return other.text
     return None
 
 
-def gaps(module: Module, n: int, who: str, collector: Collector) -> Any:
+def gaps(contact_module: Module, n: int, who: str, collector: Collector) -> Any:
     """The gap of a contact of n points: one for all, or one for each; reports a list of another
     length.
     """
-    gap = module.fields.get("gap")
+    gap = contact_module.fields.get("gap")
     if isinstance(gap, Profile):
         gap = gap.gaps(n)
     elif isinstance(gap, tuple) and len(gap) != n:
-        place = module.places.get("gap", module.place)
+        place = contact_module.places.get("gap", contact_module.place)
         message = f"{who}: gap: the number of items is {len(gap)}, but must be {n}"
         message += " (one for each point)" if n > 1 else ": it joins two single points"
         collector.error("E106", message, place)

@@ -14,19 +14,20 @@ from ergon.notation.tables.shapes import MISSING
 INHARMONICITY_MAX = 0.1
 
 
-def _coefficient(values: Values) -> Any:
+def _coefficient(string_values: Values) -> Any:
     """B = π³·E·r⁴/(4·T·L²) of a round wire, with bending stiffness E·π·r⁴/4 and tension T."""
     young, radius, tension, length = (
-        float(values[name]) for name in ("young", "radius", "tension", "length")
+        float(string_values[name]) for name in ("young", "radius", "tension", "length")
     )
-    b = math.pi**3 * young * radius**4 / (4.0 * tension * length**2)
-    if b <= INHARMONICITY_MAX:
-        return b
+    stiffness_ratio = math.pi**3 * young * radius**4 / (4.0 * tension * length**2)
+    if stiffness_ratio <= INHARMONICITY_MAX:
+        return stiffness_ratio
     message = (
-        f"{values.context.label('inharmonicity')} would be {b:.3g}, above the maximum of "
+        f"{string_values.context.label('inharmonicity')} would be {stiffness_ratio:.3g}, above the "
+        "maximum of "
         f"{INHARMONICITY_MAX:g}; take a thinner or longer wire, or more tension"
     )
-    values.error("E202", message, "radius")
+    string_values.error("E202", message, "radius")
     return MISSING
 
 

@@ -84,27 +84,33 @@ def is_interval(word: str) -> bool:
 
 def parse_interval(text: str) -> Interval:
     """Read `7st`, `-14cents`, `x1.5` or `3/2`. Raises TextError."""
-    word = text.strip()
-    if word.startswith("x") or _RATIO.fullmatch(word):
-        ratio = q.factor(f"x{word.removeprefix('x')}")
-        if not 1e-3 <= ratio <= 1e3:
-            message = f"{quote(word)} lies outside the range from x0.001 to x1000"
-            raise TextError(message, length=max(1, len(word)), code="E202")
-        return Interval(ratio)
-    match = _INTERVAL.fullmatch(word)
-    if match is None:
-        wrong = f"{quote(word)} is not an interval" if word else "an interval is missing,"
+    interval_word = text.strip()
+    if interval_word.startswith("x") or _RATIO.fullmatch(interval_word):
+        pitch_ratio = q.factor(f"x{interval_word.removeprefix('x')}")
+        if not 1e-3 <= pitch_ratio <= 1e3:
+            message = f"{quote(interval_word)} lies outside the range from x0.001 to x1000"
+            raise TextError(message, length=max(1, len(interval_word)), code="E202")
+        return Interval(pitch_ratio)
+    interval_match = _INTERVAL.fullmatch(interval_word)
+    if interval_match is None:
+        wrong = (
+            f"{quote(interval_word)} is not an interval"
+            if interval_word
+            else "an interval is missing,"
+        )
         message = f"{wrong} such as {_EXAMPLE}"
-        is_number = re.fullmatch(r"[+-]?\d+(\.\d+)?", word)
-        suggestion = f"{word}st" if is_number else None
+        is_number = re.fullmatch(r"[+-]?\d+(\.\d+)?", interval_word)
+        suggestion = f"{interval_word}st" if is_number else None
         code = "E203" if is_number else "E201"
-        raise TextError(message, length=max(1, len(word)), suggestion=suggestion, code=code)
-    amount = Fraction(match[1])
-    cents = float(amount * (100 if match[2] == "st" else 1))
+        raise TextError(
+            message, length=max(1, len(interval_word)), suggestion=suggestion, code=code
+        )
+    amount = Fraction(interval_match[1])
+    cents = float(amount * (100 if interval_match[2] == "st" else 1))
     if abs(cents) > CENTS_MAX:
-        message = f"{quote(word)} lies outside the range from -120st to 120st"
-        raise TextError(message, length=len(word), code="E202")
-    is_keys = match[2] == "st" and amount.denominator == 1
+        message = f"{quote(interval_word)} lies outside the range from -120st to 120st"
+        raise TextError(message, length=len(interval_word), code="E202")
+    is_keys = interval_match[2] == "st" and amount.denominator == 1
     return replace(interval_of_cents(cents), keys=int(amount) if is_keys else None)
 
 
@@ -169,92 +175,109 @@ def _cents(frequency: float) -> int | None:
 _POWERS = {"t60": -1, "K": 2, "Z": 1, "V0": 1, "hardening": 2, "stretching": 2}
 
 
-def base_at_pitch(base: Values, member: Values, *, is_root: bool) -> Values:
-    """The base of an instrument, at the pitch that the instrument's own `f` and `transpose` ask
-    for.
+def base_at_pitch(base_values: Values, member_values: Values, *, is_root: bool) -> Values:
+    """The base of an instrument, at the pitch that the instrument's own `f` and
+    `transpose` ask for.
 
     For a root, which has no `like` or `from`, the base is the instrument itself. Reports a base
     without a pitch.
     """
-    interval = member["transpose"] if member.written("transpose") else None
-    f = member.by_name.get("f")
-    if not is_root and isinstance(f, tuple) and base.written("modules"):
-        if member.written("modules") and f[0] != f[1]:
-            return base
-        base_pitch = named_pitch(base)
+    interval = member_values["transpose"] if member_values.written("transpose") else None
+    member_pitch = member_values.by_name.get("f")
+    if not is_root and isinstance(member_pitch, tuple) and base_values.written("modules"):
+        if member_values.written("modules") and member_pitch[0] != member_pitch[1]:
+            return base_values
+        base_pitch = named_pitch(base_values)
         if base_pitch is None:
             message = (
-                f"{member.context.label('f')}: {base.context.label('')} has no named pitch; write "
+                f"{member_values.context.label('f')}: {base_values.context.label('')} has no named "
+                "pitch; write "
                 "`f` beside its modules, the pitch at which they are written, or `transpose`"
             )
-            member.error("E103", message, "f")
-        elif f[0] == f[1]:
-            step = between(base_pitch, f[0])
+            member_values.error("E103", message, "f")
+        elif member_pitch[0] == member_pitch[1]:
+            step = between(base_pitch, member_pitch[0])
             interval = step.then(interval) if interval is not None else step
     if interval is None or (interval.ratio == 1.0 and is_root):
-        return base
-    if base["units"] == "ca" or member["units"] == "ca":
-        name = "transpose" if member.written("transpose") else "f"
+        return base_values
+    if base_values["units"] == "ca" or member_values["units"] == "ca":
+        field_name = "transpose" if member_values.written("transpose") else "f"
         message = (
-            f"{member.context.label(name)}: under `units: ca` K and Z are those of a discrete "
+            f"{member_values.context.label(field_name)}: under `units: ca` K and Z are those of a "
+            "discrete "
             "network, "
             "whose modes no factor moves alike; write them in SI units"
         )
-        member.error("E111", message, name)
-        return base
-    return _instrument(base, interval)
+        member_values.error("E111", message, field_name)
+        return base_values
+    return _instrument(base_values, interval)
 
 
-def instrument_at_note(values: Values, note: str) -> Values:
+def instrument_at_note(instrument_values: Values, note: str) -> Values:
     """An instrument with `notes` at one of its notes; it must have a named pitch."""
-    base_pitch, high = named_pitch(values), q.frequency(note)
+    base_pitch, note_frequency = named_pitch(instrument_values), q.frequency(note)
     assert base_pitch is not None
-    fields = {name: value for name, value in values.by_name.items() if name != "notes"}
-    member = replace(values, by_name=fields)
-    if not values.kind:
-        member = _instrument(member, between(base_pitch, high))
+    fields = {name: value for name, value in instrument_values.by_name.items() if name != "notes"}
+    note_values = replace(instrument_values, by_name=fields)
+    if not instrument_values.kind:
+        note_values = _instrument(note_values, between(base_pitch, note_frequency))
     # Set `f` beside a generator, as if it were written.
-    nodes = {"f": values.nodes["notes"], **values.nodes}
-    return replace(member, by_name={**member.by_name, "f": (high, high)}, nodes=nodes)
+    nodes = {"f": instrument_values.nodes["notes"], **instrument_values.nodes}
+    return replace(
+        note_values,
+        by_name={**note_values.by_name, "f": (note_frequency, note_frequency)},
+        nodes=nodes,
+    )
 
 
-def named_pitch(values: Values) -> float | None:
-    """The named pitch [Hz] of an instrument: its `f`, or that of its only module with one.
+def named_pitch(instrument_values: Values) -> float | None:
+    """The named pitch [Hz] of an instrument: its `f`, or that of its only module with
+    one.
 
     None for a range, and for mechanics.
     """
-    written = values.by_name.get("f")
+    written = instrument_values.by_name.get("f")
     if isinstance(written, tuple):
         return written[0] if written[0] == written[1] else None
-    bodies = [body for body in (values["modules"] or {}).values() if isinstance(body, Values)]
+    bodies = [
+        body for body in (instrument_values["modules"] or {}).values() if isinstance(body, Values)
+    ]
     pitches = []
-    for body in [values] if values.kind else bodies:
-        fields = body.by_name.get(body.kind)
+    for body_values in [instrument_values] if instrument_values.kind else bodies:
+        fields = body_values.by_name.get(body_values.kind)
         if isinstance(fields, Values):
-            fields = from_material(body.kind, fields, quietly=True) or fields
-        f = fields.by_name.get("f") if isinstance(fields, Values) else None
-        if isinstance(f, tuple) and body.kind == "MODES":
-            f = min(f, default=None)
-        elif isinstance(f, tuple) and not isinstance(f, Each) and f[0] == f[1]:
-            f = f[0]
-        if isinstance(f, float) and not (body.kind == "CEL" and f < AUDIBLE):
-            pitches.append(f)
+            fields = from_material(body_values.kind, fields, quietly=True) or fields
+        body_frequency = fields.by_name.get("f") if isinstance(fields, Values) else None
+        if isinstance(body_frequency, tuple) and body_values.kind == "MODES":
+            body_frequency = min(body_frequency, default=None)
+        elif (
+            isinstance(body_frequency, tuple)
+            and not isinstance(body_frequency, Each)
+            and body_frequency[0] == body_frequency[1]
+        ):
+            body_frequency = body_frequency[0]
+        if isinstance(body_frequency, float) and not (
+            body_values.kind == "CEL" and body_frequency < AUDIBLE
+        ):
+            pitches.append(body_frequency)
     return pitches[0] if len(pitches) == 1 else None
 
 
-def _instrument(values: Values, interval: Interval) -> Values:
-    fields = dict(values.by_name)
-    if isinstance(fields.get("modules"), dict):
-        fields["modules"] = {
+def _instrument(instrument_values: Values, interval: Interval) -> Values:
+    moved_fields = dict(instrument_values.by_name)
+    if isinstance(moved_fields.get("modules"), dict):
+        moved_fields["modules"] = {
             name: _body(body, interval) if isinstance(body, Values) else body
-            for name, body in fields["modules"].items()
+            for name, body in moved_fields["modules"].items()
         }
-    if values.kind and isinstance(body := fields.get(values.kind), Values):
-        fields[values.kind] = _fields(values.kind, body, interval)
+    if instrument_values.kind and isinstance(
+        body := moved_fields.get(instrument_values.kind), Values
+    ):
+        moved_fields[instrument_values.kind] = _fields(instrument_values.kind, body, interval)
     for name in ("f", "t60"):
-        if name in fields:
-            fields[name] = moved(name, fields[name], interval)
-    return replace(values, by_name=fields)
+        if name in moved_fields:
+            moved_fields[name] = moved(name, moved_fields[name], interval)
+    return replace(instrument_values, by_name=moved_fields)
 
 
 def _body(body: Values, interval: Interval) -> Values:
@@ -264,19 +287,21 @@ def _body(body: Values, interval: Interval) -> Values:
     return replace(body, by_name={**body.by_name, body.kind: _fields(body.kind, fields, interval)})
 
 
-def _fields(kind: str, fields: Values, interval: Interval) -> Values:
+def _fields(kind_name: str, module_fields: Values, interval: Interval) -> Values:
     """The fields of one module moved by an interval; a law keeps the interval in `interval`, and is
     moved later.
     """
-    if is_mechanics(kind, fields):
-        return fields
-    fields = from_material(kind, fields, quietly=True) or fields
-    moved_fields = {name: moved(name, value, interval) for name, value in fields.by_name.items()}
-    if KINDS[kind].role == "law" or fields.written("modes"):
+    if is_mechanics(kind_name, module_fields):
+        return module_fields
+    module_fields = from_material(kind_name, module_fields, quietly=True) or module_fields
+    moved_fields = {
+        name: moved(name, value, interval) for name, value in module_fields.by_name.items()
+    }
+    if KINDS[kind_name].role == "law" or module_fields.written("modes"):
         moved_fields["interval"] = (
             moved_fields["interval"].then(interval) if "interval" in moved_fields else interval
         )
-    return replace(fields, by_name=moved_fields)
+    return replace(module_fields, by_name=moved_fields)
 
 
 def is_mechanics(kind: str, fields: Values) -> bool:
@@ -284,57 +309,59 @@ def is_mechanics(kind: str, fields: Values) -> bool:
     return is_slow(kind, fields.by_name)
 
 
-def is_slow(kind: str, fields: Mapping[str, Any]) -> bool:
+def is_slow(kind_name: str, fields: Mapping[str, Any]) -> bool:
     """Whether a module with these fields, in SI units, is below audible frequencies, or is
     friction.
     """
-    f, stiffness, mass = (fields.get(name) for name in ("f", "K", "M"))
-    if KINDS[kind].role == "friction":
+    module_frequency, stiffness, module_mass = (fields.get(name) for name in ("f", "K", "M"))
+    if KINDS[kind_name].role == "friction":
         return True  # it belongs to the bow
-    if kind != "CEL":
+    if kind_name != "CEL":
         return False
-    if isinstance(f, float):
-        return f < AUDIBLE
-    if not isinstance(stiffness, float) or not isinstance(mass, float):
+    if isinstance(module_frequency, float):
+        return module_frequency < AUDIBLE
+    if not isinstance(stiffness, float) or not isinstance(module_mass, float):
         return False
-    return stiffness < mass * (2.0 * math.pi * AUDIBLE) ** 2
+    return stiffness < module_mass * (2.0 * math.pi * AUDIBLE) ** 2
 
 
-def moved(name: str, value: Any, interval: Interval) -> Any:
+def moved(field_name: str, field_value: Any, interval: Interval) -> Any:
     """The value of a field of a module, moved by an interval."""
-    if isinstance(value, tuple):
-        if name == "points":
-            return tuple((d, _times(force, interval.power(2))) for d, force in value)
-        if name == "t60" and isinstance(value[0], tuple):
-            return tuple((pitch(f, interval), moved(name, t, interval)) for f, t in value)
-        each = (moved(name, one, interval) for one in value)
-        return Each(each) if isinstance(value, Each) else tuple(each)
-    if isinstance(value, Band):
-        f, t60 = moved("f", value.f, interval), moved("t60", value.t60, interval)
-        return replace(value, f=f, t60=t60)
-    if isinstance(value, Start):
-        return replace(value, value=moved(name, value.value, interval))
-    if isinstance(value, Stretched):
-        return replace(value, per_gap=_times(value.per_gap, interval.power(2)))
-    if name == "f" and isinstance(value, float):
-        return pitch(value, interval)
-    power = _POWERS.get(name)
-    if power is None or not isinstance(value, float):
-        return value
-    return _times(value, interval.power(power))
+    if isinstance(field_value, tuple):
+        if field_name == "points":
+            return tuple((d, _times(force, interval.power(2))) for d, force in field_value)
+        if field_name == "t60" and isinstance(field_value[0], tuple):
+            return tuple(
+                (pitch(f, interval), moved(field_name, t, interval)) for f, t in field_value
+            )
+        each = (moved(field_name, one, interval) for one in field_value)
+        return Each(each) if isinstance(field_value, Each) else tuple(each)
+    if isinstance(field_value, Band):
+        f, t60 = moved("f", field_value.f, interval), moved("t60", field_value.t60, interval)
+        return replace(field_value, f=f, t60=t60)
+    if isinstance(field_value, Start):
+        return replace(field_value, value=moved(field_name, field_value.value, interval))
+    if isinstance(field_value, Stretched):
+        return replace(field_value, per_gap=_times(field_value.per_gap, interval.power(2)))
+    if field_name == "f" and isinstance(field_value, float):
+        return pitch(field_value, interval)
+    power = _POWERS.get(field_name)
+    if power is None or not isinstance(field_value, float):
+        return field_value
+    return _times(field_value, interval.power(power))
 
 
-def law(fields: dict[str, Any], interval: Interval) -> None:
+def law(law_fields: dict[str, Any], interval: Interval) -> None:
     """Move a law that is written out: law(d) is multiplied by r², damping(d, v) becomes
     r²·damping(d, v/r).
 
     A damping without a law is friction, which stays.
     """
-    if fields["law"] is None and fields["points"] is None:
+    if law_fields["law"] is None and law_fields["points"] is None:
         return
     square = f"{float(interval.power(2))!r}"
-    if fields["law"] is not None:
-        fields["law"] = f"{square}*({fields['law']})"
-    if fields["damping"] is not None:
-        slower = re.sub(r"\bv\b", f"(v/{float(interval.power(1))!r})", fields["damping"])
-        fields["damping"] = f"{square}*({slower})"
+    if law_fields["law"] is not None:
+        law_fields["law"] = f"{square}*({law_fields['law']})"
+    if law_fields["damping"] is not None:
+        slower = re.sub(r"\bv\b", f"(v/{float(interval.power(1))!r})", law_fields["damping"])
+        law_fields["damping"] = f"{square}*({slower})"

@@ -50,14 +50,14 @@ class BankFields(TypedDict):
     spread: str
 
 
-def _add(network: _core.Network, name: str, fields: BankFields, seed: int) -> int:
-    if isinstance(fields["f"], Each):
-        masses = (fields["M"] / gain for gain in fields["gain"] or ())
-        cells = list(zip(fields["f"], fields["t60"], masses, strict=True))
-        placing = picked(fields, "place", "hole", "angles")
-        return network.cells(name, cells=cells, **placing, seed=seed)
+def _add(network: _core.Network, bank_name: str, bank_fields: BankFields, seed: int) -> int:
+    if isinstance(bank_fields["f"], Each):
+        masses = (bank_fields["M"] / gain for gain in bank_fields["gain"] or ())
+        cells = list(zip(bank_fields["f"], bank_fields["t60"], masses, strict=True))
+        placing = picked(bank_fields, "place", "hole", "angles")
+        return network.cells(bank_name, cells=cells, **placing, seed=seed)
     options = ("count", "M", "f", "t60", "spread", "place", "hole", "angles")
-    return network.bank(name, **picked(fields, *options), seed=seed)
+    return network.bank(bank_name, **picked(bank_fields, *options), seed=seed)
 
 
 def _count(fields: BankFields) -> int:

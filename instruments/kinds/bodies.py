@@ -42,18 +42,22 @@ def pitched(quantities: Quantities) -> tuple[Field, ...]:
     )
 
 
-def check_pitched(values: Values, name: str) -> None:
+def check_pitched(body_values: Values, body_name: str) -> None:
     """Report a body without a pitch, or with K and Z of its links beside it."""
-    if "K" not in values.record.by_name:
+    if "K" not in body_values.record.by_name:
         return
-    tuned, plain = values.written("f", "t60", "inharmonicity", "bending"), values.written("K", "Z")
+    tuned, plain = (
+        body_values.written("f", "t60", "inharmonicity", "bending"),
+        body_values.written("K", "Z"),
+    )
     if tuned and plain:
-        message = f"{values.context.label(tuned[0])}: {plain[0]} is written too; "
-        message += f"a {name} has K and Z of its links, or f and t60"
-        values.error("E111", message, tuned[0])
-    elif not values.written("f", "K"):
-        values.error(
-            "E103", f"{values.context.label('')}: a {name} needs f (and t60), or K (and Z)"
+        message = f"{body_values.context.label(tuned[0])}: {plain[0]} is written too; "
+        message += f"a {body_name} has K and Z of its links, or f and t60"
+        body_values.error("E111", message, tuned[0])
+    elif not body_values.written("f", "K"):
+        body_values.error(
+            "E103",
+            f"{body_values.context.label('')}: a {body_name} needs f (and t60), or K (and Z)",
         )
 
 

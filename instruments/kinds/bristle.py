@@ -8,14 +8,14 @@ from ergon.notation.tables.fields import Field, Values
 
 
 def _fields(quantities: Quantities) -> tuple[Field, ...]:
-    damping, force = quantities.damping, quantities.force
+    damping, force_shape = quantities.damping, quantities.force
     return (
         BETWEEN,
         Field("sigma0", quantities.bristle, "stiffness of the bristles", required=True),
         Field("sigma1", damping, "damping of the bristles", 0.0),
         Field("sigma2", damping, "viscosity between the two MATs", 0.0),
-        Field("Fc", force, "friction of a fast slide", required=True),
-        Field("Fs", force, "friction of the slowest slide", shown="Fc"),
+        Field("Fc", force_shape, "friction of a fast slide", required=True),
+        Field("Fs", force_shape, "friction of the slowest slide", shown="Fc"),
         Field(
             "vs",
             quantities.speed,

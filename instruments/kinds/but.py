@@ -30,24 +30,30 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
     )
 
 
-def _check(values: Values) -> None:
-    if "contact" not in values.record.by_name:
+def _check(contact_values: Values) -> None:
+    if "contact" not in contact_values.record.by_name:
         return  # in space there is one rule
-    magic = values["contact"] == "magic"
-    if magic and (extra := values.written("K", "Z")):
-        message = f"{values.context.label(extra[0])}: a magic contact has no K and Z; remove it"
-        values.error("E111", message, extra[0])
-    if not magic:
-        needs(values, "BUT", "K")
-        if extra := values.written("restitution", "steps"):
-            message = f"{values.context.label(extra[0])}: only a magic contact has this field"
-            values.error("E111", message, extra[0])
-    if magic and values["clamp"] and values["restitution"] < 1:
+    magic = contact_values["contact"] == "magic"
+    if magic and (extra_fields := contact_values.written("K", "Z")):
         message = (
-            f"{values.context.label('clamp')}: a magic contact with "
+            f"{contact_values.context.label(extra_fields[0])}: a magic contact has no K and Z; "
+            "remove it"
+        )
+        contact_values.error("E111", message, extra_fields[0])
+    if not magic:
+        needs(contact_values, "BUT", "K")
+        if extra_fields := contact_values.written("restitution", "steps"):
+            message = (
+                f"{contact_values.context.label(extra_fields[0])}: only a magic contact has this "
+                "field"
+            )
+            contact_values.error("E111", message, extra_fields[0])
+    if magic and contact_values["clamp"] and contact_values["restitution"] < 1:
+        message = (
+            f"{contact_values.context.label('clamp')}: a magic contact with "
             "restitution < 1 must pull, so clamp must be false"
         )
-        values.error("E111", message, "clamp")
+        contact_values.error("E111", message, "clamp")
 
 
 def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:

@@ -26,24 +26,29 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
     )
 
 
-def _check(values: Values) -> None:
-    ends = values.written("to", "between")
+def _check(friction_values: Values) -> None:
+    ends = friction_values.written("to", "between")
     if len(ends) == 2:
-        message = f"{values.context.label('between')}: `to` is written too; keep one of the two"
-        values.error("E111", message, "between")
-    elif not ends and values.record.by_name.keys() >= {"to"}:
-        values.error("E103", f"{values.context.label('')}: a DRY needs to or between")
-    level, static = values["F"], values["static"]
-    is_below = isinstance(level, float) and isinstance(static, float) and static < level
-    if is_below and values["K"] is not None:
         message = (
-            f"{values.context.label('static')}: static is below F; with K the level falls from "
+            f"{friction_values.context.label('between')}: `to` is written too; keep one of the two"
+        )
+        friction_values.error("E111", message, "between")
+    elif not ends and friction_values.record.by_name.keys() >= {"to"}:
+        friction_values.error(
+            "E103", f"{friction_values.context.label('')}: a DRY needs to or between"
+        )
+    level, static = friction_values["F"], friction_values["static"]
+    is_below = isinstance(level, float) and isinstance(static, float) and static < level
+    if is_below and friction_values["K"] is not None:
+        message = (
+            f"{friction_values.context.label('static')}: static is below F; with K the level falls "
+            "from "
         )
         message += "static to F"
-        values.error("E111", message, "static")
-    if values.written("speed") and not values.written("static"):
-        message = f"{values.context.label('speed')}: only a DRY with static has this field"
-        values.error("E111", message, "speed")
+        friction_values.error("E111", message, "static")
+    if friction_values.written("speed") and not friction_values.written("static"):
+        message = f"{friction_values.context.label('speed')}: only a DRY with static has this field"
+        friction_values.error("E111", message, "speed")
 
 
 class DryFields(TypedDict):
@@ -55,12 +60,33 @@ class DryFields(TypedDict):
     speed: float
 
 
-def _add(network: _core.Network, name: str, a: int, b: int, fields: DryFields, reach: float) -> int:
-    level, static, speed = fields["F"], fields["static"] or fields["F"], fields["speed"]
-    if fields["K"] is None:
-        return network.dry(name, a, b, F=level, static_level=static, speed=speed)
+def _add(
+    network: _core.Network,
+    friction_name: str,
+    first_mat: int,
+    second_mat: int,
+    friction_fields: DryFields,
+    reach: float,
+) -> int:
+    friction_level, static, speed = (
+        friction_fields["F"],
+        friction_fields["static"] or friction_fields["F"],
+        friction_fields["speed"],
+    )
+    if friction_fields["K"] is None:
+        return network.dry(
+            friction_name, first_mat, second_mat, F=friction_level, static_level=static, speed=speed
+        )
     # Dry friction with a stiffness K is a bristle without damping.
-    return network.bristle(name, a, b, sigma0=fields["K"], Fc=level, Fs=static, vs=speed)
+    return network.bristle(
+        friction_name,
+        first_mat,
+        second_mat,
+        sigma0=friction_fields["K"],
+        Fc=friction_level,
+        Fs=static,
+        vs=speed,
+    )
 
 
 DRY = kind(

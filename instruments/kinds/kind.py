@@ -109,14 +109,14 @@ def kind(
     name: str,
     family: Family,
     doc: str,
-    fields: Callable[[Quantities], tuple[Field, ...]],
+    fields_of: Callable[[Quantities], tuple[Field, ...]],
     *,
     free: Callable[[Quantities], Shape] | None = None,
     meant: Mapping[str, str] | None = None,
     space: Callable[[Quantities], tuple[Field, ...]] | None = None,
     **more: Any,
 ) -> Kind:
-    """A kind whose fields are those of `fields`, with units or without, and of `space` in space;
+    """A kind whose fields are those of `fields_of`, with units or without, and of `space` in space;
     `free` reads fields of other names, and `meant` has names that others use.
     """
 
@@ -124,7 +124,7 @@ def kind(
         free_shape = free(quantities) if free else None
         return Record("module", doc, columns, free=free_shape, meant=meant or {})
 
-    tables: dict[Form, Record] = {"si": table(fields(SI), SI), "ca": table(fields(CA), CA)}
+    tables: dict[Form, Record] = {"si": table(fields_of(SI), SI), "ca": table(fields_of(CA), CA)}
     if space:
         tables["space"] = table(space(SI), SI)
     return Kind(name, family, tables, **more)
@@ -135,10 +135,11 @@ def picked(fields: Fields, *names: str) -> dict[str, Any]:
     return {name: fields[name] for name in names if fields.get(name) is not None}
 
 
-def needs(values: Values, name: str, *alternatives: str) -> None:
+def needs(module_values: Values, name: str, *alternatives: str) -> None:
     """Report a module that has none of some fields."""
-    if not values.written(*alternatives):
+    if not module_values.written(*alternatives):
         message = (
-            f"{values.context.label('')}: {with_article(name)} needs {' or '.join(alternatives)}"
+            f"{module_values.context.label('')}: {with_article(name)} needs "
+            f"{' or '.join(alternatives)}"
         )
-        values.error("E103", message)
+        module_values.error("E103", message)

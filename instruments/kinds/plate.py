@@ -47,19 +47,22 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
     )
 
 
-def _check(values: Values) -> None:
-    bodies.check_pitched(values, "PLATE")
-    shape = values["shape"]
-    needed, other = ("sides", "radius") if shape == "rectangle" else ("radius", "sides")
-    if not values.written(needed):
+def _check(plate_values: Values) -> None:
+    bodies.check_pitched(plate_values, "PLATE")
+    plate_shape = plate_values["shape"]
+    needed, other_field = ("sides", "radius") if plate_shape == "rectangle" else ("radius", "sides")
+    if not plate_values.written(needed):
         example = {"sides": "sides: [40, 25]", "radius": "radius: 12"}[needed]
-        message = f"{values.context.label('')}: a PLATE of shape {shape} needs {example}"
-        values.error("E103", message)
-    if values.written(other):
         message = (
-            f"{values.context.label(other)}: a PLATE of shape {shape} has no {other}; remove it"
+            f"{plate_values.context.label('')}: a PLATE of shape {plate_shape} needs {example}"
         )
-        values.error("E111", message, other)
+        plate_values.error("E103", message)
+    if plate_values.written(other_field):
+        message = (
+            f"{plate_values.context.label(other_field)}: a PLATE of shape {plate_shape} has no "
+            f"{other_field}; remove it"
+        )
+        plate_values.error("E111", message, other_field)
 
 
 class PlateFields(TypedDict):
@@ -78,14 +81,14 @@ def _add(network: _core.Network, name: str, fields: PlateFields, seed: int) -> i
 
 
 def _count(fields: PlateFields) -> int:
-    shape, rim, radius = fields["shape"], fields["rim"], fields["radius"] or 1
-    if shape == "rectangle":
+    plate_shape, rim, radius = fields["shape"], fields["rim"], fields["radius"] or 1
+    if plate_shape == "rectangle":
         across, up = fields["sides"] or (1, 1)
         return across * up
-    if shape == "square":
+    if plate_shape == "square":
         return (2 * radius + 1) ** 2
     # The outermost ring of a disc is its rim; a hexagon with a fixed one has one ring more.
-    rings = radius - 1 if shape == "disc" and rim == "fixed" else radius
+    rings = radius - 1 if plate_shape == "disc" and rim == "fixed" else radius
     return 3 * rings * (rings + 1) + 1
 
 

@@ -36,14 +36,16 @@ def _cel(quantities: Quantities) -> tuple[Field, ...]:
     )
 
 
-def _check_cel(values: Values) -> None:
-    tuned, plain = values.written("f", "t60"), values.written("K", "Z")
+def _check_cel(cel_values: Values) -> None:
+    tuned, plain = cel_values.written("f", "t60"), cel_values.written("K", "Z")
     if tuned and plain:
-        message = f"{values.context.label(tuned[0])}: {plain[0]} is written too; "
+        message = f"{cel_values.context.label(tuned[0])}: {plain[0]} is written too; "
         message += "a CEL has K and Z, or f and t60"
-        values.error("E111", message, tuned[0])
-    elif not values.written("f", "K") and values.misspelt.isdisjoint({"f", "K"}):
-        values.error("E103", f"{values.context.label('')}: a CEL needs K (and Z), or f (and t60)")
+        cel_values.error("E111", message, tuned[0])
+    elif not cel_values.written("f", "K") and cel_values.misspelt.isdisjoint({"f", "K"}):
+        cel_values.error(
+            "E103", f"{cel_values.context.label('')}: a CEL needs K (and Z), or f (and t60)"
+        )
 
 
 def _add_mas(network: _core.Network, name: str, fields: Fields, seed: int) -> int:

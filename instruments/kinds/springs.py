@@ -23,16 +23,16 @@ def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reac
     return network.ref(name, a, b, **picked(fields, "K", "Z", "rest"))
 
 
-def _kind(name: str, doc: str, fields: str, *parameters: str) -> Kind:
+def _kind(kind_name: str, doc: str, fields: str, *parameter_names: str) -> Kind:
     def check(values: Values) -> None:
-        needs(values, name, *parameters)
+        needs(values, kind_name, *parameter_names)
 
     return kind(
-        name,
+        kind_name,
         "link",
         doc,
         partial(_fields, tuple(fields.split())),
-        gliding=parameters,
+        gliding=parameter_names,
         check=check,
         add=_add,
     )

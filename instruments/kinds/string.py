@@ -48,14 +48,14 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
     )
 
 
-def _check(values: Values) -> None:
-    bodies.check_pitched(values, "STRING")
-    if values.written("inharmonicity") and values.written("stiffness"):
+def _check(string_values: Values) -> None:
+    bodies.check_pitched(string_values, "STRING")
+    if string_values.written("inharmonicity") and string_values.written("stiffness"):
         message = (
-            f"{values.context.label('stiffness')}: `inharmonicity` is written too; keep "
+            f"{string_values.context.label('stiffness')}: `inharmonicity` is written too; keep "
             "`inharmonicity`, which raises high partials as bending does"
         )
-        values.error("E111", message, "stiffness")
+        string_values.error("E111", message, "stiffness")
 
 
 def _complete(values: Values, fields: dict[str, object]) -> None:

@@ -11,7 +11,7 @@ from ergon.notation.tables.shapes import Shape
 
 
 def law_kind(
-    name: str,
+    kind_name: str,
     doc: str,
     constants: Mapping[str, tuple[Callable[[Quantities], Shape], str]],
     *,
@@ -34,28 +34,28 @@ def law_kind(
         text = "constants that depend on the position of a MAT"
         return (*in_space(quantities), following.field(quantities.constant, ENDPOINT, text))
 
-    def check(values: Values) -> None:
-        following.check_constants(values)
-        follows = following.written_followings(values)
+    def check(law_values: Values) -> None:
+        following.check_constants(law_values)
+        follows = following.written_followings(law_values)
         for constant in constants:
             if constant not in follows:
-                needs(values, name, constant)
+                needs(law_values, kind_name, constant)
 
-    def complete(values: Values, built: dict[str, object]) -> None:
+    def complete(law_values: Values, built: dict[str, object]) -> None:
         written = {constant: built.pop(constant) for constant in constants}
         # A constant that is missing was reported; the law needs one nevertheless.
-        follows = following.written_followings(values)
+        follows = following.written_followings(law_values)
         built["constants"] = {
             constant: 1.0 if value is None else value
             for constant, value in written.items()
             if constant not in follows
         }
         built |= {"law": law, "damping": damping, "points": None, "rest": 0.0}
-        if "interval" in values.by_name:
-            built["interval"] = values.by_name["interval"]
+        if "interval" in law_values.by_name:
+            built["interval"] = law_values.by_name["interval"]
 
     return kind(
-        name,
+        kind_name,
         "link",
         doc,
         fields,

@@ -32,31 +32,31 @@ class Space:
     gravity: float
 
 
-def count(kind: str, fields: Mapping[str, Any]) -> int:
+def count(kind_name: str, module_fields: Mapping[str, Any]) -> int:
     """How many points a module has."""
-    if kind in nets.COUNTS:
-        return nets.COUNTS[kind](fields)
-    if kind == "SURFACE":
-        return int(fields["of"].count)
-    return int(fields.get("masses") or fields.get("count") or 1)
+    if kind_name in nets.COUNTS:
+        return nets.COUNTS[kind_name](module_fields)
+    if kind_name == "SURFACE":
+        return int(module_fields["of"].count)
+    return int(module_fields.get("masses") or module_fields.get("count") or 1)
 
 
 def add(
     network: _core.Network,
-    kind: str,
-    name: str,
-    fields: Any,
+    kind_name: str,
+    module_name: str,
+    module_fields: Any,
     chance: Chance,
     who: str,
 ) -> int:
     """Add the points of a module, and the springs of a generator; returns the index of the first
     MAT.
 
-    `fields` are those of the kind (`ChainFields` and so on). `chance` gives the random numbers of
-    a member by its index; `who` names the module in error messages. Raises EngineError.
+    `module_fields` are those of the kind (`ChainFields` and so on). `chance` gives the random
+    numbers of a member by its index; `who` names the module in error messages. Raises EngineError.
     """
-    if kind == "GRAINS":
-        return add_grains(network, name, fields, chance, who)
-    if kind in NETS:
-        return nets.add(network, name, NETS[kind](fields), fields)
-    return add_point(network, name, fields)
+    if kind_name == "GRAINS":
+        return add_grains(network, module_name, module_fields, chance, who)
+    if kind_name in NETS:
+        return nets.add(network, module_name, NETS[kind_name](module_fields), module_fields)
+    return add_point(network, module_name, module_fields)

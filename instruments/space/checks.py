@@ -32,130 +32,153 @@ _Fields = dict[str, Any]
 _FILLED: dict[Shape, float] = {BLOCK_COUNTS: 1, WIDTHS: math.inf}
 
 
-def check(kind: str, fields: _Fields, values: Values, axes: int) -> None:
+def check(kind_name: str, module_fields: _Fields, module_values: Values, axis_count: int) -> None:
     """Check that lists have an item for each axis, and that the fields of a kind go together;
     reports errors.
     """
-    for field in values.record.fields:
-        value = fields[field.name]
-        wanted = axes - 1 if field.shape == CENTRE else axes
-        is_vector = field.shape in (PLACE, VELOCITY, DIRECTION, CENTRE, BLOCK_COUNTS, WIDTHS)
-        if is_vector and value is not None and len(value) != wanted:
+    for list_field in module_values.record.fields:
+        field_value = module_fields[list_field.name]
+        item_count = axis_count - 1 if list_field.shape == CENTRE else axis_count
+        is_vector = list_field.shape in (PLACE, VELOCITY, DIRECTION, CENTRE, BLOCK_COUNTS, WIDTHS)
+        if is_vector and field_value is not None and len(field_value) != item_count:
             axis_names = " and ".join(
-                filter(None, (", ".join(AXES[: wanted - 1]), AXES[wanted - 1]))
+                filter(None, (", ".join(AXES[: item_count - 1]), AXES[item_count - 1]))
             )
             message = (
-                f"{values.context.label(field.name)}: the number of items is {len(value)}, but "
+                f"{module_values.context.label(list_field.name)}: the number of items is "
+                f"{len(field_value)}, but "
             )
-            values.error("E106", f"{message}must be {wanted}: {axis_names}", field.name)
-            fields[field.name] = (_FILLED.get(field.shape, 0.0),) * wanted
-    if kind in _CHECKS:
-        _CHECKS[kind](fields, values)
-    if kind == "BUT" and fields["mesh"] is not None:
-        fields["mesh"] = _surface(fields, values, axes)
-    if "sides" in fields or "span" in fields:
-        _size(kind, fields, values)
+            module_values.error(
+                "E106", f"{message}must be {item_count}: {axis_names}", list_field.name
+            )
+            module_fields[list_field.name] = (_FILLED.get(list_field.shape, 0.0),) * item_count
+    if kind_name in _CHECKS:
+        _CHECKS[kind_name](module_fields, module_values)
+    if kind_name == "BUT" and module_fields["mesh"] is not None:
+        module_fields["mesh"] = _surface(module_fields, module_values, axis_count)
+    if "sides" in module_fields or "span" in module_fields:
+        _size(kind_name, module_fields, module_values)
 
 
-def _size(kind: str, fields: _Fields, values: Values) -> None:
+def _size(kind_name: str, net_fields: _Fields, net_values: Values) -> None:
     """Report a net with too many points or springs."""
-    n, axes = count(kind, fields), fields["axes"]
-    springs_per_point = ((2 * fields.get("span", 1) + 1) ** axes - 1) // 2
-    for number, limit, what in (
+    n, axis_count = count(kind_name, net_fields), net_fields["axes"]
+    springs_per_point = ((2 * net_fields.get("span", 1) + 1) ** axis_count - 1) // 2
+    for net_size, size_limit, what in (
         (n, MAX_POINTS, "points"),
         (n * springs_per_point, MAX_SPRINGS, "springs"),
     ):
-        if number > limit:
-            message = f"{values.context.label('')}: a {kind} has at most {limit:,} {what}, not "
-            values.error("E105", f"{message}{number:,}")
-            fields.update(sides=(1,) * axes, points=2)
+        if net_size > size_limit:
+            message = (
+                f"{net_values.context.label('')}: a {kind_name} has at most {size_limit:,} {what}, "
+                "not "
+            )
+            net_values.error("E105", f"{message}{net_size:,}")
+            net_fields.update(sides=(1,) * axis_count, points=2)
             return
 
 
-def _wall(fields: _Fields, values: Values) -> None:
+def _wall(wall_fields: _Fields, wall_values: Values) -> None:
     """Check the fields of a wall: its direction, a gap that is negative only for a plane, and
     `cohesion` with `reach`.
     """
-    if fields["normal"] is None:
-        if (fields["gap"] or 0.0) < 0.0:
-            values.error("E105", f"{values.context.label('gap')}: it must not be negative", "gap")
-            fields["gap"] = 0.0
-    elif _has_direction(fields, values) and fields["side"] == "inside":
-        message = f"{values.context.label('side')}: a plane has no inside; turn its normal round"
-        values.error("E111", message, "side")
-    if fields["box"] is not None:
-        _box(fields, values)
-    missing = [name for name in ("cohesion", "reach") if fields[name] is None]
-    if len(missing) == 1:
-        written = "reach" if missing == ["cohesion"] else "cohesion"
+    if wall_fields["normal"] is None:
+        if (wall_fields["gap"] or 0.0) < 0.0:
+            wall_values.error(
+                "E105", f"{wall_values.context.label('gap')}: it must not be negative", "gap"
+            )
+            wall_fields["gap"] = 0.0
+    elif _has_direction(wall_fields, wall_values) and wall_fields["side"] == "inside":
         message = (
-            f"{values.context.label(written)}: `{missing[0]}` is missing; a contact that sticks "
+            f"{wall_values.context.label('side')}: a plane has no inside; turn its normal round"
         )
-        values.error("E103", f"{message}has both", written)
-        fields.update(cohesion=None, reach=None)
+        wall_values.error("E111", message, "side")
+    if wall_fields["box"] is not None:
+        _box(wall_fields, wall_values)
+    missing_names = [name for name in ("cohesion", "reach") if wall_fields[name] is None]
+    if len(missing_names) == 1:
+        written_name = "reach" if missing_names == ["cohesion"] else "cohesion"
+        message = (
+            f"{wall_values.context.label(written_name)}: `{missing_names[0]}` is missing; a "
+            "contact that sticks "
+        )
+        wall_values.error("E103", f"{message}has both", written_name)
+        wall_fields.update(cohesion=None, reach=None)
 
 
-def _box(fields: _Fields, values: Values) -> None:
+def _box(box_fields: _Fields, box_values: Values) -> None:
     """Check that a box is the only wall of its contact, and wider than the points that touch it."""
-    if extra := values.written("normal", "side"):
-        message = f"{values.context.label(extra[0])}: `box` is written too; keep one of the two"
-        values.error("E111", message, extra[0])
-    if any(width <= 2 * (fields["gap"] or 0.0) for width in fields["box"]):
-        message = f"{values.context.label('box')}: it must be wider than twice the gap"
-        values.error("E105", message, "box")
+    if extra := box_values.written("normal", "side"):
+        message = f"{box_values.context.label(extra[0])}: `box` is written too; keep one of the two"
+        box_values.error("E111", message, extra[0])
+    if any(width <= 2 * (box_fields["gap"] or 0.0) for width in box_fields["box"]):
+        message = f"{box_values.context.label('box')}: it must be wider than twice the gap"
+        box_values.error("E105", message, "box")
 
 
-def _surface(fields: _Fields, values: Values, axes: int) -> Surface | None:
+def _surface(surface_fields: _Fields, surface_values: Values, axes: int) -> Surface | None:
     """The triangles of a file, which must be the only wall of their contact, in three axes; None if
     an error was reported.
     """
-    wall: Values = fields["mesh"]
-    who = values.context.label("mesh")
-    if extra := values.written("normal", "side", "box"):
-        message = f"{values.context.label(extra[0])}: `mesh` is written too; keep one of the two"
-        values.error("E111", message, extra[0])
+    wall: Values = surface_fields["mesh"]
+    mesh_label = surface_values.context.label("mesh")
+    if extra := surface_values.written("normal", "side", "box"):
+        message = (
+            f"{surface_values.context.label(extra[0])}: `mesh` is written too; keep one of the two"
+        )
+        surface_values.error("E111", message, extra[0])
     elif axes != 3:
-        message = f"{who}: a file has three axes; write space: 3 in the instrument"
-        values.error("E111", message, "mesh")
+        message = f"{mesh_label}: a file has three axes; write space: 3 in the instrument"
+        surface_values.error("E111", message, "mesh")
     elif not isinstance(model := wall["file"], Mesh):
         return None  # reported
     elif not model.faces:
-        values.error("E106", f"{who}: the file has no faces, which points could touch", "mesh")
-    elif not fields["gap"]:
-        message = f"{values.context.label('gap')}: it must be above 0: the radius of what touches"
-        values.error("E105", message, "gap")
+        surface_values.error(
+            "E106", f"{mesh_label}: the file has no faces, which points could touch", "mesh"
+        )
+    elif not surface_fields["gap"]:
+        message = (
+            f"{surface_values.context.label('gap')}: it must be above 0: the radius of what touches"
+        )
+        surface_values.error("E105", message, "gap")
     else:
         corners = placed(model, wall["scale"], wall["up"], (0.0, 0.0, 0.0))
         return Surface(tuple(corners), model.faces)
     return None
 
 
-def _grains(fields: _Fields, values: Values) -> None:
+def _grains(fields: _Fields, grain_values: Values) -> None:
     """Report `scatter` beside `apart`: places are on a lattice, or random."""
-    if fields["apart"] is not None and values.written("scatter"):
+    if fields["apart"] is not None and grain_values.written("scatter"):
         message = (
-            f"{values.context.label('scatter')}: `apart` is written too; random places have no "
+            f"{grain_values.context.label('scatter')}: `apart` is written too; random places have "
+            "no "
         )
-        values.error("E111", f"{message}lattice beside which they lie", "scatter")
+        grain_values.error("E111", f"{message}lattice beside which they lie", "scatter")
 
 
-def _disc(fields: _Fields, values: Values) -> None:
+def _disc(disc_fields: _Fields, disc_values: Values) -> None:
     """Report a normal of a disc that has length 0, or that has no use in two axes."""
-    if fields["normal"] is None or not _has_direction(fields, values) or fields["axes"] > 2:
+    if (
+        disc_fields["normal"] is None
+        or not _has_direction(disc_fields, disc_values)
+        or disc_fields["axes"] > 2
+    ):
         return
     message = (
-        f"{values.context.label('normal')}: with two axes a disc lies in their plane; remove it"
+        f"{disc_values.context.label('normal')}: with two axes a disc lies in their plane; remove "
+        "it"
     )
-    values.error("E111", message, "normal")
-    fields["normal"] = None
+    disc_values.error("E111", message, "normal")
+    disc_fields["normal"] = None
 
 
-def _has_direction(fields: _Fields, values: Values) -> bool:
-    if any(fields["normal"]):
+def _has_direction(wall_fields: _Fields, wall_values: Values) -> bool:
+    if any(wall_fields["normal"]):
         return True
-    message = f"{values.context.label('normal')}: a normal of length 0 has no direction"
-    values.error("E105", message, "normal")
-    fields["normal"] = None
+    message = f"{wall_values.context.label('normal')}: a normal of length 0 has no direction"
+    wall_values.error("E105", message, "normal")
+    wall_fields["normal"] = None
     return False
 
 

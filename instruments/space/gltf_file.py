@@ -57,26 +57,28 @@ def read(text: str | bytes, binary: bytes | None = None) -> Mesh:
         raise MeshFileError("it is incomplete: something that it refers to is missing") from error
 
 
-def read_binary(data: bytes) -> Mesh:
+def read_binary(file_bytes: bytes) -> Mesh:
     """The mesh of a binary file, as from `read`. Raises MeshFileError."""
-    if len(data) < _HEAD.size or not data.startswith(MAGIC):
+    if len(file_bytes) < _HEAD.size or not file_bytes.startswith(MAGIC):
         raise MeshFileError("it is not a binary glTF file")
-    _, version, length = _HEAD.unpack_from(data)
+    _, version, file_length = _HEAD.unpack_from(file_bytes)
     if version != 2:
         raise MeshFileError(f"glTF 2 is read, not version {version}")
-    if length != len(data):
-        raise MeshFileError(f"it is incomplete: {length:,} bytes are promised, {len(data):,} there")
+    if file_length != len(file_bytes):
+        raise MeshFileError(
+            f"it is incomplete: {file_length:,} bytes are promised, {len(file_bytes):,} there"
+        )
     chunks: list[tuple[bytes, bytes]] = []
-    offset = _HEAD.size
-    while offset < length and len(chunks) < 2:  # further chunks belong to extensions
-        if length - offset < _CHUNK.size:
+    chunk_offset = _HEAD.size
+    while chunk_offset < file_length and len(chunks) < 2:  # further chunks belong to extensions
+        if file_length - chunk_offset < _CHUNK.size:
             raise MeshFileError("it is incomplete: a chunk has no head")
-        size, kind = _CHUNK.unpack_from(data, offset)
-        offset += _CHUNK.size
-        if size > length - offset:
+        chunk_size, kind = _CHUNK.unpack_from(file_bytes, chunk_offset)
+        chunk_offset += _CHUNK.size
+        if chunk_size > file_length - chunk_offset:
             raise MeshFileError("it is incomplete: a chunk is longer than the file")
-        chunks.append((kind, data[offset : offset + size]))
-        offset += size
+        chunks.append((kind, file_bytes[chunk_offset : chunk_offset + chunk_size]))
+        chunk_offset += chunk_size
     if not chunks or chunks[0][0] != _JSON:
         raise MeshFileError("its first chunk is no JSON")
     binary = chunks[1][1] if len(chunks) > 1 and chunks[1][0] == _BIN else None
@@ -84,13 +86,13 @@ def read_binary(data: bytes) -> Mesh:
 
 
 class _Reader:
-    def __init__(self, root: Any, binary: bytes | None) -> None:
-        self._root = root
+    def __init__(self, gltf_root: Any, binary: bytes | None) -> None:
+        self._root = gltf_root
         self._binary = binary
-        version = str(root["asset"]["version"])
+        version = str(gltf_root["asset"]["version"])
         if version.partition(".")[0] != "2":
             raise MeshFileError(f"glTF 2 is read, not version {version[:20]}")
-        for needed in root.get("extensionsRequired", ()):
+        for needed in gltf_root.get("extensionsRequired", ()):
             raise MeshFileError(f"it needs the extension {str(needed)[:60]}, which is not read")
         self._buffers: dict[int, bytes] = {}
         self._numbers: dict[_Point, int] = {}
@@ -100,11 +102,11 @@ class _Reader:
 
     def mesh(self) -> Mesh:
         """All meshes of the scene as a single one."""
-        nodes = self._root.get("nodes", [])
+        scene_nodes = self._root.get("nodes", [])
         scenes = self._root.get("scenes")
         tops = scenes[_index(self._root.get("scene", 0))].get("nodes", []) if scenes else None
         waiting = [
-            (_index(top), _IDENTITY) for top in (range(len(nodes)) if tops is None else tops)
+            (_index(top), _IDENTITY) for top in (range(len(scene_nodes)) if tops is None else tops)
         ]
         n_seen = 0
         while waiting:
@@ -114,29 +116,31 @@ class _Reader:
                 raise MeshFileError(
                     f"the scene has more than {MAX_NODES:,} nodes, or contains itself"
                 )
-            node = nodes[number]
-            matrix = _product(outer, _placed(node))
-            if "mesh" in node:
-                for part in self._root["meshes"][_index(node["mesh"])]["primitives"]:
+            scene_node = scene_nodes[number]
+            matrix = _product(outer, _placed(scene_node))
+            if "mesh" in scene_node:
+                for part in self._root["meshes"][_index(scene_node["mesh"])]["primitives"]:
                     self._part(part, matrix)
             if scenes is not None:
-                waiting += [(_index(child), matrix) for child in node.get("children", ())]
+                waiting += [(_index(child), matrix) for child in scene_node.get("children", ())]
         if not self._edges:
             raise MeshFileError("the scene has no edges; a mesh has triangles or lines")
         return merged(Mesh(tuple(self._numbers), tuple(self._edges), tuple(self._faces)))
 
     def _part(self, part: Mapping[str, Any], matrix: _Matrix) -> None:
         points = [_moved(matrix, point) for point in self._positions(part)]
-        numbers = [self._number(point) for point in points]
-        corners = self._indices(part["indices"]) if "indices" in part else list(range(len(numbers)))
-        for a, b in _edges(part.get("mode", 4), corners):
-            first, other = numbers[a], numbers[b]
+        point_indices = [self._number(point) for point in points]
+        corners = (
+            self._indices(part["indices"]) if "indices" in part else list(range(len(point_indices)))
+        )
+        for first_corner, second_corner in _edges(part.get("mode", 4), corners):
+            first, other = point_indices[first_corner], point_indices[second_corner]
             if first != other:
                 self._edges[min(first, other), max(first, other)] = None
         for corner in _triangles(part.get("mode", 4), corners):
-            a, b, c = (numbers[index] for index in corner)
-            if len({a, b, c}) == 3:
-                self._faces.append((a, b, c))
+            first_corner, second_corner, c = (point_indices[index] for index in corner)
+            if len({first_corner, second_corner, c}) == 3:
+                self._faces.append((first_corner, second_corner, c))
         if len(self._edges) > MAX_EDGES:
             raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
         if len(self._faces) > MAX_FACES:
@@ -165,17 +169,19 @@ class _Reader:
         if "sparse" in accessor or "bufferView" not in accessor:
             raise MeshFileError("it has sparse values, which are not read")
         view = self._root["bufferViews"][_index(accessor["bufferView"])]
-        begin = _index(view.get("byteOffset", 0))
-        data = self._buffer(_index(view["buffer"]))[begin : begin + _index(view["byteLength"])]
-        count, step = _index(accessor["count"]), _index(view.get("byteStride", size))
+        byte_offset = _index(view.get("byteOffset", 0))
+        data = self._buffer(_index(view["buffer"]))[
+            byte_offset : byte_offset + _index(view["byteLength"])
+        ]
+        item_count, step = _index(accessor["count"]), _index(view.get("byteStride", size))
         # The limit counts repeated reads, because many nodes may show one mesh.
-        self._n_read += count
+        self._n_read += item_count
         if self._n_read > _READ_MAX:
             raise MeshFileError(f"its nodes show more than {_READ_MAX:,} vertices", "E105")
-        if count > 3 * MAX_EDGES:
+        if item_count > 3 * MAX_EDGES:
             raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
-        begin = _index(accessor.get("byteOffset", 0))
-        return (struct.unpack_from(form, data, begin + i * step) for i in range(count))
+        byte_offset = _index(accessor.get("byteOffset", 0))
+        return (struct.unpack_from(form, data, byte_offset + i * step) for i in range(item_count))
 
     def _buffer(self, number: int) -> bytes:
         if number not in self._buffers:
@@ -204,51 +210,51 @@ def _index(value: Any) -> int:
     return value
 
 
-def _edges(mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int]]:
+def _edges(primitive_mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int]]:
     """Edges by primitive mode: points, lines, a line loop, a line strip, triangles, a strip or a
     fan of them.
     """
     n = len(corners)
-    if mode == 1:
+    if primitive_mode == 1:
         yield from zip(corners[::2], corners[1::2], strict=False)
-    elif mode in (2, 3):
+    elif primitive_mode in (2, 3):
         yield from pairwise(corners)
-        if mode == 2 and n:
+        if primitive_mode == 2 and n:
             yield corners[-1], corners[0]
-    elif mode == 4:
+    elif primitive_mode == 4:
         for i in range(0, n - n % 3, 3):
             a, b, c = corners[i : i + 3]
             yield from ((a, b), (b, c), (c, a))
-    elif mode == 5:
+    elif primitive_mode == 5:
         yield from pairwise(corners)
         yield from zip(corners, corners[2:], strict=False)
-    elif mode == 6:
+    elif primitive_mode == 6:
         yield from pairwise(corners)
         yield from ((corners[0], corner) for corner in corners[2:])
-    elif mode != 0:
+    elif primitive_mode != 0:
         raise TypeError
 
 
-def _triangles(mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int, int]]:
+def _triangles(primitive_mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int, int]]:
     """Triangles by primitive mode: single ones, a strip or a fan; other modes have none."""
     n = len(corners)
-    if mode == 4:
+    if primitive_mode == 4:
         for i in range(0, n - n % 3, 3):
             yield corners[i], corners[i + 1], corners[i + 2]
-    elif mode == 5:
+    elif primitive_mode == 5:
         yield from zip(corners, corners[1:], corners[2:], strict=False)
-    elif mode == 6:
+    elif primitive_mode == 6:
         yield from ((corners[0], a, b) for a, b in pairwise(corners[1:]))
 
 
-def _placed(node: Mapping[str, Any]) -> _Matrix:
+def _placed(scene_node: Mapping[str, Any]) -> _Matrix:
     """The matrix that places the points of a node."""
-    if "matrix" in node:  # by columns
-        m = _floats(node["matrix"], 16)
+    if "matrix" in scene_node:  # by columns
+        m = _floats(scene_node["matrix"], 16)
         return tuple((m[row], m[4 + row], m[8 + row], m[12 + row]) for row in range(3))
-    x, y, z, w = _floats(node.get("rotation", (0, 0, 0, 1)), 4)
-    scale = _floats(node.get("scale", (1, 1, 1)), 3)
-    to = _floats(node.get("translation", (0, 0, 0)), 3)
+    x, y, z, w = _floats(scene_node.get("rotation", (0, 0, 0, 1)), 4)
+    scale = _floats(scene_node.get("scale", (1, 1, 1)), 3)
+    to = _floats(scene_node.get("translation", (0, 0, 0)), 3)
     turn = (
         (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
         (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
@@ -268,11 +274,11 @@ def _floats(values: Any, n: int) -> list[float]:
 
 
 def _product(a: _Matrix, b: _Matrix) -> _Matrix:
-    rows = []
+    matrix_rows = []
     for index in a:
         row = [sum(index[k] * b[k][column] for k in range(3)) for column in range(4)]
-        rows.append((row[0], row[1], row[2], row[3] + index[3]))
-    return tuple(rows)
+        matrix_rows.append((row[0], row[1], row[2], row[3] + index[3]))
+    return tuple(matrix_rows)
 
 
 def _moved(matrix: _Matrix, point: Sequence[float]) -> _Point:

@@ -56,35 +56,40 @@ def merged(mesh: Mesh) -> Mesh:
     if not corners_of_faces:
         return mesh
     size = max(max(axis) - min(axis) for axis in zip(*mesh.points, strict=True))
-    near = _NEAR * size
-    if not near:
+    near_distance = _NEAR * size
+    if not near_distance:
         return mesh
-    cells: dict[tuple[int, ...], list[int]] = {}
-    points: list[tuple[float, float, float]] = []
-    numbers: list[int] = []
-    for index, point in enumerate(mesh.points):
+    points_by_cell: dict[tuple[int, ...], list[int]] = {}
+    merged_points: list[tuple[float, float, float]] = []
+    merged_indices: list[int] = []
+    for index, mesh_point in enumerate(mesh.points):
         if index not in corners_of_faces:
-            numbers.append(len(points))
-            points.append(point)
+            merged_indices.append(len(merged_points))
+            merged_points.append(mesh_point)
             continue
-        cell = tuple(math.floor(x / near) for x in point)
+        point_cell = tuple(math.floor(x / near_distance) for x in mesh_point)
         around = (
             number
             for step in product((-1, 0, 1), repeat=3)
-            for number in cells.get(tuple(map(sum, zip(cell, step, strict=True))), ())
+            for number in points_by_cell.get(
+                tuple(map(sum, zip(point_cell, step, strict=True))), ()
+            )
         )
-        number = next((n for n in around if math.dist(points[n], point) <= near), len(points))
-        if number == len(points):
-            points.append(point)
-            cells.setdefault(cell, []).append(number)
-        numbers.append(number)
-    if len(points) == len(mesh.points):
+        merged_index = next(
+            (n for n in around if math.dist(merged_points[n], mesh_point) <= near_distance),
+            len(merged_points),
+        )
+        if merged_index == len(merged_points):
+            merged_points.append(mesh_point)
+            points_by_cell.setdefault(point_cell, []).append(merged_index)
+        merged_indices.append(merged_index)
+    if len(merged_points) == len(mesh.points):
         return mesh
-    ends = ((numbers[a], numbers[b]) for a, b in mesh.edges)
+    ends = ((merged_indices[a], merged_indices[b]) for a, b in mesh.edges)
     edges = dict.fromkeys((min(pair), max(pair)) for pair in ends if pair[0] != pair[1])
-    corners = (tuple(numbers[i] for i in face) for face in mesh.faces)
+    corners = (tuple(merged_indices[i] for i in face) for face in mesh.faces)
     faces = tuple((a, b, c) for a, b, c in corners if len({a, b, c}) == 3)
-    return Mesh(tuple(points), tuple(edges), faces)
+    return Mesh(tuple(merged_points), tuple(edges), faces)
 
 
 class MeshFileError(ErgonError):

@@ -103,99 +103,114 @@ class MeshFields(NetFields):
     held: str
 
 
-def add(network: _core.Network, name: str, net: Net, fields: NetFields) -> int:
+def add(network: _core.Network, net_name: str, net: Net, net_fields: NetFields) -> int:
     """Add a net; returns the index of the first MAT. Raises EngineError."""
-    first, n, axes = (
-        add_points(network, name, fields, net.places, net.held),
+    first_mat, n, axis_count = (
+        add_points(network, net_name, net_fields, net.places, net.held),
         len(net.places),
-        fields["axes"],
+        net_fields["axes"],
     )
     for run in net.runs:
         if run.count < 1 or run.K == 0.0 == run.Z:
             continue
         network.space_ref(
-            f"{name}.link" if name else "link",
-            along(first + run.first, n, axes),
-            along(first + run.second, n, axes),
+            f"{net_name}.link" if net_name else "link",
+            along(first_mat + run.first, n, axis_count),
+            along(first_mat + run.second, n, axis_count),
             count=run.count,
-            rest=run.rest / (1.0 + fields.get("stretch", 0.0)),
+            rest=run.rest / (1.0 + net_fields.get("stretch", 0.0)),
             K=run.K,
             Z=run.Z,
-            yields=fields["yields"],
-            breaks=fields["breaks"],
+            yields=net_fields["yields"],
+            breaks=net_fields["breaks"],
         )
-    return first
+    return first_mat
 
 
-def chain(fields: ChainFields) -> Net:
+def chain(chain_fields: ChainFields) -> Net:
     """Points in a row, each joined to the next."""
-    n, start, stop = fields["masses"], fields["from"], fields["to"]
-    places = [between(start, stop, i / (n - 1)) for i in range(n)]
+    n, start_position, stop_position = (
+        chain_fields["masses"],
+        chain_fields["from"],
+        chain_fields["to"],
+    )
+    places = [between(start_position, stop_position, i / (n - 1)) for i in range(n)]
     held = [False] * n
-    held[0] = fields["ends"] in ("fixed", "left")
-    held[-1] = fields["ends"] == "fixed"
-    rest = math.dist(start, stop) / (n - 1) if fields["rest"] is None else fields["rest"]
-    return Net(places, held, [Run(0, 1, n - 1, rest, fields["K"], fields["Z"])])
+    held[0] = chain_fields["ends"] in ("fixed", "left")
+    held[-1] = chain_fields["ends"] == "fixed"
+    rest = (
+        math.dist(start_position, stop_position) / (n - 1)
+        if chain_fields["rest"] is None
+        else chain_fields["rest"]
+    )
+    return Net(places, held, [Run(0, 1, n - 1, rest, chain_fields["K"], chain_fields["Z"])])
 
 
-def cloth(fields: ClothFields) -> Net:
+def cloth(cloth_fields: ClothFields) -> Net:
     """Points row by row, with springs along each row, along each column, and across each cell."""
-    (across, up), axes = fields["sides"], fields["axes"]
-    corner, right, upwards = fields["at"], fields["across"], fields["up"]
-    places = [
+    (across, rows_up), axes = cloth_fields["sides"], cloth_fields["axes"]
+    corner, right, upwards = cloth_fields["at"], cloth_fields["across"], cloth_fields["up"]
+    point_positions = [
         tuple(
             corner[axis]
             + right[axis] * (i / max(1, across - 1))
-            + upwards[axis] * (j / max(1, up - 1))
+            + upwards[axis] * (j / max(1, rows_up - 1))
             for axis in range(axes)
         )
-        for j in range(up)
+        for j in range(rows_up)
         for i in range(across)
     ]
-    sides, ends = (0, across - 1), (0, up - 1)
+    row_sides, ends = (0, across - 1), (0, rows_up - 1)
     is_held: Callable[[int, int], bool] = {
-        "corners": lambda i, j: i in sides and j in ends,
-        "top": lambda i, j: j == up - 1,
-        "rim": lambda i, j: i in sides or j in ends,
-    }.get(fields["held"], lambda i, j: False)
-    held = [is_held(i, j) for j in range(up) for i in range(across)]
+        "corners": lambda i, j: i in row_sides and j in ends,
+        "top": lambda i, j: j == rows_up - 1,
+        "rim": lambda i, j: i in row_sides or j in ends,
+    }.get(cloth_fields["held"], lambda i, j: False)
+    held = [is_held(i, j) for j in range(rows_up) for i in range(across)]
 
     def run(low: int, high: int, count: int, stiffness: float, damping: float) -> Run:
-        return Run(low, high, count, math.dist(places[low], places[high]), stiffness, damping)
+        return Run(
+            low,
+            high,
+            count,
+            math.dist(point_positions[low], point_positions[high]),
+            stiffness,
+            damping,
+        )
 
     def runs() -> Iterator[Run]:
-        spring, shear = (fields["K"], fields["Z"]), (fields["shear"], 0.0)
-        for j in range(up if across > 1 else 0):
+        spring, shear = (cloth_fields["K"], cloth_fields["Z"]), (cloth_fields["shear"], 0.0)
+        for j in range(rows_up if across > 1 else 0):
             yield run(j * across, j * across + 1, across - 1, *spring)
-        if up > 1:
-            yield run(0, across, (up - 1) * across, *spring)
-        for j in range(up - 1 if across > 1 else 0):
+        if rows_up > 1:
+            yield run(0, across, (rows_up - 1) * across, *spring)
+        for j in range(rows_up - 1 if across > 1 else 0):
             yield run(j * across, (j + 1) * across + 1, across - 1, *shear)
             yield run(j * across + 1, (j + 1) * across, across - 1, *shear)
 
-    return Net(places, held, runs())
+    return Net(point_positions, held, runs())
 
 
-def disc(fields: DiscFields) -> Net:
+def disc(disc_fields: DiscFields) -> Net:
     """Points of a triangular lattice, in rings around a middle."""
-    rings, position, axes = fields["rings"], fields["at"], fields["axes"]
-    spacing = 0.5 * fields["across"] / rings
-    right, upwards = _plane(fields["normal"])
+    ring_count, position, axes = disc_fields["rings"], disc_fields["at"], disc_fields["axes"]
+    spacing = 0.5 * disc_fields["across"] / ring_count
+    right, upwards = _plane(disc_fields["normal"])
     height = math.sqrt(0.75)
     # The axes of the cells are 60 degrees apart.
-    numbers = range(-rings, rings + 1)
-    cells = [(q, r) for r in numbers for q in numbers if abs(q + r) <= rings]
+    numbers = range(-ring_count, ring_count + 1)
+    lattice_cells = [(q, r) for r in numbers for q in numbers if abs(q + r) <= ring_count]
     places = [
         tuple(
             position[axis] + spacing * ((q + 0.5 * r) * right[axis] + height * r * upwards[axis])
             for axis in range(axes)
         )
-        for q, r in cells
+        for q, r in lattice_cells
     ]
-    ring = {"rim": rings, "middle": 0}.get(fields["held"])
-    held = [max(abs(q), abs(r), abs(q + r)) == ring for q, r in cells]
-    springs = _springs(cells, [((1, 0), spacing), ((0, 1), spacing), ((-1, 1), spacing)])
-    return Net(places, held, _equal(springs, fields))
+    ring = {"rim": ring_count, "middle": 0}.get(disc_fields["held"])
+    held = [max(abs(q), abs(r), abs(q + r)) == ring for q, r in lattice_cells]
+    springs = _springs(lattice_cells, [((1, 0), spacing), ((0, 1), spacing), ((-1, 1), spacing)])
+    return Net(places, held, _equal(springs, disc_fields))
 
 
 def _plane(normal: Vector | None) -> tuple[Vector, Vector]:
@@ -213,36 +228,44 @@ def _plane(normal: Vector | None) -> tuple[Vector, Vector]:
     return (1.0 + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)
 
 
-def block(fields: BlockFields) -> Net:
+def block(block_fields: BlockFields) -> Net:
     """A box of points on a lattice, each joined to its neighbours."""
-    start, stop, counts = fields["from"], fields["to"], fields["sides"]
-    spacing = [(b - a) / max(1, n - 1) for a, b, n in zip(start, stop, counts, strict=True)]
-    cells = _cells(counts)
-    places = [
-        tuple(a + i * step for a, i, step in zip(start, cell, spacing, strict=True))
-        for cell in cells
+    start_corner, stop, stop_corner = (
+        block_fields["from"],
+        block_fields["to"],
+        block_fields["sides"],
+    )
+    spacing = [
+        (b - a) / max(1, n - 1) for a, b, n in zip(start_corner, stop, stop_corner, strict=True)
     ]
-    top = counts[-1] - 1
+    axis_counts = _cells(stop_corner)
+    places = [
+        tuple(a + i * step for a, i, step in zip(start_corner, cell, spacing, strict=True))
+        for cell in axis_counts
+    ]
+    top = stop_corner[-1] - 1
     is_held: Callable[[Cell], bool] = {
         "bottom": lambda cell: cell[-1] == 0,
         "top": lambda cell: cell[-1] == top,
-        "rim": lambda cell: any(i in (0, n - 1) for i, n in zip(cell, counts, strict=True)),
-    }.get(fields["held"], lambda cell: False)
-    springs = _springs(cells, _neighbours(fields["span"], spacing))
-    return Net(places, [is_held(cell) for cell in cells], _equal(springs, fields))
+        "rim": lambda cell: any(i in (0, n - 1) for i, n in zip(cell, stop_corner, strict=True)),
+    }.get(block_fields["held"], lambda cell: False)
+    springs = _springs(axis_counts, _neighbours(block_fields["span"], spacing))
+    return Net(places, [is_held(cell) for cell in axis_counts], _equal(springs, block_fields))
 
 
-def ball(fields: BallFields) -> Net:
+def ball(ball_fields: BallFields) -> Net:
     """The points of a lattice that lie in a sphere or a circle, each joined to its neighbours."""
-    position, n = fields["at"], fields["points"]
-    spacing, middle = fields["across"] / (n - 1), 0.5 * (n - 1)
-    cells = [cell for cell in _cells((n,) * len(position)) if _is_in_ball(cell, n)]
+    ball_centre, n = ball_fields["at"], ball_fields["points"]
+    spacing, middle = ball_fields["across"] / (n - 1), 0.5 * (n - 1)
+    lattice_cells = [cell for cell in _cells((n,) * len(ball_centre)) if _is_in_ball(cell, n)]
     places = [
-        tuple(a + (i - middle) * spacing for a, i in zip(position, cell, strict=True))
-        for cell in cells
+        tuple(a + (i - middle) * spacing for a, i in zip(ball_centre, cell, strict=True))
+        for cell in lattice_cells
     ]
-    springs = _springs(cells, _neighbours(fields["span"], [spacing] * len(position)))
-    return Net(places, [False] * len(cells), _equal(springs, fields))
+    springs = _springs(
+        lattice_cells, _neighbours(ball_fields["span"], [spacing] * len(ball_centre))
+    )
+    return Net(places, [False] * len(lattice_cells), _equal(springs, ball_fields))
 
 
 def _is_in_ball(cell: Cell, n: int) -> bool:
@@ -252,14 +275,14 @@ def _is_in_ball(cell: Cell, n: int) -> bool:
     return sum((2 * i - n + 1) ** 2 for i in cell) <= (n - 1) ** 2
 
 
-def mesh(fields: MeshFields) -> Net:
+def mesh(mesh_fields: MeshFields) -> Net:
     """The points of a file, joined along its edges."""
-    model, up = fields["file"], fields["up"]
-    places = list(placed(model, fields["scale"], up, fields["at"]))
+    model, up = mesh_fields["file"], mesh_fields["up"]
+    point_positions = list(placed(model, mesh_fields["scale"], up, mesh_fields["at"]))
     heights = [point[TURNS[up][-1]] for point in model.points]
-    end = {"bottom": min(heights), "top": max(heights)}.get(fields["held"])
-    springs = ((a, b, math.dist(places[a], places[b])) for a, b in model.edges)
-    return Net(places, [height == end for height in heights], _equal(springs, fields))
+    end = {"bottom": min(heights), "top": max(heights)}.get(mesh_fields["held"])
+    springs = ((a, b, math.dist(point_positions[a], point_positions[b])) for a, b in model.edges)
+    return Net(point_positions, [height == end for height in heights], _equal(springs, mesh_fields))
 
 
 # The number of points of a net.
@@ -294,34 +317,49 @@ def _cells(counts: Sequence[int]) -> list[Cell]:
     return [cell[::-1] for cell in itertools.product(*(range(n) for n in reversed(counts)))]
 
 
-def _neighbours(span: int, spacing: Sequence[float]) -> Iterator[tuple[Cell, float]]:
-    """Steps to all neighbours within `span` along each axis that come later in order, with their
-    lengths [m].
+def _neighbours(step_span: int, spacing: Sequence[float]) -> Iterator[tuple[Cell, float]]:
+    """Steps to all neighbours within `step_span` along each axis that come later in order, with
+    their lengths [m].
     """
-    for step in itertools.product(range(-span, span + 1), repeat=len(spacing)):
+    for step in itertools.product(range(-step_span, step_span + 1), repeat=len(spacing)):
         if step[::-1] > (0,) * len(step):
             yield step, math.hypot(*(i * size for i, size in zip(step, spacing, strict=True)))
 
 
-def _springs(cells: Sequence[Cell], steps: Iterable[tuple[Cell, float]]) -> Iterator[Spring]:
+def _springs(
+    lattice_cells: Sequence[Cell], steps: Iterable[tuple[Cell, float]]
+) -> Iterator[Spring]:
     """Springs from each cell to the cells one step away, for each step in turn."""
-    numbers = {cell: number for number, cell in enumerate(cells)}
+    numbers = {cell: number for number, cell in enumerate(lattice_cells)}
     for step, rest in steps:
-        for number, cell in enumerate(cells):
+        for number, cell in enumerate(lattice_cells):
             there = numbers.get(tuple(i + j for i, j in zip(cell, step, strict=True)))
             if there is not None:
                 yield number, there, rest
 
 
-def _equal(springs: Iterable[Spring], fields: NetFields) -> Iterator[Run]:
+def _equal(springs: Iterable[Spring], net_fields: NetFields) -> Iterator[Run]:
     """Springs with K and Z as runs of consecutive ones."""
-    begin, count = (0, 0, 0.0), 0
-    for a, b, rest in springs:
-        if count and (a, b, rest) == (begin[0] + count, begin[1] + count, begin[2]):
-            count += 1
+    run_begin, run_length = (0, 0, 0.0), 0
+    for first_index, second_index, rest_length in springs:
+        if run_length and (first_index, second_index, rest_length) == (
+            run_begin[0] + run_length,
+            run_begin[1] + run_length,
+            run_begin[2],
+        ):
+            run_length += 1
             continue
-        if count:
-            yield Run(begin[0], begin[1], count, begin[2], fields["K"], fields["Z"])
-        begin, count = (a, b, rest), 1
-    if count:
-        yield Run(begin[0], begin[1], count, begin[2], fields["K"], fields["Z"])
+        if run_length:
+            yield Run(
+                run_begin[0],
+                run_begin[1],
+                run_length,
+                run_begin[2],
+                net_fields["K"],
+                net_fields["Z"],
+            )
+        run_begin, run_length = (first_index, second_index, rest_length), 1
+    if run_length:
+        yield Run(
+            run_begin[0], run_begin[1], run_length, run_begin[2], net_fields["K"], net_fields["Z"]
+        )

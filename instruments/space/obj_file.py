@@ -31,16 +31,16 @@ _CORNER = re.compile(r"([+-]?[0-9]+)(/[+-]?[0-9]*){0,2}")
 _MISSED = frozenset(["curv", "curv2", "surf", "bzp", "bsp", "cdc", "cdp", "res", "call", "csh"])
 
 
-def decoded(data: bytes, name: str, collector: Collector) -> str | None:
+def decoded(file_bytes: bytes, name: str, collector: Collector) -> str | None:
     """The text of a file, whose names and comments may be in Latin-1; None after saying what is
     wrong.
     """
     try:
-        data.decode()
+        file_bytes.decode()
     except UnicodeDecodeError:
-        if data[:2] not in (b"\xff\xfe", b"\xfe\xff"):
-            data = data.decode("latin-1").encode()
-    return decode(data, name, collector)
+        if file_bytes[:2] not in (b"\xff\xfe", b"\xfe\xff"):
+            file_bytes = file_bytes.decode("latin-1").encode()
+    return decode(file_bytes, name, collector)
 
 
 def written(mesh: Mesh) -> str:
@@ -80,27 +80,27 @@ class Reader:
 
     def _lines(self) -> Iterator[tuple[int, str]]:
         """Lines with their numbers, without comments; a backslash at the end continues a line."""
-        begun, first = "", 0
+        begun, first_number = "", 0
         for number, line in enumerate(_LINE_END.split(self._document.text), 1):
-            text = line.partition("#")[0].rstrip()
-            first = first or number
-            if text.endswith("\\"):
-                begun += text[:-1] + " "
+            line_text = line.partition("#")[0].rstrip()
+            first_number = first_number or number
+            if line_text.endswith("\\"):
+                begun += line_text[:-1] + " "
                 continue
-            yield first, begun + text
-            begun, first = "", 0
+            yield first_number, begun + line_text
+            begun, first_number = "", 0
         if begun:
-            yield first, begun
+            yield first_number, begun
 
     def _line(self, words: list[str]) -> None:
-        kind = words[0] if words else ""
-        if kind == "v":
+        line_kind = words[0] if words else ""
+        if line_kind == "v":
             self._vertex(words[1:])
-        elif kind in ("f", "l"):
-            self._edges_of(kind, words[1:])
-        elif kind in _MISSED:
+        elif line_kind in ("f", "l"):
+            self._edges_of(line_kind, words[1:])
+        elif line_kind in _MISSED:
             raise MeshFileError(
-                f"{quote(kind)} is not read; a mesh has vertices (v), faces (f) and lines (l)"
+                f"{quote(line_kind)} is not read; a mesh has vertices (v), faces (f) and lines (l)"
             )
 
     def _vertex(self, words: list[str]) -> None:
@@ -113,16 +113,16 @@ class Reader:
             raise MeshFileError(f"the file has more than {MAX_POINTS:,} vertices", "E105")
         self._points.append((x, y, z))
 
-    def _edges_of(self, kind: str, words: list[str]) -> None:
+    def _edges_of(self, line_kind: str, words: list[str]) -> None:
         corners = [self._corner(word) for word in words]
-        if len(corners) < (3 if kind == "f" else 2):
+        if len(corners) < (3 if line_kind == "f" else 2):
             raise MeshFileError("a face has three corners or more, a line two")
-        ends = [*corners, corners[0]] if kind == "f" else corners
+        ends = [*corners, corners[0]] if line_kind == "f" else corners
         for a, b in pairwise(ends):
             if a == b:
                 raise MeshFileError(f"vertex {a + 1} is written twice in a row")
             self._edges[min(a, b), max(a, b)] = None
-        if kind == "f":  # a fan of triangles
+        if line_kind == "f":  # a fan of triangles
             first, *others = corners
             self._faces += [(first, a, b) for a, b in pairwise(others)]
         if len(self._edges) > MAX_EDGES:
@@ -130,15 +130,16 @@ class Reader:
         if len(self._faces) > MAX_FACES:
             raise MeshFileError(f"the file has more than {MAX_FACES:,} triangles", "E105")
 
-    def _corner(self, word: str) -> int:
+    def _corner(self, corner_word: str) -> int:
         """The index of a vertex, from 0; the word counts from 1, or backward from the last one if
         negative.
         """
-        match = _CORNER.fullmatch(word)
+        match = _CORNER.fullmatch(corner_word)
         number = int(match[1][:20]) if match else 0
-        index = number - 1 if number > 0 else len(self._points) + number
-        if number == 0 or not 0 <= index < len(self._points):
+        vertex_index = number - 1 if number > 0 else len(self._points) + number
+        if number == 0 or not 0 <= vertex_index < len(self._points):
             raise MeshFileError(
-                f"{quote(word)} is not a vertex of a line above; there are {len(self._points):,}"
+                f"{quote(corner_word)} is not a vertex of a line above; there are "
+                f"{len(self._points):,}"
             )
-        return index
+        return vertex_index

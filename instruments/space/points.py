@@ -72,16 +72,16 @@ def unit(direction: Vector | None) -> Vector | None:
     return (*(one / length for one in direction), 0.0)[:3]
 
 
-def add_point(network: _core.Network, name: str, fields: PointFields) -> int:
+def add_point(network: _core.Network, name: str, point_fields: PointFields) -> int:
     """Add a single point; returns the index of its first MAT. Raises EngineError."""
-    axes = fields["axes"]
+    axis_count = point_fields["axes"]
     return network.points(
         name,
-        axes=axes,
-        M=[fields.get("M", 0.0)],
-        X0=fields["X0"],
-        V0=fields.get("V0") or (0.0,) * axes,
-        Z=fields.get("drag", 0.0),
+        axes=axis_count,
+        M=[point_fields.get("M", 0.0)],
+        X0=point_fields["X0"],
+        V0=point_fields.get("V0") or (0.0,) * axis_count,
+        Z=point_fields.get("drag", 0.0),
         numbered=False,
     )
 
@@ -89,37 +89,37 @@ def add_point(network: _core.Network, name: str, fields: PointFields) -> int:
 def add_points(
     network: _core.Network,
     name: str,
-    fields: PointsFields,
-    places: Sequence[Vector],
+    point_fields: PointsFields,
+    point_positions: Sequence[Vector],
     held: Sequence[bool],
 ) -> int:
     """Add points that share a mass; returns the index of the first MAT. Raises EngineError."""
-    axes, n = fields["axes"], len(places)
-    v0 = fields.get("V0") or (0.0,) * axes
-    each = fields["M"] / max(1, n - sum(held))
+    axis_count, n = point_fields["axes"], len(point_positions)
+    v0 = point_fields.get("V0") or (0.0,) * axis_count
+    each = point_fields["M"] / max(1, n - sum(held))
     return network.points(
         name,
-        axes=axes,
+        axes=axis_count,
         M=[0.0 if is_held else each for is_held in held],
-        X0=[place[axis] for axis in range(axes) for place in places],
-        V0=[v0[axis] for axis in range(axes) for _ in places],
-        Z=fields["drag"],
+        X0=[place[axis] for axis in range(axis_count) for place in point_positions],
+        V0=[v0[axis] for axis in range(axis_count) for _ in point_positions],
+        Z=point_fields["drag"],
     )
 
 
 def add_surface(
-    network: _core.Network, name: str, fields: SurfaceFields, masses: range
+    network: _core.Network, name: str, surface_fields: SurfaceFields, masses: range
 ) -> list[int]:
     """Add fixed points below the masses of a body; returns the first MAT along each axis.
 
     The last axis is that of the masses. Raises EngineError.
     """
-    position, across, n = fields["at"], fields["across"], len(masses)
+    surface_position, across, n = surface_fields["at"], surface_fields["across"], len(masses)
     places = [network.position_of(mat) for mat in masses]
-    x0 = [position[0] + across * place.x for place in places]
-    if len(position) > 1:
-        x0 += [position[1] + across * place.y for place in places]
-    first = network.points(name, axes=len(position), M=[0.0] * n, X0=x0, V0=[0.0] * len(x0))
+    x0 = [surface_position[0] + across * place.x for place in places]
+    if len(surface_position) > 1:
+        x0 += [surface_position[1] + across * place.y for place in places]
+    first = network.points(name, axes=len(surface_position), M=[0.0] * n, X0=x0, V0=[0.0] * len(x0))
     return [*range(first, first + len(x0), n), masses.start]
 
 
@@ -127,58 +127,68 @@ def add_surface(
 
 
 def add_grains(
-    network: _core.Network, name: str, fields: GrainsFields, chance: Chance, who: str
+    network: _core.Network, name: str, grain_fields: GrainsFields, chance: Chance, module_label: str
 ) -> int:
     """Add free points in a box; returns the index of the first MAT. Raises EngineError."""
-    start, stop, n = fields["from"], fields["to"], fields["count"]
-    if fields["apart"] is None:
-        places = _lattice(start, stop, n, fields["scatter"], chance)
+    start_corner, stop_corner, n = grain_fields["from"], grain_fields["to"], grain_fields["count"]
+    if grain_fields["apart"] is None:
+        grain_positions = _lattice(start_corner, stop_corner, n, grain_fields["scatter"], chance)
     else:
-        places = _packing(start, stop, n, fields["apart"], chance)
-        if len(places) < n:
-            message = f"{who}: {len(places):,} of {n:,} points found a random place at least "
+        grain_positions = _packing(start_corner, stop_corner, n, grain_fields["apart"], chance)
+        if len(grain_positions) < n:
+            message = (
+                f"{module_label}: {len(grain_positions):,} of {n:,} points found a random place at "
+                "least "
+            )
             message += (
-                f"{fields['apart']:g} m from all others; make the box larger, or `apart` smaller"
+                f"{grain_fields['apart']:g} m from all others; make the box larger, or `apart` "
+                "smaller"
             )
             error = _core.EngineError(message)
-            error.module, error.refusals = who, []
+            error.module, error.refusals = module_label, []
             raise error
-    return add_points(network, name, fields, places, [False] * n)
+    return add_points(network, name, grain_fields, grain_positions, [False] * n)
 
 
-def _lattice(start: Vector, stop: Vector, n: int, scatter: float, chance: Chance) -> list[Vector]:
+def _lattice(
+    start_corner: Vector, stop_corner: Vector, n: int, scatter: float, chance: Chance
+) -> list[Vector]:
     """Positions on a lattice with equal spacing along all axes, as wide as the box allows, filled
     axis by axis.
     """
-    spacing, counts = _widest([abs(b - a) for a, b in zip(start, stop, strict=True)], n)
+    spacing, counts = _widest(
+        [abs(b - a) for a, b in zip(start_corner, stop_corner, strict=True)], n
+    )
     spread = 0.5 * spacing * scatter
-    places = []
+    lattice_positions = []
     for i in range(n):
-        place, rest, generator = [], i, chance(i) if spread else None
-        for a, b, count in zip(start, stop, counts, strict=True):
+        grain_position, rest, generator = [], i, chance(i) if spread else None
+        for a, b, count in zip(start_corner, stop_corner, counts, strict=True):
             rest, index = divmod(rest, count)
             beside = generator.uniform(-spread, spread) if generator is not None else 0.0
-            place.append(a + math.copysign(index * spacing, b - a) + beside)
-        places.append(tuple(place))
-    return places
+            grain_position.append(a + math.copysign(index * spacing, b - a) + beside)
+        lattice_positions.append(tuple(grain_position))
+    return lattice_positions
 
 
-def _widest(sides: Sequence[float], n: int) -> tuple[float, list[int]]:
+def _widest(box_sides: Sequence[float], n: int) -> tuple[float, list[int]]:
     """The widest spacing [m] at which a lattice in a box has n places, and the number along each
     axis.
     """
 
     def counts(spacing: float) -> list[int]:
-        return [int(side / spacing) + 1 for side in sides]
+        return [int(side / spacing) + 1 for side in box_sides]
 
-    low, high = 0.0, max(sides)
-    if n == 1 or high == 0.0:
-        return high, [n] + [1] * (len(sides) - 1)
-    low = high / n
+    low_spacing, high_spacing = 0.0, max(box_sides)
+    if n == 1 or high_spacing == 0.0:
+        return high_spacing, [n] + [1] * (len(box_sides) - 1)
+    low_spacing = high_spacing / n
     for _ in range(60):  # to full precision
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if math.prod(counts(middle)) >= n else (low, middle)
-    return low, counts(low)
+        middle = 0.5 * (low_spacing + high_spacing)
+        low_spacing, high_spacing = (
+            (middle, high_spacing) if math.prod(counts(middle)) >= n else (low_spacing, middle)
+        )
+    return low_spacing, counts(low_spacing)
 
 
 def _packing(start: Vector, stop: Vector, n: int, apart: float, chance: Chance) -> list[Vector]:
@@ -187,25 +197,25 @@ def _packing(start: Vector, stop: Vector, n: int, apart: float, chance: Chance) 
     Random sequential addition (Widom, Journal of Chemical Physics 44, 1966).
     """
     sides = [sorted(ends) for ends in zip(start, stop, strict=True)]
-    cells: dict[tuple[int, ...], list[Vector]] = {}
+    points_by_cell: dict[tuple[int, ...], list[Vector]] = {}
 
     def is_free(place: Vector, cell: tuple[int, ...]) -> bool:
-        return all(math.dist(place, other) >= apart for other in _near(cells, cell))
+        return all(math.dist(place, other) >= apart for other in _near(points_by_cell, cell))
 
-    places: list[Vector] = []
+    grain_positions: list[Vector] = []
     for i in range(n):
         generator = chance(i)
         for _ in range(TRIES):
-            place = tuple(generator.uniform(low, high) for low, high in sides)
+            drawn_position = tuple(generator.uniform(low, high) for low, high in sides)
             # Cells are as wide as the distance, so that nearer points are in neighbouring cells.
-            cell = tuple(math.floor(x / apart) for x in place)
-            if is_free(place, cell):
+            position_cell = tuple(math.floor(x / apart) for x in drawn_position)
+            if is_free(drawn_position, position_cell):
                 break
         else:
-            return places
-        places.append(place)
-        cells.setdefault(cell, []).append(place)
-    return places
+            return grain_positions
+        grain_positions.append(drawn_position)
+        points_by_cell.setdefault(position_cell, []).append(drawn_position)
+    return grain_positions
 
 
 def _near(cells: Mapping[tuple[int, ...], list[Vector]], cell: tuple[int, ...]) -> Iterator[Vector]:
