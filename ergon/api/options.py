@@ -103,7 +103,7 @@ class AccuracyOptions(ReadOptions):
                 raise OptionError("plan", f"there is no method '{method}'", value=str(self.plan))
             return Accuracy(**followed.budget, cpu=score_accuracy.cpu)  # type: ignore[arg-type]
         return requested_accuracy(
-            score_accuracy, method=self.method, error=self._error_db(), cents=self.cents
+            score_accuracy, asked_method=self.method, error=self._error_db(), cents=self.cents
         )
 
     def _error_db(self) -> float | None:

@@ -24,27 +24,36 @@ ValueOn = Callable[[Piece, tuple[str, str], str, float], float]
 
 
 def automate(
-    texts: Texts, piece: Piece, target: str, beat: float, kind: str, fields: Mapping[str, str]
+    score_texts: Texts,
+    piece: Piece,
+    target_path: str,
+    from_beat: float,
+    kind: str,
+    fields: Mapping[str, str],
 ) -> Texts:
     """Let a parameter follow a pattern (`set`) or swing (`lfo`) from a beat on.
 
     Replaces earlier automation of the parameter; without an end in `fields` it continues for
     ever. Raises EditError.
     """
-    fields_written: dict[str, edit.Tree] = {kind: target, **fields, "at": written(piece, beat)}
+    fields_written: dict[str, edit.Tree] = {
+        kind: target_path,
+        **fields,
+        "at": written(piece, from_beat),
+    }
     if not fields_written.keys() & {"times", "until"}:
-        fields_written["until"] = end(piece, beat)
+        fields_written["until"] = end(piece, from_beat)
     # Add the new entry before others are removed: a list that never becomes empty keeps its style.
-    texts = texts.append(("automation",), edit.flow(fields_written))
-    texts, _ = _ended(texts, piece, beat, target)
-    return texts
+    score_texts = score_texts.append(("automation",), edit.flow(fields_written))
+    score_texts, _ = _ended(score_texts, piece, from_beat, target_path)
+    return score_texts
 
 
 def glide(
-    texts: Texts,
+    score_texts: Texts,
     piece: Piece,
-    target: str,
-    beat: float,
+    target_path: str,
+    from_beat: float,
     value: str,
     fields: Mapping[str, str],
     value_on: ValueOn,
@@ -53,16 +62,21 @@ def glide(
 
     `x1.5` is a factor of the value that it has on that beat. Raises EditError.
     """
-    head, _, parameter = target.rpartition(".")
-    check(piece, target)
-    if value.startswith("x") and _numbers_of(texts, piece, target):
+    head, _, parameter = target_path.rpartition(".")
+    check(piece, target_path)
+    if value.startswith("x") and _numbers_of(score_texts, piece, target_path):
         part, module, _ = _named_modules(piece, head)[0]
         if module.kind != "BANK":
-            now = value_on(piece, (part, module.name), parameter, beat)
-            value = value_text(piece, target, q.factor(value) * now, value_on)
-    entry: dict[str, edit.Tree] = {"set": target, "to": value, **fields, "at": written(piece, beat)}
-    texts = texts.append(("automation",), edit.flow(entry))
-    return _ended(texts, piece, beat, target)[0]
+            now = value_on(piece, (part, module.name), parameter, from_beat)
+            value = value_text(piece, target_path, q.factor(value) * now, value_on)
+    entry: dict[str, edit.Tree] = {
+        "set": target_path,
+        "to": value,
+        **fields,
+        "at": written(piece, from_beat),
+    }
+    score_texts = score_texts.append(("automation",), edit.flow(entry))
+    return _ended(score_texts, piece, from_beat, target_path)[0]
 
 
 def value_text(piece: Piece, target: str, value: float, value_on: ValueOn) -> str:
@@ -79,15 +93,17 @@ def value_text(piece: Piece, target: str, value: float, value_on: ValueOn) -> st
     return f"x{value / value_on(unchanged, (part, module.name), parameter, 0.0)!r}"
 
 
-def check(piece: Piece, target: str) -> None:
+def check(piece: Piece, target_path: str) -> None:
     """Raise EditError if a parameter cannot glide."""
-    module_path, _, parameter = target.rpartition(".")
-    parameter = "f" if parameter == TRANSPOSE else parameter
+    module_path, _, parameter_name = target_path.rpartition(".")
+    parameter_name = "f" if parameter_name == TRANSPOSE else parameter_name
     named_modules = _named_modules(piece, module_path)
     if not named_modules:
-        raise EditError(f"{target} cannot change gradually; leave out `over` to set it at once")
+        raise EditError(
+            f"{target_path} cannot change gradually; leave out `over` to set it at once"
+        )
     _, module, is_ca = named_modules[0]
-    if refusal_text := automatable.refusal(module, parameter, is_ca=is_ca):
+    if refusal_text := automatable.refusal(module, parameter_name, is_ca=is_ca):
         raise EditError(f"{module_path} {refusal_text}; leave out `over` to set it at once")
 
 
@@ -95,18 +111,19 @@ def _named_modules(piece: Piece, module_path: str) -> list[automatable.Automatab
     return automatable.named_modules(module_path, piece.keys, piece.instruments, piece.families)
 
 
-def stop(texts: Texts, piece: Piece, target: str, beat: float) -> Texts:
+def stop(score_texts: Texts, piece: Piece, target_path: str, from_beat: float) -> Texts:
     """Give a parameter its own value from a beat on. Raises EditError if no automation changes
     it.
     """
-    texts, count = _ended(texts, piece, beat, target)
+    score_texts, count = _ended(score_texts, piece, from_beat, target_path)
     if not count:
-        position_text = piece.tempo_map.written(beat)
+        position_text = piece.tempo_map.written(from_beat)
         raise EditError(
-            f"no pattern and no lfo controls {target} at {position_text}, so there is nothing to "
+            f"no pattern and no lfo controls {target_path} at {position_text}, so there is nothing "
+            "to "
             "end"
         )
-    return texts
+    return score_texts
 
 
 def released(texts: Texts, piece: Piece, target: str, beat: float) -> Texts:
@@ -145,21 +162,26 @@ def ending(piece: Piece, entry: Automation) -> float:
     return min(end, places.beat(len(places)))
 
 
-def _ended(texts: Texts, piece: Piece, beat: float, target: str) -> tuple[Texts, int]:
-    tempo, count = piece.tempo_map, 0
-    for number in reversed(_numbers_of(texts, piece, target)):
+def _ended(score_texts: Texts, piece: Piece, from_beat: float, target: str) -> tuple[Texts, int]:
+    tempo, ended_count = piece.tempo_map, 0
+    for number in reversed(_numbers_of(score_texts, piece, target)):
         entry = piece.automation[number]
-        is_over = entry.until is not None and tempo.resolve(entry.until) <= beat + SAME
-        if not (is_over and tempo.resolve(entry.at) < beat - SAME):
-            texts, count = _ended_one(texts, piece, beat, number), count + 1
-    return texts, count
+        is_over = entry.until is not None and tempo.resolve(entry.until) <= from_beat + SAME
+        if not (is_over and tempo.resolve(entry.at) < from_beat - SAME):
+            score_texts, ended_count = (
+                _ended_one(score_texts, piece, from_beat, number),
+                ended_count + 1,
+            )
+    return score_texts, ended_count
 
 
-def _numbers_of(texts: Texts, piece: Piece, target: str) -> Sequence[int]:
+def _numbers_of(score_texts: Texts, piece: Piece, target: str) -> Sequence[int]:
     """The numbers of the automation entries of a parameter."""
-    with texts.memory.lock:
+    with score_texts.memory.lock:
         numbers_by_target: dict[tuple[str, str], list[int]]
-        automation_before, numbers_by_target = texts.memory.held("automation by target", None) or (
+        automation_before, numbers_by_target = score_texts.memory.held(
+            "automation by target", None
+        ) or (
             (),
             {},
         )
@@ -173,7 +195,7 @@ def _numbers_of(texts: Texts, piece: Piece, target: str) -> Sequence[int]:
                 numbers_by_target.setdefault((entry.target.text, entry.parameter), []).append(
                     number
                 )
-        texts.memory.hold("automation by target", None, (piece.automation, numbers_by_target))
+        score_texts.memory.hold("automation by target", None, (piece.automation, numbers_by_target))
     module_path, _, parameter = target.rpartition(".")
     numbers: Sequence[int] = numbers_by_target.get((module_path, parameter), ())
     return numbers

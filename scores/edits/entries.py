@@ -114,14 +114,14 @@ class PlacedEntry:
         return self.entry.with_fields(**starts.part(first_start, stop_start, written_at))
 
 
-def entry_of_play(play: words.PlayWords, text: str) -> Entry:
+def entry_of_play(play_words: words.PlayWords, text: str) -> Entry:
     """The entry of a play that was read from a text, without its position."""
-    options = {name: word.text for name, word in play.options.items()}
+    options = {name: word.text for name, word in play_words.options.items()}
     do = tuple(
         text[transformation.offset : transformation.offset + transformation.length]
-        for transformation in play.do
+        for transformation in play_words.do
     )
-    return Entry({"play": play.what.text, **options}, do)
+    return Entry({"play": play_words.what.text, **options}, do)
 
 
 def lines(texts: Texts, piece: Piece, player: str, since: float = -inf) -> list[PlacedEntry]:
@@ -153,28 +153,33 @@ def _lines(
     texts: Texts, piece: Piece, player: str, numbers: Iterable[int]
 ) -> Iterator[PlacedEntry]:
     """Entries of a player's part, by their numbers."""
-    node, plays = _part(texts, player), _plays(piece, player)
-    rows: list[tuple[int, Entry, str]] = []
-    if isinstance(node, Scalar) and not node.is_empty:
+    part_node, plays = _part(texts, player), _plays(piece, player)
+    table_rows: list[tuple[int, Entry, str]] = []
+    if isinstance(part_node, Scalar) and not part_node.is_empty:
         number = offset_counted = 0
-        for row, offset in words.rows(node.text):
-            number, offset_counted = number + node.text.count("\n", offset_counted, offset), offset
-            parsed_row = words.parse_row(row, offset)
-            rows.append(
+        for table_row, offset in words.rows(part_node.text):
+            number, offset_counted = (
+                number + part_node.text.count("\n", offset_counted, offset),
+                offset,
+            )
+            parsed_row = words.parse_row(table_row, offset)
+            table_rows.append(
                 (
                     number,
-                    entry_of_play(parsed_row.play, node.text).starting(parsed_row.at.text),
-                    row,
+                    entry_of_play(parsed_row.play, part_node.text).starting(parsed_row.at.text),
+                    table_row,
                 )
             )
     for number in numbers:
-        play, starts = plays[number]
-        begin = piece.tempo_map.resolve(play.at)
-        if isinstance(node, document.Sequence):
-            yield PlacedEntry(number, _entry_of_item(node.items[number]), play, begin, starts)
+        part_play, starts = plays[number]
+        begin = piece.tempo_map.resolve(part_play.at)
+        if isinstance(part_node, document.Sequence):
+            yield PlacedEntry(
+                number, _entry_of_item(part_node.items[number]), part_play, begin, starts
+            )
         else:
-            line_number, entry, row = rows[number]
-            yield PlacedEntry(line_number, entry, play, begin, starts, row)
+            line_number, entry, table_row = table_rows[number]
+            yield PlacedEntry(line_number, entry, part_play, begin, starts, table_row)
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,13 +199,13 @@ class PartEdit:
         path = ("parts", self.player)
 
         def edited_text(list_document: document.Document, n_removed_before: int) -> str:
-            for line in self.closed:
-                item = (*path, line.number - n_removed_before)
+            for closed_entry in self.closed:
+                item = (*path, closed_entry.number - n_removed_before)
                 try:
                     text = edit.put(list_document, (*item, "until"), self.until)
                 except EditError:  # an alias cannot be edited: write the entry out
                     text = edit.put(
-                        list_document, item, line.entry.with_fields(until=self.until).flow()
+                        list_document, item, closed_entry.entry.with_fields(until=self.until).flow()
                     )
                 list_document = edit.read(text, list_document.file)
             # Add new entries before others are removed: a list that never becomes empty keeps its
@@ -224,10 +229,10 @@ class PartEdit:
     def as_table_edit(self, table: str) -> Callable[[document.Document], str]:
         """This change as the edit of a table."""
         path = ("parts", self.player)
-        rows: dict[int, str | None] = {
+        rows_by_line: dict[int, str | None] = {
             line.number: _closed(line, self.until) for line in self.closed
         }
-        rows |= dict.fromkeys(line.number for line in self.dropped)
+        rows_by_line |= dict.fromkeys(line.number for line in self.dropped)
 
         def edited_text(table_document: document.Document) -> str:
             text = table_document.text
@@ -235,29 +240,33 @@ class PartEdit:
                 text = edit.add_row(
                     edit.read(text, table_document.file), path, _aligned(entry, table)
                 )
-            return edit.put_rows(edit.read(text, table_document.file), path, rows) if rows else text
+            return (
+                edit.put_rows(edit.read(text, table_document.file), path, rows_by_line)
+                if rows_by_line
+                else text
+            )
 
         return edited_text
 
 
-def change(texts: Texts, *edits: PartEdit) -> Texts:
+def change(score_texts: Texts, *edits: PartEdit) -> Texts:
     """Change the parts of several players.
 
     New entries are written in the form of the part: list items or rows. Raises EditError.
     """
     lists: list[ListEdit] = []
-    tables: list[Callable[[document.Document], str]] = []
+    table_edits: list[Callable[[document.Document], str]] = []
     for part_edit in edits:
         if part_edit.closed or part_edit.dropped or part_edit.new:
-            node = _part(texts, part_edit.player)
+            node = _part(score_texts, part_edit.player)
             if isinstance(node, Scalar) and not node.is_empty:
-                tables.append(part_edit.as_table_edit(node.text))
+                table_edits.append(part_edit.as_table_edit(node.text))
             else:
                 lists.append(part_edit.as_list_edit())
-    texts = texts.edited_lists(lists) if lists else texts
-    for table in tables:
-        texts = texts.edited("parts", table)
-    return texts
+    score_texts = score_texts.edited_lists(lists) if lists else score_texts
+    for table in table_edits:
+        score_texts = score_texts.edited("parts", table)
+    return score_texts
 
 
 def _part(texts: Texts, player: str) -> Node | None:
@@ -265,14 +274,14 @@ def _part(texts: Texts, player: str) -> Node | None:
     return parts.get(player) if isinstance(parts, document.Mapping) else None
 
 
-def _entry_of_item(item: Node) -> Entry:
-    assert isinstance(item, document.Mapping)
+def _entry_of_item(item_node: Node) -> Entry:
+    assert isinstance(item_node, document.Mapping)
     fields = {
         name: child.text
-        for name, (_, child) in item.entries.items()
+        for name, (_, child) in item_node.entries.items()
         if isinstance(child, Scalar) and name != "do"
     }
-    do = item.get("do")
+    do = item_node.get("do")
     chain: list[str] = []
     if isinstance(do, document.Sequence):
         chain = [node.text for node in do.items if isinstance(node, Scalar)]
@@ -292,11 +301,11 @@ def _closed(line: PlacedEntry, until: str) -> str:
     ).strip()
 
 
-def _aligned(entry: Entry, table: str) -> str:
+def _aligned(new_entry: Entry, table: str) -> str:
     """A row of an entry, aligned with the last row of its table."""
     width = 0
     for row, _ in words.rows(table):
         cell = re.match(r"\S+\s+", row.strip())
         width = cell.end() if cell else width
-    start_text = entry.fields["at"]
-    return f"{start_text.ljust(width - 1)} {entry.row_words()}"
+    start_text = new_entry.fields["at"]
+    return f"{start_text.ljust(width - 1)} {new_entry.row_words()}"

@@ -28,11 +28,11 @@ from ergon.scores.reading.piece import Piece, Strikes
 
 
 def keep(
-    texts: Texts,
+    score_texts: Texts,
     piece: Piece,
-    name: str,
-    start: float,
-    stop: float,
+    excerpt_name: str,
+    start_beat: float,
+    stop_beat: float,
     value_on: ValueOn | None = None,
 ) -> Texts:
     """A score of the entries that begin between two beats; it begins at the first beat.
@@ -41,28 +41,31 @@ def keep(
 
     Raises EditError if nothing begins there.
     """
-    window = _Window(piece, start, stop, value_on)
-    excerpt = texts.put(("title",), edit.quoted(name))
+    window = _Window(piece, start_beat, stop_beat, value_on)
+    excerpt = score_texts.put(("title",), edit.quoted(excerpt_name))
     is_included = False
-    changes = []
+    excerpt_changes = []
     for player in piece.players:
-        lines = entries.lines(texts, piece, player)
+        lines = entries.lines(score_texts, piece, player)
         chosen = [entry for line in lines if (entry := window.excerpt_of(line)) is not None]
         is_included = is_included or bool(chosen)
-        changes.append(entries.PartEdit(player, dropped=lines, new=chosen))
-    excerpt = entries.change(excerpt, *changes)
+        excerpt_changes.append(entries.PartEdit(player, dropped=lines, new=chosen))
+    excerpt = entries.change(excerpt, *excerpt_changes)
     for strikes in piece.strikes:
         excerpt, is_in = window.strikes(excerpt, strikes)
         is_included = is_included or is_in
     if not is_included:
-        start_text, stop_text = piece.tempo_map.written(start), piece.tempo_map.written(stop)
+        start_text, stop_text = (
+            piece.tempo_map.written(start_beat),
+            piece.tempo_map.written(stop_beat),
+        )
         raise EditError(f"no gesture begins from {start_text} to {stop_text}")
-    excerpt = space.fades_from(excerpt, piece, start)
-    end = window.position(stop)
+    excerpt = space.fades_from(excerpt, piece, start_beat)
+    end = window.position(stop_beat)
     end = end if "|" in end else f"{end}beats"
     excerpt = window.automation(window.duet(excerpt)).put(("marks", END), end)
     if piece.render.file is not None:
-        excerpt = excerpt.put(("render", "file"), edit.quoted(f"{name}.wav"))
+        excerpt = excerpt.put(("render", "file"), edit.quoted(f"{excerpt_name}.wav"))
     # Write the tempo last: the other edits read positions by the old tempo map.
     return window.tempo(excerpt)
 
@@ -94,147 +97,173 @@ class _Window:
             return f"{full_bars - bar + 1}|{beat:.12g}"
         return f"{beats:.12g}"  # the window does not begin on a bar: count beats alone
 
-    def excerpt_of(self, line: entries.PlacedEntry) -> entries.Entry | None:
+    def excerpt_of(self, placed_entry: entries.PlacedEntry) -> entries.Entry | None:
         """The entry with only its beginnings in the window; None if there are none."""
-        if line.starts is None:
-            if not self.within([line.begin]):
+        if placed_entry.starts is None:
+            if not self.within([placed_entry.begin]):
                 return None
-            entry = line.entry.with_fields(at=self.position(line.begin))
-            if line.play.until is None:
+            entry = placed_entry.entry.with_fields(at=self.position(placed_entry.begin))
+            if placed_entry.play.until is None:
                 return entry
             return entry.with_fields(
-                until=self.position(min(self.stop, self.map.resolve(line.play.until)))
+                until=self.position(min(self.stop, self.map.resolve(placed_entry.play.until)))
             )
-        first_start, stop_start = line.count_before(self.start), line.count_before(self.stop)
+        first_start, stop_start = (
+            placed_entry.count_before(self.start),
+            placed_entry.count_before(self.stop),
+        )
         return (
-            line.part(first_start, stop_start, self.position) if first_start < stop_start else None
+            placed_entry.part(first_start, stop_start, self.position)
+            if first_start < stop_start
+            else None
         )
 
     def strikes(self, texts: Texts, strikes: Strikes) -> tuple[Texts, bool]:
         """Strikes cut to the window, and whether any fall in it."""
         path = ("strikes", strikes.name)
-        begin = self.map.resolve(strikes.at)
+        begin_beat = self.map.resolve(strikes.at)
         if strikes.is_melody and strikes.length is None:
             falls = [beat for beat, *_ in strikes.falls(self.piece, self.start, self.stop)]
             excerpt = only(texts, self.piece, strikes, self.start, self.stop, self.position)
             return excerpt, bool(self.within(falls))
-        stop = begin if strikes.until is None else self.map.resolve(strikes.until)
+        stop_beat = begin_beat if strikes.until is None else self.map.resolve(strikes.until)
         if strikes.span is not None:
-            stop = self.map.after(begin, strikes.span)
+            stop_beat = self.map.after(begin_beat, strikes.span)
         changed_fields: dict[str, str | None] = {"for": None, "until": None}
         if strikes.passing is not None:  # `for` is the time of one pass
             del changed_fields["for"]
         if strikes.pattern is not None:
-            places = strikes.steps(self.piece)
+            pattern_steps = strikes.steps(self.piece)
             first_place, stop_place = (
-                n_before(places, at - SAME) for at in (self.start, self.stop)
+                n_before(pattern_steps, at - SAME) for at in (self.start, self.stop)
             )
             if first_place == stop_place:
                 return texts.remove(path), False
-            changed_fields |= places.part(first_place, stop_place, self.position)
+            changed_fields |= pattern_steps.part(first_place, stop_place, self.position)
         elif strikes.rate is not None:
-            first_beat, last_beat = max(begin, self.start), min(stop, self.stop)
+            first_beat, last_beat = max(begin_beat, self.start), min(stop_beat, self.stop)
             if last_beat <= first_beat + SAME:
                 return texts.remove(path), False
             changed_fields |= {"at": self.position(first_beat), "until": self.position(last_beat)}
         else:
-            end = stop if strikes.until is not None or strikes.span is not None else None
-            every, times = strikes.every, strikes.times
+            end = stop_beat if strikes.until is not None or strikes.span is not None else None
+            step_length, times = strikes.every, strikes.times
             window_starts = (
                 strikes.rounds(self.map)
                 if strikes.has_rounds
-                else starts(self.map, begin, Length(), every=every, times=times, until=end)
+                else starts(
+                    self.map, begin_beat, Length(), every=step_length, times=times, until=end
+                )
             )
             inside = self.within(window_starts)
             if not inside:
                 return texts.remove(path), False
             changed_fields |= {"at": self.position(inside[0])}
-            if every is not None or strikes.has_rounds:
+            if step_length is not None or strikes.has_rounds:
                 changed_fields |= {"times": str(len(inside))}
         return self._with_fields(texts, path, changed_fields), True
 
     def duet(self, texts: Texts) -> Texts:
         """Couplings cut to the window."""
-        for number in reversed(range(len(self.piece.duet))):
-            coupling = self.piece.duet[number]
-            begin = self.map.resolve(coupling.at)
+        for entry_index in reversed(range(len(self.piece.duet))):
+            coupling = self.piece.duet[entry_index]
+            begin_beat = self.map.resolve(coupling.at)
             end = self.stop if coupling.until is None else self.map.resolve(coupling.until)
-            if begin >= self.stop - SAME or end <= self.start + SAME:
-                texts = dropped(texts, "duet", number)
+            if begin_beat >= self.stop - SAME or end <= self.start + SAME:
+                texts = dropped(texts, "duet", entry_index)
                 continue
             until = self.position(end) if coupling.until is not None and end < self.stop else None
-            fields = {"at": self.position(begin), "until": until}
-            texts = self._with_fields(texts, place(texts, "duet", number), fields)
+            fields = {"at": self.position(begin_beat), "until": until}
+            texts = self._with_fields(texts, place(texts, "duet", entry_index), fields)
         return texts
 
-    def automation(self, texts: Texts) -> Texts:
+    def automation(self, score_texts: Texts) -> Texts:
         """Automation cut to the window."""
-        for number in reversed(range(len(self.piece.automation))):
-            entry = self.piece.automation[number]
-            begin = self.map.resolve(entry.at)
-            end = math.inf if entry.until is None else self.map.resolve(entry.until)
-            fields: dict[str, str | None] = {"at": self.position(begin)}
-            if entry.points:
-                texts = self._glide(texts, number, entry, begin, end)
+        for entry_index in reversed(range(len(self.piece.automation))):
+            automation_entry = self.piece.automation[entry_index]
+            begin_beat = self.map.resolve(automation_entry.at)
+            end_beat = (
+                math.inf
+                if automation_entry.until is None
+                else self.map.resolve(automation_entry.until)
+            )
+            entry_fields: dict[str, str | None] = {"at": self.position(begin_beat)}
+            if automation_entry.points:
+                score_texts = self._glide(
+                    score_texts, entry_index, automation_entry, begin_beat, end_beat
+                )
                 continue
-            places = None if entry.pattern is None else entry.steps(self.map, self.piece.seed)
-            if places is not None:
-                end = min(end, places.beat(len(places)))
-            if begin >= self.stop - SAME or end <= self.start + SAME:
-                texts = dropped(texts, "automation", number)
+            pattern_steps = (
+                None
+                if automation_entry.pattern is None
+                else automation_entry.steps(self.map, self.piece.seed)
+            )
+            if pattern_steps is not None:
+                end_beat = min(end_beat, pattern_steps.beat(len(pattern_steps)))
+            if begin_beat >= self.stop - SAME or end_beat <= self.start + SAME:
+                score_texts = dropped(score_texts, "automation", entry_index)
                 continue
-            if end < math.inf:
-                fields["until"] = self.position(min(end, self.stop))
-            if begin < self.start - SAME and places is not None:
-                first = n_before(places, self.start - SAME)
-                if first == len(places):
-                    texts = dropped(texts, "automation", number)
+            if end_beat < math.inf:
+                entry_fields["until"] = self.position(min(end_beat, self.stop))
+            if begin_beat < self.start - SAME and pattern_steps is not None:
+                first = n_before(pattern_steps, self.start - SAME)
+                if first == len(pattern_steps):
+                    score_texts = dropped(score_texts, "automation", entry_index)
                     continue
-                fields |= places.part(first, len(places), self.position)
-                fields["until"] = self.position(min(end, self.stop))
-            elif begin < self.start - SAME and entry.swing is not None:
-                period = self.map.after(begin, entry.swing.period) - begin
-                phase = (entry.swing.phase + (self.start - begin) / period) % 1.0
-                fields["phase"] = f"{phase:.12g}"
-            elif begin < self.start - SAME and entry.moves:
-                node = items(texts, "automation")[number]
+                entry_fields |= pattern_steps.part(first, len(pattern_steps), self.position)
+                entry_fields["until"] = self.position(min(end_beat, self.stop))
+            elif begin_beat < self.start - SAME and automation_entry.swing is not None:
+                period = self.map.after(begin_beat, automation_entry.swing.period) - begin_beat
+                phase = (automation_entry.swing.phase + (self.start - begin_beat) / period) % 1.0
+                entry_fields["phase"] = f"{phase:.12g}"
+            elif begin_beat < self.start - SAME and automation_entry.moves:
+                node = items(score_texts, "automation")[entry_index]
                 written = node.get("start") if isinstance(node, Mapping) else None
                 before = q.quantity(written.text, q.RATIO) if isinstance(written, Scalar) else 0.0
-                past = self.map.bars.quarters(self.start) - self.map.bars.quarters(begin)
-                fields["start"] = f"{before + past:.12g}"
-            texts = self._with_fields(texts, place(texts, "automation", number), fields)
-        return texts
+                past = self.map.bars.quarters(self.start) - self.map.bars.quarters(begin_beat)
+                entry_fields["start"] = f"{before + past:.12g}"
+            score_texts = self._with_fields(
+                score_texts, place(score_texts, "automation", entry_index), entry_fields
+            )
+        return score_texts
 
     def _glide(
-        self, texts: Texts, number: int, entry: Automation, begin: float, end: float
+        self,
+        score_texts: Texts,
+        entry_index: int,
+        automation_entry: Automation,
+        begin_beat: float,
+        end_beat: float,
     ) -> Texts:
         """A glide cut to the window: one that began before becomes a curve."""
-        if begin >= self.stop - SAME or end <= self.start + SAME:
-            return dropped(texts, "automation", number)
-        fields: dict[str, str | None] = {"at": self.position(begin)}
-        if end < math.inf:
-            fields["until"] = self.position(min(end, self.stop))
-        if begin < self.start - SAME and self.value_on is not None:
-            fields |= {"at": self.position(self.start), "over": None, "curve": None}
+        if begin_beat >= self.stop - SAME or end_beat <= self.start + SAME:
+            return dropped(score_texts, "automation", entry_index)
+        entry_fields: dict[str, str | None] = {"at": self.position(begin_beat)}
+        if end_beat < math.inf:
+            entry_fields["until"] = self.position(min(end_beat, self.stop))
+        if begin_beat < self.start - SAME and self.value_on is not None:
+            entry_fields |= {"at": self.position(self.start), "over": None, "curve": None}
             piece, module_key, tempo = (
                 self.piece,
-                (entry.target.part, entry.target.module),
+                (automation_entry.target.part, automation_entry.target.module),
                 self.map,
             )
-            if entry.over is not None:
-                ended = tempo.after(begin, entry.over)
+            if automation_entry.over is not None:
+                ended = tempo.after(begin_beat, automation_entry.over)
             else:
-                ended = tempo.beats(tempo.instant(begin, entry.points[-1].at))
+                ended = tempo.beats(tempo.instant(begin_beat, automation_entry.points[-1].at))
             seconds_left = tempo.seconds(max(ended, self.start)) - tempo.seconds(self.start)
-            points = []
+            glide_points = []
             for step in range(_PIECES + 1 if seconds_left > 0.0 else 1):
                 offset = seconds_left * step / _PIECES
                 beat = tempo.beats(tempo.seconds(self.start) + offset)
-                value = self.value_on(self.piece, module_key, entry.parameter, beat)
-                word = value_text(piece, entry.name, value, self.value_on)
-                points.append(f"{word}@{offset:.12g}s")
-            fields["to"] = " line ".join(points)
-        return self._with_fields(texts, place(texts, "automation", number), fields)
+                value = self.value_on(self.piece, module_key, automation_entry.parameter, beat)
+                word = value_text(piece, automation_entry.name, value, self.value_on)
+                glide_points.append(f"{word}@{offset:.12g}s")
+            entry_fields["to"] = " line ".join(glide_points)
+        return self._with_fields(
+            score_texts, place(score_texts, "automation", entry_index), entry_fields
+        )
 
     def tempo(self, texts: Texts) -> Texts:
         """Write the tempo and meter at the start of the window, and the changes that follow."""
@@ -242,26 +271,30 @@ class _Window:
         first_entry: dict[str, edit.Tree] = {"at": "1|1", "bpm": f"{self.map.bpm(self.start):.12g}"}
         first_entry["meter"] = str(meter)
         entries_written = [first_entry]
-        for begin, entry in self.map.placed:
-            end = begin if entry.over is None else self.map.after(begin, entry.over)
-            if begin >= self.stop - SAME or max(begin, end) <= self.start + SAME:
+        for begin_beat, tempo_entry in self.map.placed:
+            end_beat = (
+                begin_beat
+                if tempo_entry.over is None
+                else self.map.after(begin_beat, tempo_entry.over)
+            )
+            if begin_beat >= self.stop - SAME or max(begin_beat, end_beat) <= self.start + SAME:
                 continue
-            if entry.bpm is None and entry.meter is None:
+            if tempo_entry.bpm is None and tempo_entry.meter is None:
                 continue
-            if begin <= self.start + SAME:  # a ramp under way goes on
-                first_entry["bpm"] = f"{first_entry['bpm']} -> {entry.bpm_end:.12g}"
-                first_entry["over"] = f"{end - self.start:.12g}"
+            if begin_beat <= self.start + SAME:  # a ramp under way goes on
+                first_entry["bpm"] = f"{first_entry['bpm']} -> {tempo_entry.bpm_end:.12g}"
+                first_entry["over"] = f"{end_beat - self.start:.12g}"
                 continue
-            later_entry: dict[str, edit.Tree] = {"at": self.position(begin)}
-            if entry.bpm is not None:
-                is_ramp = entry.bpm_end is not None
-                later_entry["bpm"] = f"{entry.bpm:.12g}" + (
-                    f" -> {entry.bpm_end:.12g}" if is_ramp else ""
+            later_entry: dict[str, edit.Tree] = {"at": self.position(begin_beat)}
+            if tempo_entry.bpm is not None:
+                is_ramp = tempo_entry.bpm_end is not None
+                later_entry["bpm"] = f"{tempo_entry.bpm:.12g}" + (
+                    f" -> {tempo_entry.bpm_end:.12g}" if is_ramp else ""
                 )
-            if entry.over is not None:
-                later_entry["over"] = f"{end - begin:.12g}"
-            if entry.meter is not None:
-                later_entry["meter"] = str(entry.meter)
+            if tempo_entry.over is not None:
+                later_entry["over"] = f"{end_beat - begin_beat:.12g}"
+            if tempo_entry.meter is not None:
+                later_entry["meter"] = str(tempo_entry.meter)
             entries_written.append(later_entry)
         for section in ("tempo", "meter"):  # what files say of them is written out
             if items(texts, section):
@@ -270,14 +303,16 @@ class _Window:
             texts = texts.append(("tempo",), edit.flow(change))
         return texts
 
-    def _with_fields(self, texts: Texts, path: edit.Path, fields: dict[str, str | None]) -> Texts:
+    def _with_fields(
+        self, score_texts: Texts, path: edit.Path, fields: dict[str, str | None]
+    ) -> Texts:
         """Set fields of an entry; None removes a field."""
         for name, text in fields.items():
             if text is not None:
-                texts = texts.put((*path, name), text)
+                score_texts = score_texts.put((*path, name), text)
                 continue
             try:
-                texts = texts.remove((*path, name))
+                score_texts = score_texts.remove((*path, name))
             except EditError:  # the field is not written
                 continue
-        return texts
+        return score_texts

@@ -13,33 +13,35 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 
 
-def use(texts: Texts, family: str, file: str) -> tuple[Texts, dict[str, str]]:
+def use(score_texts: Texts, family: str, family_file: str) -> tuple[Texts, dict[str, str]]:
     """Add a file to `use:` under a prefix; returns the texts of the files that were read for it,
     which are not of the library, too. Mistakes in them are those of the new texts.
 
     Raises EditError.
     """
-    use_section = texts.section("use")
+    use_section = score_texts.section("use")
     if isinstance(use_section, document.Sequence) or (
         isinstance(use_section, document.Scalar) and not use_section.is_empty
     ):
-        added = texts.append(("use",), edit.flow({family: file}))
+        added = score_texts.append(("use",), edit.flow({family: family_file}))
     else:
-        added = texts.put(("use", family), edit.quoted(file))
+        added = score_texts.put(("use", family), edit.quoted(family_file))
     return with_files_read(added)
 
 
-def with_files_read(texts: Texts) -> tuple[Texts, dict[str, str]]:
+def with_files_read(score_texts: Texts) -> tuple[Texts, dict[str, str]]:
     """Texts with those of the files that they name and do not hold yet, and these files, which are
     not of the library.
     """
-    documents = replace(texts, sealed=False).load().files
+    documents = replace(score_texts, sealed=False).load().files
     read = {
         name: document_read.text
         for name, document_read in documents.items()
-        if name != texts.path and name not in texts.overlay and shipped(Path(name)) is None
+        if name != score_texts.path
+        and name not in score_texts.overlay
+        and shipped(Path(name)) is None
     }
-    return replace(texts, overlay={**read, **texts.overlay}), read
+    return replace(score_texts, overlay={**read, **score_texts.overlay}), read
 
 
 def unplayed(piece: Piece) -> dict[str, str]:
@@ -70,47 +72,47 @@ def base(piece: Piece, name: str) -> str:
     return f"{family}/{plain}" if family else name
 
 
-def played(texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:
-    """Route instruments of files to all channels that `texts` play, and `piece` does not.
+def played(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:
+    """Route instruments of files to all channels that `score_texts` play, and `piece` does not.
 
     Those of a family with a prefix are defined first, by the paths of modules (`kick.hammer`) of
     which some may be theirs. Raises EditError.
     """
-    texts, piece = defined(texts, piece, paths)
+    score_texts, piece = defined(score_texts, piece, paths)
     plain = [name for name in piece.available if "." not in name]
-    piece_now = texts.load().piece if plain else None
+    piece_now = score_texts.load().piece if plain else None
     for name in plain:
         if piece_now is not None and (name in piece_now.instruments or name in piece_now.families):
-            texts = structure.routed_to_all(texts, piece, name)
-            piece = texts.load().piece or piece  # all routes are written now
-    return texts
+            score_texts = structure.routed_to_all(score_texts, piece, name)
+            piece = score_texts.load().piece or piece  # all routes are written now
+    return score_texts
 
 
-def defined(texts: Texts, piece: Piece, paths: Iterable[str]) -> tuple[Texts, Piece]:
+def defined(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> tuple[Texts, Piece]:
     """Define the instruments of families with a prefix that paths of modules name, without the
     prefix and heard on all channels; returns their piece too. Raises EditError.
     """
     unplayed_names = unplayed(piece)
     for name in sorted({path.partition(".")[0] for path in paths} & unplayed_names.keys()):
         if (origin := base(piece, name)) != name:
-            texts = structure.build(texts, piece, name, origin, {})
-            piece = texts.load().piece or piece
-    return texts, piece
+            score_texts = structure.build(score_texts, piece, name, origin, {})
+            piece = score_texts.load().piece or piece
+    return score_texts, piece
 
 
-def ready(texts: Texts, path: str) -> Texts:
+def ready(score_texts: Texts, path: str) -> Texts:
     """Let the modules of an act be there that strikes from outside will play: `vib`, `vib.strike`.
 
     Nothing changes where the act brings none, or where they are there. Raises EditError.
     """
-    name, _, act_name = path.partition(".")
-    piece = texts.load().piece
-    instrument = None if piece is None else piece.playable(name)
+    act_owner, _, act_name = path.partition(".")
+    piece = score_texts.load().piece
+    instrument = None if piece is None else piece.playable(act_owner)
     acts = {} if instrument is None else {act.name: act for act in instrument.acts}
     act = acts.get(act_name) if act_name else next(iter(acts.values()), None)
     if instrument is None or act is None:
-        return texts
+        return score_texts
     modules = {module.name for module in instrument.modules}
     if all(module.name in modules for module in act.modules):
-        return texts
-    return texts.put(("instruments", name, "ready"), act.name)
+        return score_texts
+    return score_texts.put(("instruments", act_owner, "ready"), act.name)

@@ -12,20 +12,32 @@ from ergon.scores.reading.piece import Piece
 
 
 def couple(
-    texts: Texts, piece: Piece, beat: float, a: str, b: str, stiffness: str, viscosity: str = ""
+    score_texts: Texts,
+    piece: Piece,
+    from_beat: float,
+    first_key: str,
+    second_key: str,
+    stiffness: str,
+    viscosity: str = "",
 ) -> Texts:
     """Join two keys by a REF from a beat on; this replaces their earlier coupling. Raises
     EditError.
     """
     ref_fields: dict[str, edit.Tree] = {"K": stiffness, **({"Z": viscosity} if viscosity else {})}
     coupling_entry: dict[str, edit.Tree] = {
-        "couple": [a, b],
+        "couple": [first_key, second_key],
         "REF": ref_fields,
-        "at": written(piece, beat),
+        "at": written(piece, from_beat),
     }
     # Add the new entry before others are removed: a list that never becomes empty keeps its style.
-    texts, _ = _parted(texts.append(("duet",), edit.flow(coupling_entry)), piece, beat, a, b)
-    return texts
+    score_texts, _ = _parted(
+        score_texts.append(("duet",), edit.flow(coupling_entry)),
+        piece,
+        from_beat,
+        first_key,
+        second_key,
+    )
+    return score_texts
 
 
 def uncouple(texts: Texts, piece: Piece, beat: float, a: str, b: str) -> Texts:
@@ -36,15 +48,20 @@ def uncouple(texts: Texts, piece: Piece, beat: float, a: str, b: str) -> Texts:
     return texts
 
 
-def _parted(texts: Texts, piece: Piece, beat: float, a: str, b: str) -> tuple[Texts, int]:
-    tempo, count = piece.tempo_map, 0
-    for number in reversed(range(len(piece.duet))):
-        coupling = piece.duet[number]
+def _parted(
+    score_texts: Texts, piece: Piece, from_beat: float, a: str, b: str
+) -> tuple[Texts, int]:
+    tempo, parted_count = piece.tempo_map, 0
+    for entry_index in reversed(range(len(piece.duet))):
+        coupling = piece.duet[entry_index]
         if {coupling.a.part, coupling.b.part} != {a, b}:
             continue
-        if tempo.resolve(coupling.at) >= beat - SAME:
-            texts, count = dropped(texts, "duet", number), count + 1
-        elif coupling.until is None or tempo.resolve(coupling.until) > beat + SAME:
-            path = (*place(texts, "duet", number), "until")
-            texts, count = texts.put(path, written(piece, beat)), count + 1
-    return texts, count
+        if tempo.resolve(coupling.at) >= from_beat - SAME:
+            score_texts, parted_count = dropped(score_texts, "duet", entry_index), parted_count + 1
+        elif coupling.until is None or tempo.resolve(coupling.until) > from_beat + SAME:
+            path = (*place(score_texts, "duet", entry_index), "until")
+            score_texts, parted_count = (
+                score_texts.put(path, written(piece, from_beat)),
+                parted_count + 1,
+            )
+    return score_texts, parted_count

@@ -61,7 +61,7 @@ class _Owner:
         """The file in which the key or instrument is written."""
         return self.written.node.document.file
 
-    def home(self, name: str) -> tuple[str, ...] | None:
+    def home(self, field_name: str) -> tuple[str, ...] | None:
         """The path of the mapping in which a field is written; None if `like` or `from` brought it
         in.
         """
@@ -72,159 +72,187 @@ class _Owner:
             return None
         if not self.kind:
             return self.base
-        if name in _RETUNED and (self.written.written(name) or not self.written.kind):
+        if field_name in _RETUNED and (self.written.written(field_name) or not self.written.kind):
             return self.base
         return (*self.base, self.kind) if self.written.kind else None
 
 
-def set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
+def set_value(texts: Texts, piece: Piece, target_path: str, value: str) -> Texts:
     """Set `bell.m.K`, `k1.M` or `gong.f` to a value, or multiply it (`x1.5`).
 
     A value that comes by `like` or `from` is written for this part alone. Setting K or Z
     replaces f and t60 by the equivalent K and Z, and vice versa, so the other one keeps its
     value. Raises EditError.
     """
-    with tuning.used(piece.tuning_of(target)):
-        return _set_value(texts, piece, target, value)
+    with tuning.used(piece.tuning_of(target_path)):
+        return _set_value(texts, piece, target_path, value)
 
 
-def _set_value(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
-    part, _, name = target.rpartition(".")
-    if name == TRANSPOSE:
-        return _set_transposition(texts, part, value)
-    instrument = piece.instruments.get(part)
+def _set_value(score_texts: Texts, piece: Piece, target_path: str, value_text: str) -> Texts:
+    part_name, _, field_name = target_path.rpartition(".")
+    if field_name == TRANSPOSE:
+        return _set_transposition(score_texts, part_name, value_text)
+    instrument = piece.instruments.get(part_name)
     if (
-        name == "f"
+        field_name == "f"
         and instrument is not None
         and automatable.pitched_module(instrument) is not None
     ):
-        return _set_pitch(texts, instrument, value)
-    if name == "f" and part in piece.families:
+        return _set_pitch(score_texts, instrument, value_text)
+    if field_name == "f" and part_name in piece.families:
         raise EditError(
-            f"the notes of {quote(part)} have pitches of their own; move them all by an interval: "
-            f"set {part}.{TRANSPOSE} 2st"
+            f"the notes of {quote(part_name)} have pitches of their own; move them all by an "
+            "interval: "
+            f"set {part_name}.{TRANSPOSE} 2st"
         )
-    owner, name = _owner(texts, target)
-    changes = _changes(owner, piece, target, name, value)
-    home = owner.home(name)
-    changes = _as_written(owner, home, changes)
+    value_owner, field_name = _owner(score_texts, target_path)
+    field_changes = _changes(value_owner, piece, target_path, field_name, value_text)
+    home = value_owner.home(field_name)
+    field_changes = _as_written(value_owner, home, field_changes)
     if home is not None:
-        written_tree = edit.tree(_written_node(texts, home, owner.file))
-        for field, text in changes.items():
+        written_tree = edit.tree(_written_node(score_texts, home, value_owner.file))
+        for field, text in field_changes.items():
             if text is not None:
-                texts = texts.put((*home, field), text, owner.file)
+                score_texts = score_texts.put((*home, field), text, value_owner.file)
             elif isinstance(written_tree, dict) and field in written_tree:
-                texts = texts.remove((*home, field), file=owner.file)
-        return texts
-    texts_by_field = {field: text for field, text in changes.items() if text is not None}
-    if not owner.module:
-        return texts.put((*owner.base, owner.kind), edit.flow(texts_by_field), owner.file)
-    path = (*owner.base, "modules", owner.module)
-    return texts.put(path, edit.flow({owner.kind: texts_by_field}), owner.file)
+                score_texts = score_texts.remove((*home, field), file=value_owner.file)
+        return score_texts
+    texts_by_field = {field: text for field, text in field_changes.items() if text is not None}
+    if not value_owner.module:
+        return score_texts.put(
+            (*value_owner.base, value_owner.kind), edit.flow(texts_by_field), value_owner.file
+        )
+    path = (*value_owner.base, "modules", value_owner.module)
+    return score_texts.put(path, edit.flow({value_owner.kind: texts_by_field}), value_owner.file)
 
 
-def set_list(texts: Texts, target: str, changes: Mapping[int, str]) -> Texts:
+def set_list(score_texts: Texts, target_path: str, value_changes: Mapping[int, str]) -> Texts:
     """Set values of the list `bell.f` of MODES by their index; the others stay as they are written.
 
     Raises EditError if the modes come from a file, or if `f` or `transpose` of the instrument
     moves them all.
     """
-    owner, name = _owner(texts, target)
-    if owner.followed.written("modes"):
+    list_owner, list_name = _owner(score_texts, target_path)
+    if list_owner.followed.written("modes"):
         raise EditError(
-            f"{quote(target)}: the modes are read from a file and cannot be set here; change the "
+            f"{quote(target_path)}: the modes are read from a file and cannot be set here; change "
+            "the "
             "file"
         )
-    if moving := owner.written.written("f", "transpose"):
+    if moving := list_owner.written.written("f", "transpose"):
         raise EditError(
-            f"{quote(target)}: '{moving[0]}' of the instrument transposes all its pitches; remove "
+            f"{quote(target_path)}: '{moving[0]}' of the instrument transposes all its pitches; "
+            "remove "
             f"'{moving[0]}' before you set a single one"
         )
-    node = owner.followed.nodes.get(name)
-    items = node.items if isinstance(node, document.Sequence) else [node]
-    if max(changes) >= len(items):
+    node = list_owner.followed.nodes.get(list_name)
+    list_items = node.items if isinstance(node, document.Sequence) else [node]
+    if max(value_changes) >= len(list_items):
         raise EditError(
-            f"{quote(target)}: there are {len(items)} modes in the list; those after them are "
+            f"{quote(target_path)}: there are {len(list_items)} modes in the list; those after "
+            "them are "
             "drawn in its band; change the band instead"
         )
     words_written = [
-        changes[i] if i in changes else item.text if isinstance(item, Scalar) else ""
-        for i, item in enumerate(items)
+        value_changes[i] if i in value_changes else item.text if isinstance(item, Scalar) else ""
+        for i, item in enumerate(list_items)
     ]
-    text = f"[{', '.join(words_written)}]"
-    if not owner.module:
-        if owner.written.kind:
-            return texts.put((*owner.base, owner.kind, name), text, owner.file)
-        return texts.put((*owner.base, owner.kind), f"{{{name}: {text}}}", owner.file)
-    home = owner.home(name)
+    list_text = f"[{', '.join(words_written)}]"
+    if not list_owner.module:
+        if list_owner.written.kind:
+            return score_texts.put(
+                (*list_owner.base, list_owner.kind, list_name), list_text, list_owner.file
+            )
+        return score_texts.put(
+            (*list_owner.base, list_owner.kind), f"{{{list_name}: {list_text}}}", list_owner.file
+        )
+    home = list_owner.home(list_name)
     if home is not None:
-        return texts.put((*home, name), text, owner.file)
-    path = (*owner.base, "modules", owner.module)
-    return texts.put(path, f"{{{owner.kind}: {{{name}: {text}}}}}", owner.file)
+        return score_texts.put((*home, list_name), list_text, list_owner.file)
+    path = (*list_owner.base, "modules", list_owner.module)
+    return score_texts.put(
+        path, f"{{{list_owner.kind}: {{{list_name}: {list_text}}}}}", list_owner.file
+    )
 
 
-def _set_pitch(texts: Texts, instrument: Instrument, value: str) -> Texts:
+def _set_pitch(score_texts: Texts, instrument: Instrument, pitch_text: str) -> Texts:
     """Set the named pitch of an instrument of several modules. Raises EditError."""
-    names, _ = texts.names()
-    entry = names.tables["instruments"].get(instrument.name)
-    if entry is None or not isinstance(entry.values, Values):
+    names, _ = score_texts.names()
+    named_entry = names.tables["instruments"].get(instrument.name)
+    if named_entry is None or not isinstance(named_entry.values, Values):
         raise EditError(
             f"{instrument.name} is one note of an instrument, whose pitch cannot be set at once; "
             "write "
             "`over` and a length, or set its modules"
         )
-    values, file = entry.values, entry.values.node.document.file
-    path = ("instruments", values.context.name)
+    entry_values, file_name = named_entry.values, named_entry.values.node.document.file
+    path = ("instruments", entry_values.context.name)
     assert instrument.pitch is not None
     pitch_asked = (
-        k.PITCH.parse(value) if not value.startswith("x") else instrument.pitch * q.factor(value)
+        k.PITCH.parse(pitch_text)
+        if not pitch_text.startswith("x")
+        else instrument.pitch * q.factor(pitch_text)
     )
-    if values.written("like", "from"):
-        texts = texts.put(
-            (*path, "f"), f"{pitch_asked!r}Hz" if value.startswith("x") else value, file
+    if entry_values.written("like", "from"):
+        score_texts = score_texts.put(
+            (*path, "f"),
+            f"{pitch_asked!r}Hz" if pitch_text.startswith("x") else pitch_text,
+            file_name,
         )
-        is_moved = values.written("transpose")
-        return texts.remove((*path, "transpose"), file=file) if is_moved else texts
-    written_pitch = named_pitch(values)  # the written pitch, which `transpose` moves
+        is_moved = entry_values.written("transpose")
+        return score_texts.remove((*path, "transpose"), file=file_name) if is_moved else score_texts
+    written_pitch = named_pitch(entry_values)  # the written pitch, which `transpose` moves
     assert written_pitch is not None
-    step = between(written_pitch, pitch_asked)
-    if step.ratio == 1.0:
-        is_moved = values.written("transpose")
-        return texts.remove((*path, "transpose"), file=file) if is_moved else texts
-    change_text = f"x{step.ratio!r}" if step.cents is None else f"{step.cents:g}cents"
-    if step.cents is not None and not step.cents % 100.0:
-        change_text = f"{step.cents / 100.0:g}st"
-    return texts.put((*path, "transpose"), change_text, file)
+    pitch_interval = between(written_pitch, pitch_asked)
+    if pitch_interval.ratio == 1.0:
+        is_moved = entry_values.written("transpose")
+        return score_texts.remove((*path, "transpose"), file=file_name) if is_moved else score_texts
+    change_text = (
+        f"x{pitch_interval.ratio!r}"
+        if pitch_interval.cents is None
+        else f"{pitch_interval.cents:g}cents"
+    )
+    if pitch_interval.cents is not None and not pitch_interval.cents % 100.0:
+        change_text = f"{pitch_interval.cents / 100.0:g}st"
+    return score_texts.put((*path, "transpose"), change_text, file_name)
 
 
-def _set_transposition(texts: Texts, part: str, value: str) -> Texts:
+def _set_transposition(score_texts: Texts, part_name: str, value: str) -> Texts:
     """Set the interval by which an instrument is moved. Raises EditError."""
-    names, uses = texts.names()
-    table = names.tables["instruments"]
-    head, _, note = part.rpartition(".")
-    name = head if part not in table and head in table else part
-    values = table[name].values if name in table else None
-    if not isinstance(values, Values):
-        raise EditError(f"{quote(part)} is not an instrument that can be transposed")
-    path: tuple[str, ...] = ("instruments", values.context.name)
-    if name != part:  # one of its notes
-        resolved, _ = uses.resolved("instruments", table[name])
-        member = _member(resolved, values, note) if resolved and resolved["notes"] else None
+    names, uses = score_texts.names()
+    instrument_table = names.tables["instruments"]
+    family_name, _, note_name = part_name.rpartition(".")
+    table_name = (
+        family_name
+        if part_name not in instrument_table and family_name in instrument_table
+        else part_name
+    )
+    entry_values = instrument_table[table_name].values if table_name in instrument_table else None
+    if not isinstance(entry_values, Values):
+        raise EditError(f"{quote(part_name)} is not an instrument that can be transposed")
+    path: tuple[str, ...] = ("instruments", entry_values.context.name)
+    if table_name != part_name:  # one of its notes
+        resolved, _ = uses.resolved("instruments", instrument_table[table_name])
+        member = (
+            _member(resolved, entry_values, note_name) if resolved and resolved["notes"] else None
+        )
         if member is None:
-            raise EditError(f"{quote(head)} has no note {quote(note)} that can be transposed")
+            raise EditError(
+                f"{quote(family_name)} has no note {quote(note_name)} that can be transposed"
+            )
         path = (*path, "members", member[0])
-    return texts.put((*path, TRANSPOSE), value, values.node.document.file)
+    return score_texts.put((*path, TRANSPOSE), value, entry_values.node.document.file)
 
 
-def quantities(module: Module) -> Iterator[tuple[str, float]]:
+def quantities(part_module: Module) -> Iterator[tuple[str, float]]:
     """The fields of a module that are a single number, and its constants; without X0 and V0."""
-    for name, value in module.fields.items():
-        if isinstance(value, float) and name not in ("X0", "V0"):
-            yield name, value
-    follows = following.followings(module)
-    for name, value in module.fields.get("constants", {}).items():
-        if name not in follows:
-            yield name, value
+    for field_name, field_value in part_module.fields.items():
+        if isinstance(field_value, float) and field_name not in ("X0", "V0"):
+            yield field_name, field_value
+    follows = following.followings(part_module)
+    for field_name, field_value in part_module.fields.get("constants", {}).items():
+        if field_name not in follows:
+            yield field_name, field_value
 
 
 def written_quantity(value: float, name: str, *, is_ca: bool) -> str:
@@ -233,145 +261,172 @@ def written_quantity(value: float, name: str, *, is_ca: bool) -> str:
     return f"{value!r}{'' if is_plain else _UNITS.get(name, '')}"
 
 
-def gain(texts: Texts, name: str | None, level: str) -> Texts:
+def gain(score_texts: Texts, instrument_name: str | None, level_text: str) -> Texts:
     """Set the gain of an instrument's routes, or of all channels (None). Raises EditError."""
-    if name is None:
-        if _written_node(texts, ("mix",), texts.path) is None:
+    if instrument_name is None:
+        if _written_node(score_texts, ("mix",), score_texts.path) is None:
             raise EditError("the score has no mix, so it has no master gain")
-        return texts.put(("mix", "master", "gain"), level)
+        return score_texts.put(("mix", "master", "gain"), level_text)
     is_routed = False
-    for number, route in enumerate(items(texts, "mix", "route")):
+    for number, route in enumerate(items(score_texts, "mix", "route")):
         source = route.get("from") if isinstance(route, document.Mapping) else None
         if isinstance(source, Scalar) and (
-            source.text == name or source.text.startswith(f"{name}.")
+            source.text == instrument_name or source.text.startswith(f"{instrument_name}.")
         ):
-            texts = texts.put((*place(texts, "mix", number, "route"), "gain"), level)
+            score_texts = score_texts.put(
+                (*place(score_texts, "mix", number, "route"), "gain"), level_text
+            )
             is_routed = True
     if not is_routed:
-        raise EditError(f"no route comes from {quote(name)}")
-    return texts
+        raise EditError(f"no route comes from {quote(instrument_name)}")
+    return score_texts
 
 
-def _owner(texts: Texts, target: str) -> tuple[_Owner, str]:
+def _owner(texts: Texts, target_path: str) -> tuple[_Owner, str]:
     names, uses = texts.names()
-    words = target.split(".")
-    for count in range(len(words) - 1, 0, -1):  # names that a file brings in have dots themselves
-        part = ".".join(words[:count])
-        for section in ("keys", "instruments"):
-            entry = names.tables[section].get(part)
-            if entry is None or not isinstance(entry.values, Values):
+    path_words = target_path.split(".")
+    for word_count in range(
+        len(path_words) - 1, 0, -1
+    ):  # names that a file brings in have dots themselves
+        part_name = ".".join(path_words[:word_count])
+        for section_name in ("keys", "instruments"):
+            named_entry = names.tables[section_name].get(part_name)
+            if named_entry is None or not isinstance(named_entry.values, Values):
                 continue
-            values, _ = uses.resolved(section, entry)
+            values, _ = uses.resolved(section_name, named_entry)
             if values is None:
-                raise EditError(f"the definition of {quote(part)} has mistakes")
-            part_values = entry.values
-            path: tuple[str, ...] = (section, part_values.context.name)
-            if (values["notes"] or ()) if section == "instruments" else ():
-                member_found = _member(values, part_values, words[count])
+                raise EditError(f"the definition of {quote(part_name)} has mistakes")
+            part_values = named_entry.values
+            path: tuple[str, ...] = (section_name, part_values.context.name)
+            if (values["notes"] or ()) if section_name == "instruments" else ():
+                member_found = _member(values, part_values, path_words[word_count])
                 if member_found is not None:
                     note, values, part_values = member_found
-                    part, path, count = f"{part}.{note}", (*path, "members", note), count + 1
-            module, name = ".".join(words[count:-1]), words[-1]
-            fields_written, kind = _fields(values, module, target)
-            is_ca = section == "instruments" and values["units"] == "ca"
-            owner = _Owner(part, section, part_values, path, module, kind, fields_written, is_ca)
-            is_space = section == "instruments" and values["space"] > 1
+                    part_name, path, word_count = (
+                        f"{part_name}.{note}",
+                        (*path, "members", note),
+                        word_count + 1,
+                    )
+            module, field_name = ".".join(path_words[word_count:-1]), path_words[-1]
+            fields_written, kind = _fields(values, module, target_path)
+            is_ca = section_name == "instruments" and values["units"] == "ca"
+            owner = _Owner(
+                part_name, section_name, part_values, path, module, kind, fields_written, is_ca
+            )
+            is_space = section_name == "instruments" and values["space"] > 1
             field_table = KINDS[kind].tables["space" if is_space else "si"] if kind else KEY
-            if name not in field_table.by_name and name not in fields_written.free:
+            if field_name not in field_table.by_name and field_name not in fields_written.free:
                 fields = ", ".join([*field_table.by_name, *fields_written.free])
                 raise EditError(
-                    f"{quote(target)}: the field {quote(name)} does not "
+                    f"{quote(target_path)}: the field {quote(field_name)} does not "
                     f"exist; the fields are {fields}"
                 )
-            return owner, name
-    raise EditError(f"{quote(target)} is not a field of a key or an instrument")
+            return owner, field_name
+    raise EditError(f"{quote(target_path)} is not a field of a key or an instrument")
 
 
-def _member(values: Values, part_values: Values, word: str) -> tuple[str, Values, Values] | None:
+def _member(
+    instrument_values: Values, part_values: Values, word: str
+) -> tuple[str, Values, Values] | None:
     """The note that a word names, the instrument at this note, and the fields that are written for
     it.
     """
     pitch_asked = notes.pitch(word)
-    for note in values["notes"]:
-        if notes.pitch(note) == pitch_asked:
+    for note_name in instrument_values["notes"]:
+        if notes.pitch(note_name) == pitch_asked:
             member_values = overlay.member(part_values, pitch_asked or 0.0)
             if member_values is None:
                 member_values = Values(member_table("si"), part_values.node, part_values.context)
             else:
-                note = next(w for w in part_values["members"] if notes.pitch(w) == pitch_asked)
+                note_name = next(w for w in part_values["members"] if notes.pitch(w) == pitch_asked)
             member_interval = part_values.by_name.get(TRANSPOSE)
             interval = overlay.both(member_interval, member_values.by_name.get(TRANSPOSE))
             if interval is not None:
                 member_values = replace(
                     member_values, by_name={**member_values.by_name, TRANSPOSE: interval}
                 )
-            return note, overlay.shifted_note(values, note, member_interval), member_values
+            return (
+                note_name,
+                overlay.shifted_note(instrument_values, note_name, member_interval),
+                member_values,
+            )
     return None
 
 
-def _fields(values: Values, module: str, target: str) -> tuple[Values, str]:
+def _fields(part_values: Values, module_name: str, target_path: str) -> tuple[Values, str]:
     """The fields of a module (or of the only module of a part), and its kind."""
-    kind, fields = values.kind, values
-    if module:
-        body = (values["modules"] or {}).get(module)
-        if not isinstance(body, Values):
-            module_names = ", ".join(values["modules"] or {})
+    module_kind, module_fields = part_values.kind, part_values
+    if module_name:
+        module_body = (part_values["modules"] or {}).get(module_name)
+        if not isinstance(module_body, Values):
+            module_names = ", ".join(part_values["modules"] or {})
             raise EditError(
-                f"{quote(target)}: the module {quote(module)} does not "
+                f"{quote(target_path)}: the module {quote(module_name)} does not "
                 f"exist; the modules are {module_names}"
             )
-        kind, fields = body.kind, body
-    elif values.written("modules"):
-        module_names = ", ".join(values["modules"] or {})
-        raise EditError(f"{quote(target)}: name one of its modules: {module_names}")
-    inner = fields.by_name.get(kind) if kind else fields
+        module_kind, module_fields = module_body.kind, module_body
+    elif part_values.written("modules"):
+        module_names = ", ".join(part_values["modules"] or {})
+        raise EditError(f"{quote(target_path)}: name one of its modules: {module_names}")
+    inner = module_fields.by_name.get(module_kind) if module_kind else module_fields
     assert isinstance(inner, Values)
-    return inner, kind
+    return inner, module_kind
 
 
-def _changes(owner: _Owner, piece: Piece, target: str, name: str, value: str) -> Changes:
+def _changes(
+    value_owner: _Owner, piece: Piece, target_path: str, field_name: str, value_text: str
+) -> Changes:
     """The fields to write for a value, and those to remove because they contradict it."""
-    current_values = _current_values(owner, piece)
-    changes: dict[str, str | None] = {}
-    contrary_names = _OTHERS.get(name, ()) if owner.kind in ("", "CEL") else ()
-    if owner.followed.written(*contrary_names):
+    current_values = _current_values(value_owner, piece)
+    field_changes: dict[str, str | None] = {}
+    contrary_names = _OTHERS.get(field_name, ()) if value_owner.kind in ("", "CEL") else ()
+    if value_owner.followed.written(*contrary_names):
         twin = (
             _stiffness_and_viscosity(current_values)
             if contrary_names == _TUNED
-            else _frequency_and_decay(current_values, target)
+            else _frequency_and_decay(current_values, target_path)
         )
-        changes = dict.fromkeys(contrary_names)
-        changes |= {field: _amount_text(x, field, owner) for field, x in twin.items() if x}
+        field_changes = dict.fromkeys(contrary_names)
+        field_changes |= {
+            field: _amount_text(x, field, value_owner) for field, x in twin.items() if x
+        }
         current_values = {**current_values, **twin}
-    if not value.startswith("x"):
-        return {**changes, name: value}
+    if not value_text.startswith("x"):
+        return {**field_changes, field_name: value_text}
     try:
-        factor = q.factor(value)
+        value_factor = q.factor(value_text)
     except TextError as error:
         raise EditError(error.message) from None
-    node = owner.followed.nodes.get(name)
-    if "calib" in owner.followed.nodes and not owner.written.written(name):
+    node = value_owner.followed.nodes.get(field_name)
+    if "calib" in value_owner.followed.nodes and not value_owner.written.written(field_name):
         node = None  # the measured value is used, not the written one
-    if isinstance(node, Scalar) and _is_as_written(owner, name, node.text):
-        scaled = _scaled_text(node.text, factor)
+    if isinstance(node, Scalar) and _is_as_written(value_owner, field_name, node.text):
+        scaled = _scaled_text(node.text, value_factor)
         if scaled is not None:
-            return {**changes, name: scaled}
-    amount = current_values.get(name)
-    if owner.followed.written("modes"):
+            return {**field_changes, field_name: scaled}
+    amount = current_values.get(field_name)
+    if value_owner.followed.written("modes"):
         raise EditError(
-            f"{quote(target)}: the modes are read from a file and cannot be set at once; use "
+            f"{quote(target_path)}: the modes are read from a file and cannot be set at once; use "
             "`transpose`, or `set` with `over` and a length"
         )
     if isinstance(amount, tuple):
-        amount_texts = [_amount_text(number * factor, name, owner) for number in amount]
+        amount_texts = [
+            _amount_text(number * value_factor, field_name, value_owner) for number in amount
+        ]
         is_list = isinstance(amount, Each)
         return {
-            **changes,
-            name: f"[{', '.join(amount_texts)}]" if is_list else "..".join(amount_texts),
+            **field_changes,
+            field_name: f"[{', '.join(amount_texts)}]" if is_list else "..".join(amount_texts),
         }
     if not isinstance(amount, float):
-        raise EditError(f"{quote(target)} has no value that could be multiplied: set a value first")
-    return {**changes, name: _amount_text(amount * factor, name, owner)}
+        raise EditError(
+            f"{quote(target_path)} has no value that could be multiplied: set a value first"
+        )
+    return {
+        **field_changes,
+        field_name: _amount_text(amount * value_factor, field_name, value_owner),
+    }
 
 
 def _current_values(owner: _Owner, piece: Piece) -> Mapping[str, object]:
@@ -391,28 +446,32 @@ def _is_as_written(owner: _Owner, name: str, text: str) -> bool:
     return bool(field.shape.parse(text) == owner.followed.by_name.get(name))
 
 
-def _as_written(owner: _Owner, home: tuple[str, ...] | None, changes: Changes) -> Changes:
+def _as_written(
+    value_owner: _Owner, home: tuple[str, ...] | None, field_changes: Changes
+) -> Changes:
     """Changes in the values that must be written so that `transpose` turns them into those asked
     for.
     """
-    interval = owner.written.by_name.get("transpose")
-    if interval is None or (owner.kind and is_mechanics(owner.kind, owner.followed)):
-        return changes
-    is_root = not owner.written.written("like", "from")
-    table = KINDS[owner.kind].table
-    changes_written = dict(changes)
-    for name, text in changes.items():
-        is_moved = is_root or (home == owner.base and name == "f")
-        shape = table.by_name[name].shape if name in table.by_name else None
-        if not is_moved or text is None or not isinstance(shape, Text):
+    interval = value_owner.written.by_name.get("transpose")
+    if interval is None or (
+        value_owner.kind and is_mechanics(value_owner.kind, value_owner.followed)
+    ):
+        return field_changes
+    is_root = not value_owner.written.written("like", "from")
+    table = KINDS[value_owner.kind].table
+    changes_written = dict(field_changes)
+    for field_name, value_text in field_changes.items():
+        is_moved = is_root or (home == value_owner.base and field_name == "f")
+        shape = table.by_name[field_name].shape if field_name in table.by_name else None
+        if not is_moved or value_text is None or not isinstance(shape, Text):
             continue
         try:
-            value = shape.parse(text)
+            value = shape.parse(value_text)
         except TextError:
             continue  # reported where the score is read
-        untransposed = moved(name, value, interval.back())
+        untransposed = moved(field_name, value, interval.back())
         if untransposed != value and isinstance(untransposed, float):
-            changes_written[name] = f"{untransposed!r}{_UNITS.get(name, '')}"
+            changes_written[field_name] = f"{untransposed!r}{_UNITS.get(field_name, '')}"
     return changes_written
 
 

@@ -62,16 +62,16 @@ def merged(texts_before: Texts, texts_now: Texts, typed: Texts) -> tuple[Texts, 
 
 def changed(texts_before: Texts, texts_after: Texts) -> Iterator[Spot]:
     """The places at which two texts differ."""
-    for file in (texts_after.path, *texts_after.overlay):
+    for file_name in (texts_after.path, *texts_after.overlay):
         text_before, text_after = (
-            _text_of_file(texts_before, file),
-            _text_of_file(texts_after, file),
+            _text_of_file(texts_before, file_name),
+            _text_of_file(texts_after, file_name),
         )
         if text_before != text_after:
             paths = _differing(
-                _tree_of_text(text_before, file), _tree_of_text(text_after, file), ()
+                _tree_of_text(text_before, file_name), _tree_of_text(text_after, file_name), ()
             )
-            yield from (Spot(file, path) for path in paths)
+            yield from (Spot(file_name, path) for path in paths)
 
 
 def differ(a: Texts, b: Texts, spot: Spot) -> bool:

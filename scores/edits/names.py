@@ -12,40 +12,42 @@ from ergon.notation.text.edit import EditError
 from ergon.scores.edits.texts import Texts
 
 
-def free_name(name: str, taken_names: Container[str], *, is_numbered: bool = False) -> str:
-    """The first of `name`, `name-2`, `name-3` … that is not taken; if numbered, of `name-1`,
-    `name-2` …
+def free_name(wanted_name: str, taken_names: Container[str], *, is_numbered: bool = False) -> str:
+    """The first of NAME, NAME-2, NAME-3 … that is not taken; if numbered, of NAME-1,
+    NAME-2 …
     """
-    if name not in taken_names and not is_numbered:
-        return name
+    if wanted_name not in taken_names and not is_numbered:
+        return wanted_name
     numbers = count(1 if is_numbered else 2)
-    return next(free for number in numbers if (free := f"{name}-{number}") not in taken_names)
+    return next(
+        free for number in numbers if (free := f"{wanted_name}-{number}") not in taken_names
+    )
 
 
-def define(texts: Texts, name: str, notation: str) -> Texts:
+def define(score_texts: Texts, gesture_name: str, notation: str) -> Texts:
     """Write a gesture's notation in the file where it is defined; its other options stay.
 
     Raises EditError.
     """
-    names, _ = texts.names()
-    entry = names.tables["gestures"].get(name)
+    names, _ = score_texts.names()
+    named_entry = names.tables["gestures"].get(gesture_name)
     notation_text = edit.quoted(notation)
-    if entry is None:
-        if "." in name:
-            raise EditError(f"no file that the score uses defines a gesture {name}")
-        return texts.put(("gestures", name), notation_text)
-    if not isinstance(entry.values, Values):
-        raise EditError(f"the definition of {name} has mistakes")
-    node, file = entry.values.node, entry.values.node.document.file
-    path = ("gestures", entry.values.context.name)
+    if named_entry is None:
+        if "." in gesture_name:
+            raise EditError(f"no file that the score uses defines a gesture {gesture_name}")
+        return score_texts.put(("gestures", gesture_name), notation_text)
+    if not isinstance(named_entry.values, Values):
+        raise EditError(f"the definition of {gesture_name} has mistakes")
+    node, file_name = named_entry.values.node, named_entry.values.node.document.file
+    path = ("gestures", named_entry.values.context.name)
     if isinstance(node, Scalar) and not node.is_empty:
-        return texts.put(path, notation_text, file)
+        return score_texts.put(path, notation_text, file_name)
     if isinstance(node, document.Mapping) and "points" in node.entries:
         if len(node.entries) == 1:
-            return texts.put(path, notation_text, file)
-        texts = texts.put((*path, "notation"), notation_text, file)
-        return texts.remove((*path, "points"), file=file)
-    return texts.put((*path, "notation"), notation_text, file)
+            return score_texts.put(path, notation_text, file_name)
+        score_texts = score_texts.put((*path, "notation"), notation_text, file_name)
+        return score_texts.remove((*path, "points"), file=file_name)
+    return score_texts.put((*path, "notation"), notation_text, file_name)
 
 
 def take(texts: Texts, name: str, file: str, channel: str | None = None) -> Texts:

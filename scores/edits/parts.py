@@ -22,86 +22,100 @@ from ergon.scores.reading.patterns import PATTERN_FIELDS
 from ergon.scores.reading.piece import Piece
 
 
-def play(texts: Texts, piece: Piece, player: str, beat: float, entry: Entry) -> Texts:
+def play(
+    score_texts: Texts, piece: Piece, player: str, from_beat: float, new_entry: Entry
+) -> Texts:
     """Let a player play an entry from a beat on.
 
     `every` or `euclid` without an end repeats for ever. Raises EditError.
     """
-    entry = entry.starting(written(piece, beat))
-    if {"every", "euclid"} & set(entry.fields) and not {"times", "until"} & set(entry.fields):
-        entry = entry.with_fields(until=end(piece, beat))
-    return entries.change(texts, ending(texts, piece, _known(piece, player), beat, [entry]))
+    new_entry = new_entry.starting(written(piece, from_beat))
+    if {"every", "euclid"} & set(new_entry.fields) and not {"times", "until"} & set(
+        new_entry.fields
+    ):
+        new_entry = new_entry.with_fields(until=end(piece, from_beat))
+    return entries.change(
+        score_texts, ending(score_texts, piece, _known(piece, player), from_beat, [new_entry])
+    )
 
 
-def transform(texts: Texts, piece: Piece, player: str, beat: float, chain: Sequence[str]) -> Texts:
+def transform(
+    score_texts: Texts, piece: Piece, player: str, from_beat: float, chain: Sequence[str]
+) -> Texts:
     """Add transformations to what a player plays; the next occurrence keeps its beat.
 
     Entries that begin on this beat are transformed as a whole; a gesture that plays once and has
     not ended begins again. Raises EditError.
     """
-    lines = entries.lines(texts, piece, _known(piece, player), beat)
-    playing = [line for line in lines if line.is_open(beat, piece)]
-    begins = [line for line in lines if abs(line.begin - beat) < SAME]
+    lines = entries.lines(score_texts, piece, _known(piece, player), from_beat)
+    playing = [line for line in lines if line.is_open(from_beat, piece)]
+    begins = [line for line in lines if abs(line.begin - from_beat) < SAME]
     if not (playing or begins):
-        newest = entries.newest_first(texts, piece, player)
-        playing = [*islice(filter(None, (_under_way(line, piece, beat) for line in newest)), 1)]
+        newest = entries.newest_first(score_texts, piece, player)
+        playing = [
+            *islice(filter(None, (_under_way(line, piece, from_beat) for line in newest)), 1)
+        ]
     if not (playing or begins):
-        raise EditError(f"{player} plays nothing at {piece.tempo_map.written(beat)}")
-    closed, new = [], []
-    for line in playing:
-        later_entry = Entry(line.entry.fields, (*line.entry.do, *chain))
-        if line.is_open(beat, piece):
-            closed.append(line)
-            later_entry = _rest_of(line, piece, later_entry, beat)
+        raise EditError(f"{player} plays nothing at {piece.tempo_map.written(from_beat)}")
+    closed, new_entries = [], []
+    for playing_entry in playing:
+        later_entry = Entry(playing_entry.entry.fields, (*playing_entry.entry.do, *chain))
+        if playing_entry.is_open(from_beat, piece):
+            closed.append(playing_entry)
+            later_entry = _rest_of(playing_entry, piece, later_entry, from_beat)
         else:
-            always = takewhile(lambda do: not is_turn(do), line.entry.do)
-            later_entry = Entry(line.entry.fields, (*always, *chain))
+            always = takewhile(lambda do: not is_turn(do), playing_entry.entry.do)
+            later_entry = Entry(playing_entry.entry.fields, (*always, *chain))
             later_entry = later_entry.with_fields(
-                at=written(piece, beat), every=None, times=None, until=None
+                at=written(piece, from_beat), every=None, times=None, until=None
             )
-        new.append(later_entry)
-    new += [Entry(line.entry.fields, (*line.entry.do, *chain)) for line in begins]
-    return entries.change(texts, PartEdit(player, written(piece, beat), closed, begins, new))
+        new_entries.append(later_entry)
+    new_entries += [Entry(line.entry.fields, (*line.entry.do, *chain)) for line in begins]
+    return entries.change(
+        score_texts, PartEdit(player, written(piece, from_beat), closed, begins, new_entries)
+    )
 
 
 def _rest_of(
-    line: entries.PlacedEntry, piece: Piece, entry: entries.Entry, beat: float
+    placed_entry: entries.PlacedEntry, piece: Piece, new_entry: entries.Entry, from_beat: float
 ) -> entries.Entry:
-    """The part of a line that is left from a beat on, with the fields of `entry`."""
-    starts = line.starts or ()
-    n_done = line.count_before(beat)
+    """The part of a line that is left from a beat on, with the fields of `new_entry`."""
+    starts = placed_entry.starts or ()
+    n_done = placed_entry.count_before(from_beat)
     if isinstance(starts, Steps) and n_done < len(starts):
-        first_part = replace(line, entry=entry).part(n_done, len(starts), partial(written, piece))
-        until = None if "times" in entry.fields else entry.fields.get("until")
+        first_part = replace(placed_entry, entry=new_entry).part(
+            n_done, len(starts), partial(written, piece)
+        )
+        until = None if "times" in new_entry.fields else new_entry.fields.get("until")
         return first_part if until is None else first_part.with_fields(until=until)
-    later_entry = entry.with_fields(
-        at=written(piece, starts[n_done] if n_done < len(starts) else beat)
+    later_entry = new_entry.with_fields(
+        at=written(piece, starts[n_done] if n_done < len(starts) else from_beat)
     )
-    if n_done and any(map(is_turn, entry.do)):  # a pattern now, whose rounds go on counting
+    if n_done and any(map(is_turn, new_entry.do)):  # a pattern now, whose rounds go on counting
         return later_entry.with_fields(skip=str(n_done))
     if n_done < len(starts) and "times" in later_entry.fields:
         later_entry = later_entry.with_fields(times=str(len(starts) - n_done))
     return later_entry
 
 
-def rest(texts: Texts, piece: Piece, player: str | None, beat: float) -> Texts:
+def rest(score_texts: Texts, piece: Piece, player: str | None, beat: float) -> Texts:
     """End the part of a player (None: of all), or strikes, at a beat. Raises EditError."""
     if player is not None and (named_strikes := strikes.named(piece, player)):
         for strikes_entry in named_strikes:
-            texts = strikes.end(texts, piece, strikes_entry, beat)
-        return texts
+            score_texts = strikes.end(score_texts, piece, strikes_entry, beat)
+        return score_texts
     names = piece.players if player is None else (_known(piece, player),)
-    return entries.change(texts, *(ending(texts, piece, name, beat) for name in names))
+    return entries.change(score_texts, *(ending(score_texts, piece, name, beat) for name in names))
 
 
 def ending(
-    texts: Texts, piece: Piece, player: str, beat: float, new: Sequence[Entry] = ()
+    texts: Texts, piece: Piece, player: str, end_beat: float, new: Sequence[Entry] = ()
 ) -> PartEdit:
     """The edit that ends the part of a player at a beat, and adds new entries."""
-    lines = entries.lines(texts, piece, player, beat)
-    closed = [line for line in lines if line.is_open(beat, piece)]
-    later_lines = [line for line in lines if line.begin >= beat - SAME]
-    return PartEdit(player, written(piece, beat), closed, later_lines, new)
+    lines = entries.lines(texts, piece, player, end_beat)
+    closed = [line for line in lines if line.is_open(end_beat, piece)]
+    later_lines = [line for line in lines if line.begin >= end_beat - SAME]
+    return PartEdit(player, written(piece, end_beat), closed, later_lines, new)
 
 
 def hush(texts: Texts, piece: Piece, beat: float) -> Texts:
@@ -112,20 +126,20 @@ def hush(texts: Texts, piece: Piece, beat: float) -> Texts:
     return texts
 
 
-def finish(texts: Texts, piece: Piece, beat: float) -> Texts:
+def finish(score_texts: Texts, piece: Piece, end_beat: float) -> Texts:
     """End endless parts, strikes and automation at a beat, for a score that is saved."""
-    for name in piece.players:
-        for line in entries.lines(texts, piece, name):
+    for player_name in piece.players:
+        for line in entries.lines(score_texts, piece, player_name):
             if END.fullmatch(line.entry.fields.get("until", "")) is None:
                 continue
-            # An entry that begins after `beat` plays once.
-            until = written(piece, max(beat, line.begin + 1.0))
-            texts = entries.change(texts, PartEdit(name, until, [line]))
+            # An entry that begins after `end_beat` plays once.
+            until = written(piece, max(end_beat, line.begin + 1.0))
+            score_texts = entries.change(score_texts, PartEdit(player_name, until, [line]))
     for entry in piece.strikes:
         if entry.until is not None and END.fullmatch(entry.until.text) is not None:
-            until = written(piece, max(beat, piece.tempo_map.resolve(entry.at) + 1.0))
-            texts = texts.put(("strikes", entry.name, "until"), until)
-    return automation.finish(texts, piece, beat)
+            until = written(piece, max(end_beat, piece.tempo_map.resolve(entry.at) + 1.0))
+            score_texts = score_texts.put(("strikes", entry.name, "until"), until)
+    return automation.finish(score_texts, piece, end_beat)
 
 
 def _known(piece: Piece, player: str) -> str:
@@ -135,24 +149,36 @@ def _known(piece: Piece, player: str) -> str:
 
 
 def _under_way(
-    line: entries.PlacedEntry, piece: Piece, instant: float
+    placed_entry: entries.PlacedEntry, piece: Piece, end_instant: float
 ) -> entries.PlacedEntry | None:
     """The last occurrence of an entry, as an entry that plays it alone; None if it has ended or not
     begun.
     """
-    tempo, pattern_or_name = piece.tempo_map, line.play.what
-    begin = line.starts[-1] if line.starts else line.begin
-    if isinstance(line.starts, Steps):
-        course = line.starts.course
-        last_played = next((n for n in reversed(range(len(line.starts))) if course.played(n)), None)
+    tempo, pattern_or_name = piece.tempo_map, placed_entry.play.what
+    begin_beat = placed_entry.starts[-1] if placed_entry.starts else placed_entry.begin
+    if isinstance(placed_entry.starts, Steps):
+        course = placed_entry.starts.course
+        last_played = next(
+            (n for n in reversed(range(len(placed_entry.starts))) if course.played(n)), None
+        )
         if last_played is None:
             return None
-        begin, pattern_or_name = line.starts[last_played], course.played(last_played) or ""
+        begin_beat, pattern_or_name = (
+            placed_entry.starts[last_played],
+            course.played(last_played) or "",
+        )
         fields = dict.fromkeys((*PATTERN_FIELDS, words.NTH), None)
-        line = replace(line, entry=line.entry.with_fields(**{**fields, "play": pattern_or_name}))
+        placed_entry = replace(
+            placed_entry,
+            entry=placed_entry.entry.with_fields(**{**fields, "play": pattern_or_name}),
+        )
     gesture = piece.gestures.get(pattern_or_name)
-    if begin >= instant - SAME or gesture is None:
+    if begin_beat >= end_instant - SAME or gesture is None:
         return None
-    beat = gesture.beat(tempo, begin)
-    points, _ = apply(gesture.points, (*gesture.do, *line.play.do), MidpointChance(), beat)
-    return line if gesture.instant(tempo, begin, points[-1].at) > tempo.seconds(instant) else None
+    beat = gesture.beat(tempo, begin_beat)
+    points, _ = apply(gesture.points, (*gesture.do, *placed_entry.play.do), MidpointChance(), beat)
+    return (
+        placed_entry
+        if gesture.instant(tempo, begin_beat, points[-1].at) > tempo.seconds(end_instant)
+        else None
+    )

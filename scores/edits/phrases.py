@@ -13,17 +13,20 @@ _TRIAL = "trial"
 
 
 def define(
-    texts: Texts, name: str, entries: Sequence[Mapping[str, str]], fields: Mapping[str, str]
+    texts: Texts,
+    phrase_name: str,
+    phrase_entries: Sequence[Mapping[str, str]],
+    fields: Mapping[str, str],
 ) -> Texts:
     """Write a phrase; it replaces a phrase of the same name. `fields` may have `to` and `length`.
     Raises EditError if the phrase cannot be played.
     """
     fields_written: dict[str, edit.Tree] = dict(fields)
-    if "impulse" not in entries[0]:
+    if "impulse" not in phrase_entries[0]:
         fields_written["impulse"] = _LOUD
-    fields_written["entries"] = [_row(entry) for entry in entries]
-    edited = texts.put(("phrases", name), edit.flow(fields_written))
-    _check(edited, name)
+    fields_written["entries"] = [_row(entry) for entry in phrase_entries]
+    edited = texts.put(("phrases", phrase_name), edit.flow(fields_written))
+    _check(edited, phrase_name)
     return edited
 
 

@@ -33,39 +33,47 @@ _MEMBERS = re.compile(rf"\.(?:{PATTERN})\Z")
 Span = tuple[int, int]  # start and end offset
 
 
-def rename(texts: Texts, piece: Piece, old: str, new: str) -> Texts:
+def rename(score_texts: Texts, piece: Piece, old_name: str, new_name: str) -> Texts:
     """Rename a gesture, a phrase, a take, a player, a block, a key or an instrument, wherever it is
     named.
 
     Raises EditError.
     """
     text, copied_until = "", 0
-    for start, stop in places_named(texts, piece, old, new):
-        text, copied_until = f"{text}{texts.text[copied_until:start]}{new}", stop
-    changed = texts.changed(text + texts.text[copied_until:])
-    section, _ = definition_path(texts, old)
+    for start, stop in places_named(score_texts, piece, old_name, new_name):
+        text, copied_until = f"{text}{score_texts.text[copied_until:start]}{new_name}", stop
+    changed = score_texts.changed(text + score_texts.text[copied_until:])
+    section, _ = definition_path(score_texts, old_name)
     if section in (*_PARTS, "phrases"):
-        _check(piece, changed, SoundingNames({new: old} if section in _PARTS else {}), old)
+        _check(
+            piece,
+            changed,
+            SoundingNames({new_name: old_name} if section in _PARTS else {}),
+            old_name,
+        )
     return changed
 
 
-def places_named(texts: Texts, piece: Piece, old: str, new: str) -> list[Span]:
-    """Where a score names what `rename` gives the name `new`, in order. Raises EditError."""
-    section, _ = definition_path(texts, old)
-    if section not in _RENAMED or "." in old:
+def places_named(score_texts: Texts, piece: Piece, old_name: str, new_name: str) -> list[Span]:
+    """Where a score names what `rename` gives the name `new_name`, in order. Raises EditError."""
+    section_name, _ = definition_path(score_texts, old_name)
+    if section_name not in _RENAMED or "." in old_name:
         raise EditError(
-            f"{old} is not the name of a gesture, phrase, take, player, block, key or instrument"
+            f"{old_name} is not the name of a gesture, phrase, take, player, block, key or "
+            "instrument"
         )
     names: dict[str, Container[str]] = {"players": piece.players, "blocks": piece.blocks}
     names["phrases"] = piece.phrases
     parts = {*piece.keys, *piece.instruments, *piece.families}
     names |= dict.fromkeys(_PARTS, parts | {part.partition(".")[0] for part in parts})
-    if new in names.get(section, {*piece.gestures, *piece.takes}):
-        raise EditError(f"the name {quote(new)} is in use")
-    root = texts.document().root
+    if new_name in names.get(section_name, {*piece.gestures, *piece.takes}):
+        raise EditError(f"the name {quote(new_name)} is in use")
+    root = score_texts.document().root
     assert isinstance(root, document.Mapping)
     places = (
-        _part_named(root, piece, section, old) if section in _PARTS else _named(root, section, old)
+        _part_named(root, piece, section_name, old_name)
+        if section_name in _PARTS
+        else _named(root, section_name, old_name)
     )
     return sorted({*places})
 
@@ -86,14 +94,16 @@ def _check(piece: Piece, changed: Texts, names: SoundingNames, old: str) -> None
 # --- keys and instruments -----------------------------------------------------------------------
 
 
-def _part_named(root: document.Mapping, piece: Piece, section: str, name: str) -> Iterator[Span]:
+def _part_named(
+    root_node: document.Mapping, piece: Piece, section: str, old_name: str
+) -> Iterator[Span]:
     """Where a key or an instrument is named in a score."""
-    section_node = root.get(section)
-    if isinstance(section_node, document.Mapping) and name in section_node.entries:
-        word, _ = section_node.entries[name]
+    section_node = root_node.get(section)
+    if isinstance(section_node, document.Mapping) and old_name in section_node.entries:
+        word, _ = section_node.entries[old_name]
         yield word.start, word.end
-    yield from _in_blocks(root.get("blocks"), name)
-    yield from _references(root, SCORE, name, _modules_by_owner(piece), ())
+    yield from _in_blocks(root_node.get("blocks"), old_name)
+    yield from _references(root_node, SCORE, old_name, _modules_by_owner(piece), ())
 
 
 def _modules_by_owner(piece: Piece) -> dict[str, set[str]]:
@@ -108,39 +118,43 @@ def _modules_by_owner(piece: Piece) -> dict[str, set[str]]:
 
 
 def _references(
-    node: Node,
-    shape: Shape | None,
-    name: str,
+    value_node: Node,
+    value_shape: Shape | None,
+    old_name: str,
     modules_by_owner: dict[str, set[str]],
     path: tuple[str, ...],
 ) -> Iterator[Span]:
     """Where values below a node name a part; `path` has the names that lead to the node."""
-    shape = None if shape is None else shape.chosen(node)
-    if isinstance(node, document.Mapping):
-        for word, (_, child) in node.entries.items():
-            inner = None if shape is None else shape.inner(word)
-            yield from _references(child, inner, name, modules_by_owner, (*path, word))
-    elif isinstance(node, document.Sequence):
-        for number, child in enumerate(node.items):
-            inner = None if shape is None else shape.inner(number)
-            yield from _references(child, inner, name, modules_by_owner, path)
-    elif isinstance(node, Scalar) and isinstance(shape, Entries):
-        for row, offset in words.rows(node.text):
+    value_shape = None if value_shape is None else value_shape.chosen(value_node)
+    if isinstance(value_node, document.Mapping):
+        for word, (_, child_node) in value_node.entries.items():
+            inner = None if value_shape is None else value_shape.inner(word)
+            yield from _references(child_node, inner, old_name, modules_by_owner, (*path, word))
+    elif isinstance(value_node, document.Sequence):
+        for number, child_node in enumerate(value_node.items):
+            inner = None if value_shape is None else value_shape.inner(number)
+            yield from _references(child_node, inner, old_name, modules_by_owner, path)
+    elif isinstance(value_node, Scalar) and isinstance(value_shape, Entries):
+        for row, offset in words.rows(value_node.text):
             _, *cells = [(cell.group(), offset + cell.start()) for cell in _WORD.finditer(row)]
-            yield from _spans_of_words(node, cells, name)
-    elif isinstance(node, Scalar) and shape is RHYTHM:
+            yield from _spans_of_words(value_node, cells, old_name)
+    elif isinstance(value_node, Scalar) and value_shape is RHYTHM:
         yield from _spans_of_words(
-            node, [(w.group(), w.start()) for w in WORD.finditer(node.text)], name
+            value_node, [(w.group(), w.start()) for w in WORD.finditer(value_node.text)], old_name
         )
-    elif isinstance(node, Scalar) and isinstance(shape, WhatShape):
+    elif isinstance(value_node, Scalar) and isinstance(value_shape, WhatShape):
         yield from _spans_of_words(
-            node, [(w.group(), w.start()) for w in _WORD.finditer(node.text)], name
+            value_node, [(w.group(), w.start()) for w in _WORD.finditer(value_node.text)], old_name
         )
-    elif isinstance(node, Scalar) and isinstance(shape, Reference):
+    elif isinstance(value_node, Scalar) and isinstance(value_shape, Reference):
         is_inside = len(path) > 1 and path[0] in _PARTS
-        is_module = is_inside and _MEMBERS.sub("", node.text) in modules_by_owner.get(path[1], ())
-        if {"modules", *_PARTS} & {*shape.sections} and not (is_module and path[-1] != "like"):
-            yield from _spans_of_words(node, [(node.text, 0)], name)
+        is_module = is_inside and _MEMBERS.sub("", value_node.text) in modules_by_owner.get(
+            path[1], ()
+        )
+        if {"modules", *_PARTS} & {*value_shape.sections} and not (
+            is_module and path[-1] != "like"
+        ):
+            yield from _spans_of_words(value_node, [(value_node.text, 0)], old_name)
 
 
 def _spans_of_words(node: Scalar, words: list[tuple[str, int]], name: str) -> Iterator[Span]:
@@ -162,43 +176,51 @@ def _span(node: Scalar, offset: int, length: int) -> Span:
 # --- gestures, takes, players, blocks -----------------------------------------------------------
 
 
-def _named(root: document.Mapping, section: str, name: str) -> Iterator[Span]:
+def _named(root_node: document.Mapping, section_name: str, old_name: str) -> Iterator[Span]:
     """Where a gesture, phrase, take, player or block is named in a score, as spans."""
-    section_node = root.get(section)
-    if isinstance(section_node, document.Mapping) and name in section_node.entries:
-        word, _ = section_node.entries[name]
+    section_node = root_node.get(section_name)
+    if isinstance(section_node, document.Mapping) and old_name in section_node.entries:
+        word, _ = section_node.entries[old_name]
         yield word.start, word.end
-    if section == "blocks":
+    if section_name == "blocks":
         return
-    yield from _in_blocks(root.get("blocks"), name)
-    parts = root.get("parts")
+    yield from _in_blocks(root_node.get("blocks"), old_name)
+    parts = root_node.get("parts")
     players = parts.entries if isinstance(parts, document.Mapping) else {}
-    strikes = root.get("strikes")
-    for _, node in strikes.entries.values() if isinstance(strikes, document.Mapping) else ():
-        if section in ("phrases", "takes"):  # a take that is a MIDI file
-            yield from _same(node.get("play") if isinstance(node, document.Mapping) else None, name)
-    if section == "phrases":
-        phrases = root.get("phrases")
-        for _, node in phrases.entries.values() if isinstance(phrases, document.Mapping) else ():
-            if isinstance(node, document.Mapping):
-                yield from _same(node.get("like"), name)
-                yield from _in_phrase(node.get("entries"), name)
+    strikes = root_node.get("strikes")
+    for _, named_node in strikes.entries.values() if isinstance(strikes, document.Mapping) else ():
+        if section_name in ("phrases", "takes"):  # a take that is a MIDI file
+            yield from _same(
+                named_node.get("play") if isinstance(named_node, document.Mapping) else None,
+                old_name,
+            )
+    if section_name == "phrases":
+        phrases = root_node.get("phrases")
+        for _, named_node in (
+            phrases.entries.values() if isinstance(phrases, document.Mapping) else ()
+        ):
+            if isinstance(named_node, document.Mapping):
+                yield from _same(named_node.get("like"), old_name)
+                yield from _in_phrase(named_node.get("entries"), old_name)
         return
-    if section == "players":
-        if name in players:
-            yield players[name][0].start, players[name][0].end
+    if section_name == "players":
+        if old_name in players:
+            yield players[old_name][0].start, players[old_name][0].end
         return
-    for _, part in players.values():
-        if isinstance(part, document.Sequence):
-            for item in part.items:
+    for _, part_node in players.values():
+        if isinstance(part_node, document.Sequence):
+            for item in part_node.items:
                 play = item.get("play") if isinstance(item, document.Mapping) else None
-                yield from _in_play(play, name)
-        elif isinstance(part, Scalar):
-            yield from _in_table(part, name)
-    gestures, hands = root.get("gestures"), root.get("players")
+                yield from _in_play(play, old_name)
+        elif isinstance(part_node, Scalar):
+            yield from _in_table(part_node, old_name)
+    gestures, hands = root_node.get("gestures"), root_node.get("players")
     for table, field in ((gestures, "like"), (hands, "standin")):
-        for _, node in table.entries.values() if isinstance(table, document.Mapping) else ():
-            yield from _same(node.get(field) if isinstance(node, document.Mapping) else None, name)
+        for _, named_node in table.entries.values() if isinstance(table, document.Mapping) else ():
+            yield from _same(
+                named_node.get(field) if isinstance(named_node, document.Mapping) else None,
+                old_name,
+            )
 
 
 def _in_blocks(blocks: Node | None, name: str) -> Iterator[Span]:
@@ -211,19 +233,19 @@ def _in_blocks(blocks: Node | None, name: str) -> Iterator[Span]:
                 yield match.span()
 
 
-def _in_phrase(entries: Node | None, name: str) -> Iterator[Span]:
+def _in_phrase(entries_node: Node | None, phrase_name: str) -> Iterator[Span]:
     """Where entries of a phrase are another phrase: it stands alone where notes could stand."""
-    if isinstance(entries, document.Sequence):
-        for item in entries.items:
+    if isinstance(entries_node, document.Sequence):
+        for item in entries_node.items:
             what_node = item.get("what") if isinstance(item, document.Mapping) else None
             if isinstance(what_node, document.Sequence) and len(what_node.items) == 1:
                 what_node = what_node.items[0]
-            yield from _same(what_node, name)
-    elif isinstance(entries, Scalar):
-        for row, offset in words.rows(entries.text):
+            yield from _same(what_node, phrase_name)
+    elif isinstance(entries_node, Scalar):
+        for row, offset in words.rows(entries_node.text):
             cells = [*_WORD.finditer(row)]
-            if len(cells) > 1 and cells[1].group() == name:
-                yield _span(entries, offset + cells[1].start(), len(name))
+            if len(cells) > 1 and cells[1].group() == phrase_name:
+                yield _span(entries_node, offset + cells[1].start(), len(phrase_name))
 
 
 def _same(node: Node | None, name: str) -> Iterator[Span]:

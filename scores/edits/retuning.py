@@ -14,24 +14,28 @@ from ergon.scores.edits.texts import Texts
 TUNING = "tuning"
 
 
-def retune(texts: Texts, target: str, fields: Mapping[str, str]) -> tuple[Texts, Mapping[str, str]]:
+def retune(
+    score_texts: Texts, target: str, tuning_fields: Mapping[str, str]
+) -> tuple[Texts, Mapping[str, str]]:
     """Set `tuning`, or `vib.tuning` of an instrument, to fields as they are written; without any,
     that of the score holds, or equal steps. Returns the texts of scales that were read for it, too.
 
     Raises EditError.
     """
     path: tuple[str, ...] = (TUNING,)
-    file, root_node = texts.path, texts.document().root
-    name = target.removesuffix(TUNING).rstrip(".")
-    if name:
-        names, _ = texts.names()
-        entry = names.tables["instruments"].get(name)
+    file_name, root_node = score_texts.path, score_texts.document().root
+    instrument_name = target.removesuffix(TUNING).rstrip(".")
+    if instrument_name:
+        names, _ = score_texts.names()
+        entry = names.tables["instruments"].get(instrument_name)
         values = None if entry is None else entry.values
         if not isinstance(values, Values):
-            raise EditError(f"{quote(name)} is not an instrument that can be tuned")
+            raise EditError(f"{quote(instrument_name)} is not an instrument that can be tuned")
         path = ("instruments", values.context.name, TUNING)
-        file, root_node = values.node.document.file, values.node
-    if fields:
-        return families.with_files_read(texts.put(path, edit.flow(dict(fields)), file))
+        file_name, root_node = values.node.document.file, values.node
+    if tuning_fields:
+        return families.with_files_read(
+            score_texts.put(path, edit.flow(dict(tuning_fields)), file_name)
+        )
     is_written = isinstance(root_node, document.Mapping) and TUNING in root_node.entries
-    return texts.remove(path, file=file) if is_written else texts, {}
+    return score_texts.remove(path, file=file_name) if is_written else score_texts, {}

@@ -30,7 +30,7 @@ class _Used(NamedTuple):
     file: str
 
 
-def with_matter(texts: Texts, piece: Piece, scene: Scene) -> Texts:
+def with_matter(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
     """The texts with what a scene plays and they lack, written and routed as in the scene; the same
     object if they lack nothing. What both have stays as it is. Raises EditError.
     """
@@ -38,10 +38,10 @@ def with_matter(texts: Texts, piece: Piece, scene: Scene) -> Texts:
     names_here = {*piece.keys, *piece.instruments, *piece.families, *piece.players}
     missing_names = needed - names_here
     if not missing_names:
-        return texts
+        return score_texts
     _check_keys(piece, scene, missing_names)
     scene_entries = {section: _entries(scene.texts, section) for section in _SECTIONS}
-    entry_names_here = {section: _entries(texts, section).keys() for section in _SECTIONS}
+    entry_names_here = {section: _entries(score_texts, section).keys() for section in _SECTIONS}
     missing_entries = {
         section: {
             n: entry
@@ -50,31 +50,31 @@ def with_matter(texts: Texts, piece: Piece, scene: Scene) -> Texts:
         }
         for section in _SECTIONS
     }
-    names = _with_parts_of(missing_names, missing_entries)
-    texts_now = replace(texts, overlay={**scene.texts.overlay, **texts.overlay})
+    missing_parts = _with_parts_of(missing_names, missing_entries)
+    texts_now = replace(score_texts, overlay={**scene.texts.overlay, **score_texts.overlay})
     texts_now = _with_files(texts_now, scene)
     for section in _SECTIONS:
         for name, entry in missing_entries[section].items():
-            if name in names:
+            if name in missing_parts:
                 texts_now = texts_now.put((section, name), edit.flow(entry))
     texts_now = _with_links(texts_now, piece, scene, needed)
-    return _routed(texts_now, piece, scene, names)
+    return _routed(texts_now, piece, scene, missing_parts)
 
 
 def _played_names(piece: Piece) -> set[str]:
     """The players that play in a scene, their keys, what these touch, and what is struck or led."""
     family = piece.note_families()
     players = {play.player for play in piece.parts}
-    keys = {piece.players[name].key for name in players}
+    key_names = {piece.players[name].key for name in players}
     struck = {part for strikes in piece.strikes for part in strikes.parts}
     led = {name.partition(".")[0] for name in (entry.name for entry in piece.automation)}
     touched = {
         part.name
         for part in piece.instruments.values()
-        if any(keys & {*_end_parts(module)} for module in part.modules)
+        if any(key_names & {*_end_parts(module)} for module in part.modules)
     }
     parts = {family.get(part, part) for part in struck | led | touched}
-    return players | keys | parts
+    return players | key_names | parts
 
 
 def _end_parts(module: Module) -> Iterator[str]:
@@ -98,13 +98,13 @@ def _entries(texts: Texts, section: str) -> Mapping[str, edit.Tree]:
 
 
 def _with_parts_of(
-    names: set[str], missing_entries: Mapping[str, Mapping[str, edit.Tree]]
+    part_names: set[str], missing_entries: Mapping[str, Mapping[str, edit.Tree]]
 ) -> set[str]:
     """Names with all that their entries name and that is lacking too."""
     entries = {
         name: entry for section in missing_entries.values() for name, entry in section.items()
     }
-    unread_names, all_names = [*names], set(names)
+    unread_names, all_names = [*part_names], set(part_names)
     while unread_names:
         new_names = {*_names_in(entries.get(unread_names.pop()))} & entries.keys() - all_names
         all_names |= new_names
@@ -125,80 +125,80 @@ def _names_in(value_tree: edit.Tree) -> Iterator[str]:
         yield from _NAME.findall(value_tree)
 
 
-def _with_files(texts: Texts, scene: Scene) -> Texts:
+def _with_files(score_texts: Texts, scene: Scene) -> Texts:
     """The texts with the files that a scene uses and they do not. Raises EditError."""
-    used_here, used_there = _used_files(texts), _used_files(scene.texts)
+    used_here, used_there = _used_files(score_texts), _used_files(scene.texts)
     new_files = [used for used in used_there if used not in used_here]
     prefixes = {used.prefix for used in used_here if used.prefix}
     if clashing := next((used for used in new_files if used.prefix in prefixes), None):
         message = f"the scene uses {clashing.file} as {clashing.prefix}, which is another file here"
         raise EditError(message)
     if not new_files:
-        return texts
+        return score_texts
     if all(used.prefix for used in (*used_here, *new_files)):
         for used in new_files:
-            texts = texts.put(("use", used.prefix), edit.quoted(used.file))
-        return texts
+            score_texts = score_texts.put(("use", used.prefix), edit.quoted(used.file))
+        return score_texts
     rows: list[edit.Tree] = [
         {used.prefix: used.file} if used.prefix else used.file for used in (*used_here, *new_files)
     ]
-    return texts.put(("use",), edit.flow(rows))
+    return score_texts.put(("use",), edit.flow(rows))
 
 
 def _used_files(texts: Texts) -> list[_Used]:
     """The files that a score uses."""
     used_files = []
     for node in items(texts, "use"):
-        row = edit.tree(node)
-        if isinstance(row, dict):
+        use_row = edit.tree(node)
+        if isinstance(use_row, dict):
             used_files += [
-                _Used(prefix, file) for prefix, file in row.items() if isinstance(file, str)
+                _Used(prefix, file) for prefix, file in use_row.items() if isinstance(file, str)
             ]
-        elif isinstance(row, str):
-            used_files.append(_Used("", row))
+        elif isinstance(use_row, str):
+            used_files.append(_Used("", use_row))
     return used_files
 
 
-def _with_links(texts: Texts, piece: Piece, scene: Scene, needed: set[str]) -> Texts:
+def _with_links(score_texts: Texts, piece: Piece, scene: Scene, needed: set[str]) -> Texts:
     """The texts with the links that an instrument of both has in the scene alone, between what the
     scene plays.
     """
-    for name, instrument in scene.piece.instruments.items():
-        part_here = piece.instruments.get(name)
+    for instrument_name, instrument in scene.piece.instruments.items():
+        part_here = piece.instruments.get(instrument_name)
         if part_here is None:
             continue
         module_names_here = {module.name for module in part_here.modules}
-        entry = _entries(scene.texts, "instruments").get(name)
-        modules = entry.get("modules") if isinstance(entry, dict) else None
+        entry = _entries(scene.texts, "instruments").get(instrument_name)
+        entry_modules = entry.get("modules") if isinstance(entry, dict) else None
         for module in instrument.modules:
             end_parts = {*_end_parts(module)}
             is_new = module.name not in module_names_here and end_parts and end_parts <= needed
-            if is_new and isinstance(modules, dict) and module.name in modules:
-                path = "instruments", name, "modules", module.name
-                texts = texts.put(path, edit.flow(modules[module.name]))
-    return texts
+            if is_new and isinstance(entry_modules, dict) and module.name in entry_modules:
+                path = "instruments", instrument_name, "modules", module.name
+                score_texts = score_texts.put(path, edit.flow(entry_modules[module.name]))
+    return score_texts
 
 
-def _routed(texts: Texts, piece: Piece, scene: Scene, names: set[str]) -> Texts:
+def _routed(score_texts: Texts, piece: Piece, scene: Scene, names: set[str]) -> Texts:
     """The texts with the routes of a scene for new instruments, and the rooms that these need."""
     routed_scene = structure.routed(scene.texts, scene.piece)
     rows = [
-        row
+        route_row
         for node in items(routed_scene, "mix", "route")
-        if isinstance(row := edit.tree(node), dict)
+        if isinstance(route_row := edit.tree(node), dict)
     ]
     new_rows = [row for row in rows if str(row.get("from")).partition(".")[0] in names]
     if not new_rows:
-        return texts
-    texts = structure.routed(texts, piece)
+        return score_texts
+    score_texts = structure.routed(score_texts, piece)
     mix = _entries(scene.texts, "mix")
     rooms = mix.get("rooms")
     room_names_here = {room.name for room in piece.mix.rooms}
-    for row in new_rows:
-        sends = row.get("send")
+    for route_row in new_rows:
+        sends = route_row.get("send")
         for room in sends if isinstance(sends, dict) else ():
             if room not in room_names_here and isinstance(rooms, dict) and room in rooms:
-                texts = texts.put(("mix", "rooms", room), edit.flow(rooms[room]))
+                score_texts = score_texts.put(("mix", "rooms", room), edit.flow(rooms[room]))
                 room_names_here.add(room)
-        texts = texts.append(("mix", "route"), edit.flow(row))
-    return texts
+        score_texts = score_texts.append(("mix", "route"), edit.flow(route_row))
+    return score_texts

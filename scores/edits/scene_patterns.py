@@ -22,75 +22,88 @@ _PLACES_MAX = 10_000  # of a pattern in a scene
 _PATTERN_FIELDS = dict.fromkeys(("euclid", "chance", "swing", "skip", words.NTH))
 
 
-def entries(entry: Entry, places: Steps, count: int, beats: float) -> Iterator[tuple[float, Entry]]:
-    """The entries that repeat the first `count` places of a pattern every `beats`.
+def entries(
+    pattern_entry: Entry, pattern_steps: Steps, place_count: int, round_beats: float
+) -> Iterator[tuple[float, Entry]]:
+    """The entries that repeat the first `place_count` places of a pattern every `round_beats`.
 
     Yields each with the first beat on which it plays. Random choices are fixed to those of these
     places. Raises EditError if there are too many places.
     """
-    _check(count)
-    if not count:
+    _check(place_count)
+    if not place_count:
         return
-    course = places.course
-    if course.pattern.chance is None and _is_periodic(places, count, beats):
-        yield places[0], entry
+    course = pattern_steps.course
+    if course.pattern.chance is None and _is_periodic(pattern_steps, place_count, round_beats):
+        yield pattern_steps[0], pattern_entry
         return
-    turns = _turns(entry) if course.pattern.turns else []
+    turns = _turns(pattern_entry) if course.pattern.turns else []
     played: dict[tuple[str, ...], list[tuple[float, str]]] = {}
-    for place in range(count):
-        if (name := course.played(place)) is not None:
+    for place_index in range(place_count):
+        if (name := course.played(place_index)) is not None:
             chain = tuple(
                 text[do.offset : do.offset + do.length]
                 for turn, text in turns
-                for do in course.due(place, (turn,))
+                for do in course.due(place_index, (turn,))
                 if do is not None
             )
-            played.setdefault(chain, []).append((places[place], name))
+            played.setdefault(chain, []).append((pattern_steps[place_index], name))
     for chain, starts_found in played.items():
-        always = takewhile(lambda do: not is_turn(do), entry.do)
-        occurrence = Entry(entry.with_fields(**_PATTERN_FIELDS).fields, (*always, *chain))
-        for begin, play, every in _written_out(starts_found, beats):
+        always = takewhile(lambda do: not is_turn(do), pattern_entry.do)
+        occurrence = Entry(pattern_entry.with_fields(**_PATTERN_FIELDS).fields, (*always, *chain))
+        for begin, play, every in _written_out(starts_found, round_beats):
             yield begin, occurrence.with_fields(play=play).with_step(f"{every:.12g}")
 
 
 def _turns(entry: Entry) -> list[tuple[Turn, str]]:
     """The turns of an entry as its reading numbers them, each with its text. Raises EditError."""
     text = entry.fields.get(words.NTH, "")
-    pairs = [(turn, text) for turn in parse_turns(text)] if text else []
+    turn_pairs = [(turn, text) for turn in parse_turns(text)] if text else []
     later_turns = [*dropwhile(lambda do: not is_turn(do), entry.do)]
     for do in later_turns:
         try:
-            pairs.append((as_turn(parse_change(do)), do))
+            turn_pairs.append((as_turn(parse_change(do)), do))
         except TextError as error:
             raise EditError(f"{quote(do)} cannot be written out: {error.message}") from None
-    turns = numbered(turn for turn, _ in pairs)
-    return [*zip(turns, (text for _, text in pairs), strict=True)]
+    turns = numbered(turn for turn, _ in turn_pairs)
+    return [*zip(turns, (text for _, text in turn_pairs), strict=True)]
 
 
 def strikes(
-    body: Mapping[str, object], places: Steps, count: int, beats: float, notes: Mapping[str, str]
+    strike_fields: Mapping[str, object],
+    pattern_steps: Steps,
+    place_count: int,
+    round_beats: float,
+    notes_by_place: Mapping[str, str],
 ) -> Iterator[tuple[float, Mapping[str, object]]]:
-    """The fields of strikes that repeat the first `count` places of a pattern every `beats`.
+    """The fields of strikes that repeat the first `place_count` places of a pattern every
+    `round_beats`.
 
-    Yields each with the first beat; `notes` has the pattern's notes as texts, and is empty
+    Yields each with the first beat; `notes_by_place` has the pattern's notes as texts, and is empty
     without notes. The random choices of the strikes are drawn again in every round.
     """
-    _check(count)
-    if not count:
+    _check(place_count)
+    if not place_count:
         return
-    if _is_periodic(places, count, beats):
-        yield places[0], body
+    if _is_periodic(pattern_steps, place_count, round_beats):
+        yield pattern_steps[0], strike_fields
         return
-    plain = {name: value for name, value in body.items() if name not in ("euclid", "swing", "skip")}
-    places_with_names = ((places[place], places.course.named(place)) for place in range(count))
+    plain = {
+        name: value
+        for name, value in strike_fields.items()
+        if name not in ("euclid", "swing", "skip")
+    }
+    places_with_names = (
+        (pattern_steps[place], pattern_steps.course.named(place)) for place in range(place_count)
+    )
     named_beats = [(beat, name) for beat, name in places_with_names if name is not None]
-    if notes:
-        played = [(beat, notes[name]) for beat, name in named_beats]
-        for begin, notes_text, every in _written_out(played, beats):
+    if notes_by_place:
+        played = [(beat, notes_by_place[name]) for beat, name in named_beats]
+        for begin, notes_text, every in _written_out(played, round_beats):
             yield begin, {**plain, "notes": notes_text, "every": f"{every:.12g}"}
         return
     for begin, _ in named_beats:
-        yield begin, {**plain, "every": f"{beats:.12g}"}
+        yield begin, {**plain, "every": f"{round_beats:.12g}"}
 
 
 def _check(count: int) -> None:
@@ -101,16 +114,16 @@ def _check(count: int) -> None:
         )
 
 
-def _is_periodic(places: Steps, count: int, beats: float) -> bool:
-    """Whether the `count` places after the first `count` repeat them `beats` later."""
-    course = places.course
+def _is_periodic(pattern_steps: Steps, place_count: int, beats: float) -> bool:
+    """Whether the `place_count` places after the first `place_count` repeat them `beats` later."""
+    course = pattern_steps.course
     return (
         _is_in_turn(course.pattern.order)
         and not course.pattern.turns
         and all(
-            abs(places.beat(count + place) - places[place] - beats) < SAME
-            and course.named(count + place) == course.named(place)
-            for place in range(count)
+            abs(pattern_steps.beat(place_count + place) - pattern_steps[place] - beats) < SAME
+            and course.named(place_count + place) == course.named(place)
+            for place in range(place_count)
         )
     )
 
@@ -120,21 +133,21 @@ def _is_in_turn(item: Leaf | Group) -> bool:
 
 
 def _written_out(
-    played: Sequence[tuple[float, str]], beats: float
+    played: Sequence[tuple[float, str]], round_beats: float
 ) -> Iterator[tuple[float, str, float]]:
-    """Patterns that play names on given beats, and again every `beats`: the first beat, a pattern,
-    its step.
+    """Patterns that play names on given beats, and again every `round_beats`: the first beat, a
+    pattern, its step.
 
     If the names lie on no common grid, each gets a pattern of its own.
     """
-    begin = played[0][0] if played else 0.0
-    for steps in range(len(played), _STEPS_MAX + 1):
-        slots = [(beat - begin) * steps / beats for beat, _ in played]
-        if all(abs(slot - round(slot)) < SAME * steps for slot in slots):
+    begin_beat = played[0][0] if played else 0.0
+    for step_count in range(len(played), _STEPS_MAX + 1):
+        slots = [(beat - begin_beat) * step_count / round_beats for beat, _ in played]
+        if all(abs(slot - round(slot)) < SAME * step_count for slot in slots):
             by_step = {round(slot): name for slot, (_, name) in zip(slots, played, strict=True)}
-            if len(by_step) == len(played) and max(by_step, default=steps) < steps:
-                row = [by_step.get(step, REST) for step in range(steps)]
-                yield begin, " ".join(row), beats / steps
+            if len(by_step) == len(played) and max(by_step, default=step_count) < step_count:
+                row = [by_step.get(step, REST) for step in range(step_count)]
+                yield begin_beat, " ".join(row), round_beats / step_count
                 return
     for beat, name in played:
-        yield beat, name, beats
+        yield beat, name, round_beats

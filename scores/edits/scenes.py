@@ -55,38 +55,46 @@ class Scene:
 
 
 def play_scene(
-    texts: Texts, piece: Piece, scene: Scene, beat: float, until: float | None = None
+    score_texts: Texts,
+    piece: Piece,
+    scene: Scene,
+    from_beat: float,
+    until_beat: float | None = None,
 ) -> Texts:
     """Play a scene from a beat on, repeatedly until `until` or another scene; everything else ends.
 
     Its gestures, takes, couplings, strikes and automation are brought in. `piece` is the piece
-    of `texts`. Raises EditError.
+    of `score_texts`. Raises EditError.
     """
-    names_here = texts.load().names
+    names_here = score_texts.load().names
     missing = next((name for name in scene.piece.players if name not in piece.players), None)
     if missing is not None and any(play.player == missing for play in scene.piece.parts):
         raise EditError(f"this score has no player {missing}, who plays in the scene")
     for strikes in piece.strikes:
-        texts = strikes_edits.end(texts, piece, strikes, beat)
-    stop = end(piece, beat) if until is None else written(piece, until)
-    last_beat = math.inf if until is None else until - SAME
+        score_texts = strikes_edits.end(score_texts, piece, strikes, from_beat)
+    stop_text = end(piece, from_beat) if until_beat is None else written(piece, until_beat)
+    last_beat = math.inf if until_beat is None else until_beat - SAME
     edits = []
     for player in piece.players:
         scene_players = scene.piece.players
         lines = entries.lines(scene.texts, scene.piece, player) if player in scene_players else []
         new_entries = [
-            entry.with_fields(at=written(piece, beat + begin), until=stop)
+            entry.with_fields(at=written(piece, from_beat + begin), until=stop_text)
             for line in lines
             for begin, entry in _repeated_entries(line, scene.beats)
-            if beat + begin < last_beat
+            if from_beat + begin < last_beat
         ]
-        edits.append(parts.ending(texts, piece, player, beat, new_entries))
-    texts = entries.change(texts, *edits)
-    texts = _defined(texts, names_here, scene)
-    texts = _coupled(texts, piece, scene, beat, None if until is None else stop)
+        edits.append(parts.ending(score_texts, piece, player, from_beat, new_entries))
+    score_texts = entries.change(score_texts, *edits)
+    score_texts = _defined(score_texts, names_here, scene)
+    score_texts = _coupled(
+        score_texts, piece, scene, from_beat, None if until_beat is None else stop_text
+    )
     for strikes in scene.piece.strikes:
-        texts = _struck(texts, piece, scene, strikes, beat, last_beat, stop)
-    return _automated(texts, piece, scene, beat, last_beat, None if until is None else stop)
+        score_texts = _struck(score_texts, piece, scene, strikes, from_beat, last_beat, stop_text)
+    return _automated(
+        score_texts, piece, scene, from_beat, last_beat, None if until_beat is None else stop_text
+    )
 
 
 def released(piece: Piece, scene: Scene, beat: float) -> list[str]:
@@ -100,24 +108,26 @@ def released(piece: Piece, scene: Scene, beat: float) -> list[str]:
     return [name for name in dict.fromkeys(automated_names) if name not in automated_here]
 
 
-def paced(texts: Texts, piece: Piece, scene: Scene, beat: float, over: str | None = None) -> Texts:
+def paced(
+    score_texts: Texts, piece: Piece, scene: Scene, from_beat: float, over: str | None = None
+) -> Texts:
     """Set the tempo to that of a scene, by a ramp `over` a length if given. Raises EditError."""
-    bpm_now, bpm = piece.tempo_map.bpm(beat), scene.piece.tempo_map.bpm(0.0)
+    bpm_now, bpm = piece.tempo_map.bpm(from_beat), scene.piece.tempo_map.bpm(0.0)
     if abs(bpm_now - bpm) < SAME:
-        return texts
+        return score_texts
     if over is None:
-        return times.change(texts, piece, beat, f"{bpm:.12g}")
-    return times.change(texts, piece, beat, f"{bpm_now:.12g} -> {bpm:.12g}", over)
+        return times.change(score_texts, piece, from_beat, f"{bpm:.12g}")
+    return times.change(score_texts, piece, from_beat, f"{bpm_now:.12g} -> {bpm:.12g}", over)
 
 
-def tuned(texts: Texts, piece: Piece, scene: Scene) -> Texts:
+def tuned(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
     """Set parameters to the values of a scene.
 
     The text has no glide: the version says how long the parameters glide. Raises EditError.
     """
     for target, value in _changed_parameters(piece, scene.piece):
-        texts = matter.set_value(texts, piece, target, value)
-    return texts
+        score_texts = matter.set_value(score_texts, piece, target, value)
+    return score_texts
 
 
 def has_events_from(piece: Piece, beat: float) -> bool:
@@ -128,60 +138,66 @@ def has_events_from(piece: Piece, beat: float) -> bool:
     event_beats = [tempo.resolve(play.at) for play in piece.parts]
     event_beats += [part_starts[-1] for part_starts in piece.starts if part_starts]
     for strikes in piece.strikes:
-        begin = tempo.resolve(strikes.at)
+        begin_beat = tempo.resolve(strikes.at)
         if strikes.rhythm is None:
             event_beats += [beat for beat, *_ in strikes.falls(piece)]
         elif strikes.until is None and strikes.span is None:
-            event_beats.append(strikes.rhythm.begin(tempo, begin, strikes.cycles(tempo)))
-        event_beats.append(begin if strikes.until is None else tempo.resolve(strikes.until))
+            event_beats.append(strikes.rhythm.begin(tempo, begin_beat, strikes.cycles(tempo)))
+        event_beats.append(begin_beat if strikes.until is None else tempo.resolve(strikes.until))
         if strikes.span is not None:
-            event_beats.append(tempo.after(begin, strikes.span))
+            event_beats.append(tempo.after(begin_beat, strikes.span))
     return not event_beats or max(event_beats) >= beat - SAME
 
 
-def _repeated_entries(line: PlacedEntry, beats: float) -> Iterator[tuple[float, Entry]]:
-    """The entries that repeat an entry every `beats`, each with its first beat."""
-    entry = line.entry.with_fields(times=None, until=None)
-    if isinstance(line.starts, Steps):
-        yield from scene_patterns.entries(entry, line.starts, line.count_before(beats), beats)
+def _repeated_entries(
+    placed_entry: PlacedEntry, scene_beats: float
+) -> Iterator[tuple[float, Entry]]:
+    """The entries that repeat an entry every `scene_beats`, each with its first beat."""
+    repeated_entry = placed_entry.entry.with_fields(times=None, until=None)
+    if isinstance(placed_entry.starts, Steps):
+        yield from scene_patterns.entries(
+            repeated_entry, placed_entry.starts, placed_entry.count_before(scene_beats), scene_beats
+        )
         return
-    entry = entry.with_step(f"{beats:.12g}")
-    begins = [line.begin] if line.starts is None else [*line.starts]
-    begins = [begin for begin in begins if begin < beats - SAME]
-    step = beats / len(begins) if begins else beats
+    repeated_entry = repeated_entry.with_step(f"{scene_beats:.12g}")
+    begins = [placed_entry.begin] if placed_entry.starts is None else [*placed_entry.starts]
+    begins = [begin for begin in begins if begin < scene_beats - SAME]
+    step = scene_beats / len(begins) if begins else scene_beats
     if len(begins) > 1 and all(
         abs(begin - begins[0] - number * step) < SAME for number, begin in enumerate(begins)
     ):
-        yield begins[0], entry.with_step(f"{step:.12g}")
+        yield begins[0], repeated_entry.with_step(f"{step:.12g}")
         return
     for begin in begins:
-        yield begin, entry
+        yield begin, repeated_entry
 
 
-def _defined(texts: Texts, names_here: Names | None, scene: Scene) -> Texts:
+def _defined(score_texts: Texts, names_here: Names | None, scene: Scene) -> Texts:
     """Write the gestures and takes of a scene that are missing `names_here`, or that differ."""
     scene_names = scene.texts.load().names
     assert names_here is not None  # a score without a text has no scenes
     assert scene_names is not None
-    for section in ("gestures", "takes"):
-        for name, entry in scene_names.tables[section].items():
-            definition = names_here.tables[section].get(name)
+    for section_name in ("gestures", "takes"):
+        for definition_name, entry in scene_names.tables[section_name].items():
+            definition = names_here.tables[section_name].get(definition_name)
             if not isinstance(entry.values, Values):
                 continue
             node = entry.values.node
             definition_tree = edit.tree(node)
             if definition is None:
                 if node.document.file == scene.texts.path:  # files that it uses are used here too
-                    texts = texts.put((section, name), edit.flow(definition_tree))
+                    score_texts = score_texts.put(
+                        (section_name, definition_name), edit.flow(definition_tree)
+                    )
             elif (
                 isinstance(definition.values, Values)
                 and edit.tree(definition.values.node) != definition_tree
             ):
-                path = section, definition.values.context.name
-                texts = texts.put(
+                path = section_name, definition.values.context.name
+                score_texts = score_texts.put(
                     path, edit.flow(definition_tree), definition.values.node.document.file
                 )
-    return texts
+    return score_texts
 
 
 def _changed_parameters(piece_now: Piece, scene_piece: Piece) -> Iterator[tuple[str, str]]:
@@ -193,45 +209,54 @@ def _changed_parameters(piece_now: Piece, scene_piece: Piece) -> Iterator[tuple[
             for instrument in scene_piece.instruments.values()
         ),
     ]
-    for part, module_owner in pairs:
+    for part_name, module_owner in pairs:
         modules = (
             {} if module_owner is None else {module.name: module for module in module_owner.modules}
         )
-        for module in part.modules:
+        for module in part_name.modules:
             module_now = modules.get(module.name)
             if module_now is None or module_now.kind != module.kind:
                 continue
-            path = ".".join(filter(None, (part.name, module.name)))
+            path = ".".join(filter(None, (part_name.name, module.name)))
             for name, value in matter.quantities(module):
                 if value != module_now.fields.get(name):
-                    is_ca = getattr(part, "ca_rate", None) is not None
+                    is_ca = getattr(part_name, "ca_rate", None) is not None
                     yield f"{path}.{name}", matter.written_quantity(value, name, is_ca=is_ca)
 
 
-def _coupled(texts: Texts, piece: Piece, scene: Scene, beat: float, until: str | None) -> Texts:
+def _coupled(
+    score_texts: Texts, piece: Piece, scene: Scene, from_beat: float, until_text: str | None
+) -> Texts:
     """Write the couplings with which a scene begins, from a beat on; all others end there."""
     tempo = piece.tempo_map
     for number in reversed(range(len(piece.duet))):
         coupling = piece.duet[number]
-        is_over = coupling.until is not None and tempo.resolve(coupling.until) <= beat + SAME
-        if not is_over and tempo.resolve(coupling.at) < beat - SAME:
-            texts = texts.put((*place(texts, "duet", number), "until"), written(piece, beat))
+        is_over = coupling.until is not None and tempo.resolve(coupling.until) <= from_beat + SAME
+        if not is_over and tempo.resolve(coupling.at) < from_beat - SAME:
+            score_texts = score_texts.put(
+                (*place(score_texts, "duet", number), "until"), written(piece, from_beat)
+            )
     nodes = items(scene.texts, "duet")
     for node, coupling in zip(nodes, scene.piece.duet, strict=True):
         if scene.piece.tempo_map.resolve(coupling.at) > SAME:
             continue
         coupling_tree = edit.tree(node)
         assert isinstance(coupling_tree, dict)
-        entry_tree: dict[str, edit.Tree] = {**coupling_tree, "at": written(piece, beat)}
+        entry_tree: dict[str, edit.Tree] = {**coupling_tree, "at": written(piece, from_beat)}
         entry_tree.pop("until", None)
-        if until is not None:
-            entry_tree["until"] = until
-        texts = texts.append(("duet",), edit.flow(entry_tree))
-    return texts
+        if until_text is not None:
+            entry_tree["until"] = until_text
+        score_texts = score_texts.append(("duet",), edit.flow(entry_tree))
+    return score_texts
 
 
 def _automated(
-    texts: Texts, piece: Piece, scene: Scene, beat: float, last_beat: float, until: str | None
+    score_texts: Texts,
+    piece: Piece,
+    scene: Scene,
+    from_beat: float,
+    last_beat: float,
+    until_text: str | None,
 ) -> Texts:
     """Write the automation of a scene from a beat on; all other automation ends there.
 
@@ -240,34 +265,34 @@ def _automated(
     """
     nodes, tempo = items(scene.texts, "automation"), scene.piece.tempo_map
     for node, entry in zip(nodes, scene.piece.automation, strict=True):
-        begin, ending = tempo.resolve(entry.at), automation.ending(scene.piece, entry)
+        begin_beat, ending = tempo.resolve(entry.at), automation.ending(scene.piece, entry)
         module_path = entry.name.rpartition(".")[0]
         if (
-            begin >= scene.beats - SAME
-            or beat + begin >= last_beat
+            begin_beat >= scene.beats - SAME
+            or from_beat + begin_beat >= last_beat
             or automatable.named_module(module_path, piece.keys, piece.instruments) is None
         ):
             continue
         entry_tree = edit.tree(node)
         assert isinstance(entry_tree, dict)
-        entry_tree = {**entry_tree, "at": written(piece, beat + begin)}
-        goes_on = ending >= scene.beats - SAME or beat + ending >= last_beat
-        if goes_on and ("until" in entry_tree or until is not None):
-            entry_tree["until"] = until or end(piece, beat)
+        entry_tree = {**entry_tree, "at": written(piece, from_beat + begin_beat)}
+        goes_on = ending >= scene.beats - SAME or from_beat + ending >= last_beat
+        if goes_on and ("until" in entry_tree or until_text is not None):
+            entry_tree["until"] = until_text or end(piece, from_beat)
         elif "until" in entry_tree:
-            entry_tree["until"] = written(piece, beat + ending)
-        texts = texts.append(("automation",), edit.flow(entry_tree))
+            entry_tree["until"] = written(piece, from_beat + ending)
+        score_texts = score_texts.append(("automation",), edit.flow(entry_tree))
     # The new entries are added before others are removed: a list that never becomes empty keeps its
     # style.
-    return automation.end_all(texts, piece, beat)
+    return automation.end_all(score_texts, piece, from_beat)
 
 
 def _struck(
-    texts: Texts,
+    score_texts: Texts,
     piece: Piece,
     scene: Scene,
     strikes: Strikes,
-    start: float,
+    start_beat: float,
     last_beat: float,
     until: str,
 ) -> Texts:
@@ -276,49 +301,53 @@ def _struck(
     Random strikes (`rate`) that do not fill the scene sound in the first round only.
     """
     tempo = scene.piece.tempo_map
-    begin = tempo.resolve(strikes.at)
-    stop = begin if strikes.until is None else tempo.resolve(strikes.until)
+    begin_beat = tempo.resolve(strikes.at)
+    stop_beat = begin_beat if strikes.until is None else tempo.resolve(strikes.until)
     if strikes.span is not None:
-        stop = tempo.after(begin, strikes.span)
+        stop_beat = tempo.after(begin_beat, strikes.span)
     if strikes.is_melody:
-        return _melody(texts, piece, scene, strikes, start, last_beat, until)
+        return _melody(score_texts, piece, scene, strikes, start_beat, last_beat, until)
     node = scene.texts.section("strikes")
     entry_tree = edit.tree(node)
     assert isinstance(entry_tree, dict)
-    body = entry_tree[strikes.name]
-    assert isinstance(body, dict)
+    strike_fields = entry_tree[strikes.name]
+    assert isinstance(strike_fields, dict)
     # `for` is the time of one sweep, so it stays.
     lengths = ("until", "times") if strikes.passing is not None else ("for", "until", "times")
-    body = {name: value for name, value in body.items() if name not in lengths}
+    strike_fields = {name: value for name, value in strike_fields.items() if name not in lengths}
     occurrences: list[tuple[float, Mapping[str, object]]]
     if strikes.rate is not None:
-        fills = begin < SAME and stop >= scene.beats - SAME
-        end_ = start + min(stop, scene.beats)
+        fills = begin_beat < SAME and stop_beat >= scene.beats - SAME
+        end_ = start_beat + min(stop_beat, scene.beats)
         until_text = until if fills or end_ > last_beat else written(piece, end_)
-        occurrences = [(begin, {**body, "until": until_text})] if begin < scene.beats - SAME else []
+        occurrences = (
+            [(begin_beat, {**strike_fields, "until": until_text})]
+            if begin_beat < scene.beats - SAME
+            else []
+        )
     elif strikes.pattern is not None:
         places = strikes.steps(scene.piece)
         count = n_before(places, scene.beats - SAME)
         notes = {name: _note(name, amount) for name, amount in strikes.notes.items()}
-        occurrences = [*scene_patterns.strikes(body, places, count, scene.beats, notes)]
+        occurrences = [*scene_patterns.strikes(strike_fields, places, count, scene.beats, notes)]
     else:
-        limit = None if strikes.until is None and strikes.span is None else stop
+        limit = None if strikes.until is None and strikes.span is None else stop_beat
         every, times_max = strikes.every, strikes.times
         begins = (
             strikes.rounds(tempo)
             if strikes.passing is not None
-            else starts(tempo, begin, Length(), every=every, times=times_max, until=limit)
+            else starts(tempo, begin_beat, Length(), every=every, times=times_max, until=limit)
         )
-        repeated_fields = {**body, "every": f"{scene.beats:.12g}"}
+        repeated_fields = {**strike_fields, "every": f"{scene.beats:.12g}"}
         occurrences = [(beat, repeated_fields) for beat in begins if beat < scene.beats - SAME]
     for beat, fields in occurrences:
-        if start + beat < last_beat:
-            entry_tree = {"until": until, **fields, "at": written(piece, start + beat)}
+        if start_beat + beat < last_beat:
+            entry_tree = {"until": until, **fields, "at": written(piece, start_beat + beat)}
             entry_tree["until"] = entry_tree.pop("until")  # last, as written by hand
-            texts = texts.put(
-                ("strikes", _free_section_name(texts, strikes.name)), edit.flow(entry_tree)
+            score_texts = score_texts.put(
+                ("strikes", _free_section_name(score_texts, strikes.name)), edit.flow(entry_tree)
             )
-    return texts
+    return score_texts
 
 
 def _note(name: str, amount: Amount) -> str:
@@ -329,11 +358,11 @@ def _note(name: str, amount: Amount) -> str:
 
 
 def _melody(
-    texts: Texts,
+    score_texts: Texts,
     piece: Piece,
     scene: Scene,
     strikes: Strikes,
-    start: float,
+    start_beat: float,
     last_beat: float,
     until: str,
 ) -> Texts:
@@ -341,13 +370,15 @@ def _melody(
     falling = strikes.falls(scene.piece, before=scene.beats)
     falls = [(beat, hit) for beat, _, hit in falling]
     rows = [row(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME]
-    if not rows or start >= last_beat:
-        return texts
-    name = _free_section_name(texts, strikes.name, "phrases")
+    if not rows or start_beat >= last_beat:
+        return score_texts
+    name = _free_section_name(score_texts, strikes.name, "phrases")
     phrase: edit.Tree = {"length": f"{scene.beats:.12g}", "entries": rows}
-    texts = texts.put(("phrases", name), edit.flow(phrase))
-    play_fields: edit.Tree = {"play": name, "at": written(piece, start), "until": until}
-    return texts.put(("strikes", _free_section_name(texts, strikes.name)), edit.flow(play_fields))
+    score_texts = score_texts.put(("phrases", name), edit.flow(phrase))
+    play_fields: edit.Tree = {"play": name, "at": written(piece, start_beat), "until": until}
+    return score_texts.put(
+        ("strikes", _free_section_name(score_texts, strikes.name)), edit.flow(play_fields)
+    )
 
 
 def _free_section_name(texts: Texts, name: str, section: str = "strikes") -> str:

@@ -15,26 +15,32 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Hit, Piece, Strikes
 
 
-def strike(texts: Texts, piece: Piece, name: str, beat: float, fields: Mapping[str, str]) -> Texts:
+def strike(
+    score_texts: Texts,
+    piece: Piece,
+    strikes_name: str,
+    from_beat: float,
+    strike_fields: Mapping[str, str],
+) -> Texts:
     """Write strikes from a beat on; they replace earlier strikes of the same name.
 
-    `fields` are those of a score as texts; modules in `target_words` are separated by spaces,
-    transformations in `do` by commas. Repeated strikes without an end continue for ever. Raises
-    EditError.
+    `strike_fields` are those of a score as texts; modules in `target_words` are separated by
+    spaces, transformations in `do` by commas. Repeated strikes without an end continue for ever.
+    Raises EditError.
     """
-    named_strikes = named(piece, name)
+    named_strikes = named(piece, strikes_name)
     for strikes_entry in named_strikes:
-        texts = end(texts, piece, strikes_entry, beat)
+        score_texts = end(score_texts, piece, strikes_entry, from_beat)
     ahead = {
         strikes_entry.name
         for strikes_entry in named_strikes
-        if piece.tempo_map.resolve(strikes_entry.at) >= beat - SAME
+        if piece.tempo_map.resolve(strikes_entry.at) >= from_beat - SAME
     }
     used_names = {strikes_entry.name for strikes_entry in piece.strikes} - ahead
-    new = free_name(name, used_names)
-    fields_written: dict[str, edit.Tree] = {**fields, "at": written(piece, beat)}
-    if "to" in fields:
-        target_words = fields["to"].split()
+    new = free_name(strikes_name, used_names)
+    fields_written: dict[str, edit.Tree] = {**strike_fields, "at": written(piece, from_beat)}
+    if "to" in strike_fields:
+        target_words = strike_fields["to"].split()
         other_fields = {
             field: text for field, text in fields_written.items() if field not in ("to", "at")
         }
@@ -43,8 +49,10 @@ def strike(texts: Texts, piece: Piece, name: str, beat: float, fields: Mapping[s
             "at": fields_written["at"],
             **other_fields,
         }
-    if "do" in fields and "rhythm" not in fields and "(" not in fields["do"]:
-        fields_written["do"] = [strikes_entry.strip() for strikes_entry in fields["do"].split(",")]
+    if "do" in strike_fields and "rhythm" not in strike_fields and "(" not in strike_fields["do"]:
+        fields_written["do"] = [
+            strikes_entry.strip() for strikes_entry in strike_fields["do"].split(",")
+        ]
     bounds = (
         {"times", "until"}
         if fields_written.keys() & {"sweep", "path"}
@@ -54,8 +62,8 @@ def strike(texts: Texts, piece: Piece, name: str, beat: float, fields: Mapping[s
         fields_written.keys() & {"rate", "every", "euclid", "rhythm"}
         and not fields_written.keys() & bounds
     ):
-        fields_written["until"] = distant(piece, beat)
-    return texts.put(("strikes", new), edit.flow(fields_written))
+        fields_written["until"] = distant(piece, from_beat)
+    return score_texts.put(("strikes", new), edit.flow(fields_written))
 
 
 def named(piece: Piece, name: str) -> list[Strikes]:
@@ -68,69 +76,75 @@ def named(piece: Piece, name: str) -> list[Strikes]:
     ]
 
 
-def end(texts: Texts, piece: Piece, strikes: Strikes, beat: float) -> Texts:
+def end(score_texts: Texts, piece: Piece, strikes: Strikes, from_beat: float) -> Texts:
     """End strikes at a beat; those that have not begun are removed. Raises EditError."""
     tempo = piece.tempo_map
-    begin = tempo.resolve(strikes.at)
+    begin_beat = tempo.resolve(strikes.at)
     path = ("strikes", strikes.name)
     if strikes.hits and strikes.length is None:
-        return only(texts, piece, strikes, -inf, beat, None)
-    if begin >= beat - SAME:
-        return texts.remove(path)
-    stop = begin if strikes.until is None else tempo.resolve(strikes.until)
+        return only(score_texts, piece, strikes, -inf, from_beat, None)
+    if begin_beat >= from_beat - SAME:
+        return score_texts.remove(path)
+    stop_beat = begin_beat if strikes.until is None else tempo.resolve(strikes.until)
     if strikes.span is not None:
-        stop = tempo.after(begin, strikes.span)
-        texts = texts.remove((*path, "for")) if stop > beat else texts
+        stop_beat = tempo.after(begin_beat, strikes.span)
+        score_texts = score_texts.remove((*path, "for")) if stop_beat > from_beat else score_texts
     elif strikes.rhythm is not None and strikes.until is None:
-        stop = strikes.rhythm.begin(tempo, begin, strikes.cycles(tempo))
+        stop_beat = strikes.rhythm.begin(tempo, begin_beat, strikes.cycles(tempo))
     elif strikes.pattern is not None and strikes.until is None:
         places = strikes.steps(piece)
-        stop = places.beat(len(places))
+        stop_beat = places.beat(len(places))
     elif strikes.has_rounds and strikes.until is None:
-        stop = strikes.rounds(tempo)[-1] + 2 * SAME
+        stop_beat = strikes.rounds(tempo)[-1] + 2 * SAME
     elif strikes.times is not None and strikes.every is not None and strikes.until is None:
-        stop = tempo.after(begin, strikes.every.times(strikes.times))
-    return texts.put((*path, "until"), written(piece, beat)) if stop > beat + SAME else texts
+        stop_beat = tempo.after(begin_beat, strikes.every.times(strikes.times))
+    return (
+        score_texts.put((*path, "until"), written(piece, from_beat))
+        if stop_beat > from_beat + SAME
+        else score_texts
+    )
 
 
-def cut(texts: Texts, piece: Piece, strikes: Strikes, instant: float) -> Texts:
+def cut(score_texts: Texts, piece: Piece, strikes: Strikes, cut_instant: float) -> Texts:
     """End strikes at a beat, also in the middle of a phrase. Raises EditError.
 
     The round under way is written out as a melody of the strikes before that beat.
     """
     tempo = piece.tempo_map
     if not strikes.hits or strikes.length is None:
-        return end(texts, piece, strikes, instant)
-    begun_rounds = [beat for beat in strikes.rounds(tempo) if beat < instant - SAME]
+        return end(score_texts, piece, strikes, cut_instant)
+    begun_rounds = [beat for beat in strikes.rounds(tempo) if beat < cut_instant - SAME]
     if not begun_rounds:
-        return texts.remove(("strikes", strikes.name))
+        return score_texts.remove(("strikes", strikes.name))
     falling = [
         (beat, hit) for beat, _, hit in strikes.falls(piece) if beat >= begun_rounds[-1] - SAME
     ]
     last_round = falling[: len(strikes.hits)]
-    played = [(beat, hit) for beat, hit in last_round if beat < instant - SAME]
+    played = [(beat, hit) for beat, hit in last_round if beat < cut_instant - SAME]
     if len(played) == len(last_round):
-        return end(texts, piece, strikes, instant)
+        return end(score_texts, piece, strikes, cut_instant)
     if len(begun_rounds) == 1:
-        texts = texts.remove(("strikes", strikes.name))
+        score_texts = score_texts.remove(("strikes", strikes.name))
     else:
         for bound, value in (("times", strikes.times), ("for", strikes.span)):
             if value is not None:
-                texts = texts.remove(("strikes", strikes.name, bound))
-        texts = texts.put(("strikes", strikes.name, "until"), written(piece, begun_rounds[-1]))
+                score_texts = score_texts.remove(("strikes", strikes.name, bound))
+        score_texts = score_texts.put(
+            ("strikes", strikes.name, "until"), written(piece, begun_rounds[-1])
+        )
     if not played:
-        return texts
+        return score_texts
     name = free_name(strikes.name, {other_strikes.name for other_strikes in piece.strikes})
     rows = [row(hit, written(piece, beat)) for beat, hit in played]
-    return texts.put(("strikes", name), edit.flow({"entries": rows}))
+    return score_texts.put(("strikes", name), edit.flow({"entries": rows}))
 
 
 def only(
-    texts: Texts,
+    score_texts: Texts,
     piece: Piece,
     strikes: Strikes,
     since: float,
-    until: float,
+    until_beat: float,
     moved: Callable[[float], str] | None,
 ) -> Texts:
     """A melody of `entries`, or a rhythm written as such, with only the strikes between two beats;
@@ -139,15 +153,17 @@ def only(
     `moved` writes their beats if they change. Raises EditError.
     """
     path = ("strikes", strikes.name)
-    falling = [(beat, hit) for beat, _, hit in strikes.falls(piece, since, until)]
-    inside = [(beat, hit) for beat, hit in falling if since - SAME <= beat < until - SAME]
+    falling = [(beat, hit) for beat, _, hit in strikes.falls(piece, since, until_beat)]
+    inside = [(beat, hit) for beat, hit in falling if since - SAME <= beat < until_beat - SAME]
     if len(inside) == len(falling) and moved is None and strikes.rhythm is None:
-        return texts
-    texts = texts.remove(path)
+        return score_texts
+    score_texts = score_texts.remove(path)
     if not inside:
-        return texts
+        return score_texts
     write = moved or (lambda beat: written(piece, beat))
-    return texts.put(path, edit.flow({"entries": [row(hit, write(beat)) for beat, hit in inside]}))
+    return score_texts.put(
+        path, edit.flow({"entries": [row(hit, write(beat)) for beat, hit in inside]})
+    )
 
 
 def row(hit: Hit, at: str) -> edit.Tree:

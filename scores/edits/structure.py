@@ -25,39 +25,47 @@ Fields = Mapping[str, str]
 
 
 def build(
-    texts: Texts, piece: Piece, name: str, base: str, fields: Fields, semitones: float = 0.0
+    score_texts: Texts,
+    piece: Piece,
+    instrument_name: str,
+    base_name: str,
+    fields: Fields,
+    semitones: float = 0.0,
 ) -> Texts:
     """Add an instrument like another (`bell`), or one from a file (`bell/bell`), heard on all
     channels until a route says otherwise.
 
     Its own `fields` replace those of the other. Raises EditError.
     """
-    fields_written: dict[str, edit.Tree] = {"from" if "/" in base else "like": base, **fields}
+    fields_written: dict[str, edit.Tree] = {
+        "from" if "/" in base_name else "like": base_name,
+        **fields,
+    }
     if semitones:
         fields_written["transpose"] = f"{semitones:g}st"
-    texts = texts.put(("instruments", name), edit.flow(fields_written))
-    return routed_to_all(texts, piece, name)
+    score_texts = score_texts.put(("instruments", instrument_name), edit.flow(fields_written))
+    return routed_to_all(score_texts, piece, instrument_name)
 
 
-def routed_to_all(texts: Texts, piece: Piece, name: str) -> Texts:
+def routed_to_all(score_texts: Texts, piece: Piece, instrument_name: str) -> Texts:
     """Route an instrument that is new in a piece to all channels, at the usual loudness if it says
     how loud it is. One without outputs that need a route has none.
     """
-    instrument = _new_instrument(texts, name)
+    instrument = _new_instrument(score_texts, instrument_name)
     if (
         instrument is None
         or not instrument.outputs
         or any(out.nearest for out in instrument.outputs)
     ):
-        return texts
-    texts = routed(texts, piece)
+        return score_texts
+    score_texts = routed(score_texts, piece)
     route_tree: dict[str, edit.Tree] = {
-        "from": name,
+        "from": instrument_name,
         "to": [str(c + 1) for c in range(_n_channels(piece))],
     }
     if instrument.loudness is not None and piece.mix.reference() is not None:
         route_tree["level"] = USUAL_LEVEL
-    return texts.append(("mix", "route"), edit.flow(route_tree))
+    return score_texts.append(("mix", "route"), edit.flow(route_tree))
 
 
 def _new_instrument(texts: Texts, name: str) -> Instrument | None:
@@ -85,66 +93,74 @@ def player(texts: Texts, piece: Piece, name: str, key: str) -> Texts:
     return texts.put(("players", name, "key"), key)
 
 
-def link(texts: Texts, kind: str, end_paths: Sequence[str], fields: Fields) -> tuple[Texts, str]:
+def link(
+    score_texts: Texts, kind: str, end_paths: Sequence[str], fields: Fields
+) -> tuple[Texts, str]:
     """Join two modules by a link of a kind; returns the link's name too. Raises EditError."""
-    links_node = _node(texts, ("instruments", LINKS, "modules"))
+    links_node = _node(score_texts, ("instruments", LINKS, "modules"))
     taken_names = links_node.entries if isinstance(links_node, document.Mapping) else {}
     name = free_name(kind.lower(), taken_names, is_numbered=True)
     body: dict[str, edit.Tree] = {kind: {"between": [*end_paths], **fields}}
     path = ("instruments", LINKS, "modules", name)
-    return texts.put(path, edit.flow(body)), f"{LINKS}.{name}"
+    return score_texts.put(path, edit.flow(body)), f"{LINKS}.{name}"
 
 
 def route(
-    texts: Texts, piece: Piece, name: str, channels: Sequence[str], gain: str | None
+    score_texts: Texts,
+    piece: Piece,
+    instrument_name: str,
+    channels: Sequence[str],
+    gain: str | None,
 ) -> Texts:
     """Route an instrument to channels, in place of its earlier routes. Raises EditError."""
-    texts = routed(texts, piece)
+    score_texts = routed(score_texts, piece)
     to: edit.Tree = "nearest" if channels == ["nearest"] else [*channels]
-    family = next((f for f, members in piece.families.items() if name in members), None)
-    routes = items(texts, "mix", "route")
+    family = next((f for f, members in piece.families.items() if instrument_name in members), None)
+    routes = items(score_texts, "mix", "route")
     if family is not None and any(_is_from(node, family) for node in routes):
-        raise EditError(f"{name} is routed with all notes of {family}: route {family}")
-    route_numbers = [number for number, node in enumerate(routes) if is_of(node, name)]
+        raise EditError(f"{instrument_name} is routed with all notes of {family}: route {family}")
+    route_numbers = [number for number, node in enumerate(routes) if is_of(node, instrument_name)]
     for number in reversed(route_numbers[1:]):
-        texts = texts.remove(("mix", "route", number))
+        score_texts = score_texts.remove(("mix", "route", number))
     if route_numbers:
-        path = place(texts, "mix", route_numbers[0], "route")
-        texts = texts.put((*path, "to"), edit.flow(to))
-        return texts if gain is None else texts.put((*path, "gain"), gain)
-    route_fields: dict[str, edit.Tree] = {"from": name, "to": to}
-    return texts.append(
+        path = place(score_texts, "mix", route_numbers[0], "route")
+        score_texts = score_texts.put((*path, "to"), edit.flow(to))
+        return score_texts if gain is None else score_texts.put((*path, "gain"), gain)
+    route_fields: dict[str, edit.Tree] = {"from": instrument_name, "to": to}
+    return score_texts.append(
         ("mix", "route"),
         edit.flow(route_fields if gain is None else {**route_fields, "gain": gain}),
     )
 
 
-def remove(texts: Texts, piece: Piece, name: str) -> Texts:
+def remove(score_texts: Texts, piece: Piece, removed_name: str) -> Texts:
     """Remove a named thing, and what belongs to it alone.
 
     A player is removed with the part, a key with its couplings, an instrument with its routes; of
     strikes and an instrument of one name, the strikes. Raises EditError.
     """
-    section, path = definition_path(texts, name)
-    if section == "instruments" and _has(texts, ("strikes", name)):
-        return texts.remove(("strikes", name))
-    if section == "players" and _has(texts, ("parts", name)):
-        texts = texts.remove(("parts", name))
-    if section == "keys":
-        for number in reversed(range(len(piece.duet))):
-            if name in (piece.duet[number].a.part, piece.duet[number].b.part):
-                texts = dropped(texts, "duet", number)
-    if section == "instruments" and len(path) == 2:
-        routes = items(texts, "mix", "route")
-        for number in reversed(range(len(routes))):
-            if is_of(routes[number], name):
-                if len(items(texts, "mix", "route")) == 1:
-                    raise EditError(f"{name} is the last instrument that is heard: route another")
-                texts = texts.remove(("mix", "route", number))
-    holder = _node(texts, path[:-1])
+    section_name, path = definition_path(score_texts, removed_name)
+    if section_name == "instruments" and _has(score_texts, ("strikes", removed_name)):
+        return score_texts.remove(("strikes", removed_name))
+    if section_name == "players" and _has(score_texts, ("parts", removed_name)):
+        score_texts = score_texts.remove(("parts", removed_name))
+    if section_name == "keys":
+        for entry_index in reversed(range(len(piece.duet))):
+            if removed_name in (piece.duet[entry_index].a.part, piece.duet[entry_index].b.part):
+                score_texts = dropped(score_texts, "duet", entry_index)
+    if section_name == "instruments" and len(path) == 2:
+        routes = items(score_texts, "mix", "route")
+        for entry_index in reversed(range(len(routes))):
+            if is_of(routes[entry_index], removed_name):
+                if len(items(score_texts, "mix", "route")) == 1:
+                    raise EditError(
+                        f"{removed_name} is the last instrument that is heard: route another"
+                    )
+                score_texts = score_texts.remove(("mix", "route", entry_index))
+    holder = _node(score_texts, path[:-1])
     if len(path) > 2 and isinstance(holder, document.Mapping) and len(holder.entries) == 1:
-        return remove(texts, piece, path[1])  # an instrument needs a module
-    return texts.remove(path)
+        return remove(score_texts, piece, path[1])  # an instrument needs a module
+    return score_texts.remove(path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,20 +198,20 @@ def entries_with_mistakes(texts: Texts) -> list[Entry]:
 
 def _entry_at(score: document.Document, place: Place) -> Entry:
     """The entry of the score in which a place lies."""
-    index = score.line_span(place.line - 1)[0] + place.column - 1
+    text_index = score.line_span(place.line - 1)[0] + place.column - 1
     assert isinstance(score.root, document.Mapping)
-    section = _last_before(score.root, index)
-    names = score.root.entries[section][1]
-    if not isinstance(SCORE.by_name[section].shape, NamesOf) or not isinstance(
-        names, document.Mapping
+    section_name = _last_before(score.root, text_index)
+    section_node = score.root.entries[section_name][1]
+    if not isinstance(SCORE.by_name[section_name].shape, NamesOf) or not isinstance(
+        section_node, document.Mapping
     ):
-        return Entry(section)
-    name = _last_before(names, index)
-    body = names.entries[name][1]
+        return Entry(section_name)
+    name = _last_before(section_node, text_index)
+    body = section_node.entries[name][1]
     modules = body.get("modules") if isinstance(body, document.Mapping) else None
-    if isinstance(modules, document.Mapping) and modules.start <= index < modules.end:
-        name = f"{name}.{_last_before(modules, index)}"
-    return Entry(section, name)
+    if isinstance(modules, document.Mapping) and modules.start <= text_index < modules.end:
+        name = f"{name}.{_last_before(modules, text_index)}"
+    return Entry(section_name, name)
 
 
 def _last_before(node: document.Mapping, index: int) -> str:
@@ -204,26 +220,26 @@ def _last_before(node: document.Mapping, index: int) -> str:
     return max((start, name) for start, name in starts if start <= index)[1]
 
 
-def routed(texts: Texts, piece: Piece) -> Texts:
+def routed(score_texts: Texts, piece: Piece) -> Texts:
     """Write out the default routes of a score that has none: each output has a channel of its
     own.
     """
     if piece.mix.routes:
-        return texts
+        return score_texts
     family = piece.note_families()
     channels = {}  # of the outputs by name; the notes of an instrument share those of its own
     for route in piece.routes():
         name = ".".join(filter(None, (family.get(route.part, route.part), route.out)))
         channels[name] = [str(channel) for channel in route.to]
     for name, to in channels.items():
-        texts = texts.append(("mix", "route"), edit.flow({"from": name, "to": [*to]}))
-    return texts
+        score_texts = score_texts.append(("mix", "route"), edit.flow({"from": name, "to": [*to]}))
+    return score_texts
 
 
-def definition_path(texts: Texts, name: str) -> tuple[str, tuple[str, ...]]:
+def definition_path(score_texts: Texts, defined_name: str) -> tuple[str, tuple[str, ...]]:
     """The section in which the score itself defines a name, and its path. Raises EditError."""
-    part, _, module = name.partition(".")
-    for section in (
+    part_name, _, module_name = defined_name.partition(".")
+    for section_name in (
         "players",
         "gestures",
         "phrases",
@@ -234,12 +250,12 @@ def definition_path(texts: Texts, name: str) -> tuple[str, tuple[str, ...]]:
         "marks",
         "blocks",
     ):
-        if _has(texts, (section, name)):
-            return section, (section, name)
-        if module and _has(texts, (section, part, "modules", module)):
-            return section, (section, part, "modules", module)
+        if _has(score_texts, (section_name, defined_name)):
+            return section_name, (section_name, defined_name)
+        if module_name and _has(score_texts, (section_name, part_name, "modules", module_name)):
+            return section_name, (section_name, part_name, "modules", module_name)
     raise EditError(
-        f"{name} is written in a file that the score uses; change that file, then `reload`"
+        f"{defined_name} is written in a file that the score uses; change that file, then `reload`"
     )
 
 

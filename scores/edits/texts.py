@@ -155,13 +155,15 @@ class Texts:
             section_lines = lines(self.text, str(section))
             if section_lines is None and section in SECTIONS:
                 with contextlib.suppress(EditError):
-                    if (text := self._added_below(str(section), change)) is not None:
-                        return self.changed(text)
+                    if (section_text := self._added_below(str(section), change)) is not None:
+                        return self.changed(section_text)
             if section_lines is not None:
                 first_line, last_line = section_lines
                 with contextlib.suppress(EditError):
-                    text = change(edit.read(self.text[first_line:last_line], self.path))
-                    return self.changed(self.text[:first_line] + text + self.text[last_line:])
+                    section_text = change(edit.read(self.text[first_line:last_line], self.path))
+                    return self.changed(
+                        self.text[:first_line] + section_text + self.text[last_line:]
+                    )
         return self.changed(change(self.document(file)), file)
 
     def _added_below(self, section: str, change: Callable[[Document], str]) -> str | None:
@@ -173,14 +175,14 @@ class Texts:
         ]
         if not lines_above:
             return None
-        _, first, end = section_lines[lines_above[-1]]
+        _, first_line, end_line = section_lines[lines_above[-1]]
         line_below = (
             f"{section_lines[lines_above[-1] + 1][0]}:\n"  # marks the end of the lines above
         )
-        text = change(edit.read(self.text[first:end] + line_below, self.path))
+        text = change(edit.read(self.text[first_line:end_line] + line_below, self.path))
         if not text.endswith(line_below):
             return None
-        return self.text[:first] + text.removesuffix(line_below) + self.text[end:]
+        return self.text[:first_line] + text.removesuffix(line_below) + self.text[end_line:]
 
     def edited_lists(self, edits: Sequence[ListEdit], file: str | None = None) -> Texts:
         """Edit lists of one section; only the items that change are parsed.
@@ -207,40 +209,47 @@ class Texts:
 
     def _edited_alone(
         self,
-        name: str,
+        section_name: str,
         edits: Sequence[tuple[_Find, Change]],
-        file: str | None,
+        file_name: str | None,
         path: edit.Path = (),
     ) -> Texts:
         """Edit windows of one section, each parsed alone; an edit without a window edits the whole
         section, of which only what is at a `path` of names matters, if it is written.
         """
-        section_lines = lines(self.text, name) if file in (None, self.path) else None
-        section = self._alone(name) if section_lines is not None else None
-        changes_left, texts = [change for _, change in edits], self
+        section_lines = lines(self.text, section_name) if file_name in (None, self.path) else None
+        section = self._alone(section_name) if section_lines is not None else None
+        changes_left, edited_texts = [change for _, change in edits], self
         if section_lines is not None and section is not None:
-            text = self.text[slice(*section_lines)]
+            section_text = self.text[slice(*section_lines)]
             splices = [
-                self._splice(text, section, *window_and_change) for window_and_change in edits
+                self._splice(section_text, section, *window_and_change)
+                for window_and_change in edits
             ]
             changes_left = [
                 change
                 for change, splice in zip(changes_left, splices, strict=True)
                 if splice is None
             ]
-            text = apply_splices(text, [splice for splice in splices if splice is not None])
-            texts = self.changed(
-                self.text[: section_lines[0]] + text + self.text[section_lines[1] :]
+            section_text = apply_splices(
+                section_text, [splice for splice in splices if splice is not None]
+            )
+            edited_texts = self.changed(
+                self.text[: section_lines[0]] + section_text + self.text[section_lines[1] :]
             )
         for change in changes_left:
             change_text = partial(_changed_text, change)
             short = (
-                texts._edited_elided(path, change_text)
+                edited_texts._edited_elided(path, change_text)
                 if path and section_lines is not None
                 else None
             )
-            texts = texts.edited(name, change_text, file) if short is None else short
-        return texts
+            edited_texts = (
+                edited_texts.edited(section_name, change_text, file_name)
+                if short is None
+                else short
+            )
+        return edited_texts
 
     def _edited_elided(self, path: edit.Path, change: Callable[[Document], str]) -> Texts | None:
         """Edit the lines of a section without long runs of other lines; None if that cannot be."""

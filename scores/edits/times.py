@@ -15,50 +15,54 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 
 
-def change(texts: Texts, piece: Piece, beat: float, bpm: str, over: str | None = None) -> Texts:
+def change(
+    score_texts: Texts, piece: Piece, from_beat: float, bpm: str, over: str | None = None
+) -> Texts:
     """Set the tempo from a beat on: `72`, or `60 -> 84` over a length.
 
     A ramp under way ends there; later tempos are removed, but their meters stay. Those of a file
     hold no longer (`FileTimes`), and one that would never hold is not named any more. Raises
     EditError.
     """
-    over = None if over is None else _over(piece, beat, over)
-    texts, number_below = _without_later(texts, piece, beat, "bpm", "over")
+    over = None if over is None else _over(piece, from_beat, over)
+    score_texts, number_below = _without_later(score_texts, piece, from_beat, "bpm", "over")
     number_here: int | None = None  # the entry that sets the tempo at this beat
-    for number, begin in _until(piece, beat):
+    for number, begin in _until(piece, from_beat):
         entry = piece.tempo[number]
-        if begin >= beat - SAME:
+        if begin >= from_beat - SAME:
             number_here = number if entry.bpm is not None else number_here
         elif entry.bpm_end is not None:
-            texts = _cut(texts, piece, number, begin, beat)
+            score_texts = _cut(score_texts, piece, number, begin, from_beat)
     if number_here is not None:
-        texts = texts.put((*place(texts, "tempo", number_here), "bpm"), bpm)
+        score_texts = score_texts.put((*place(score_texts, "tempo", number_here), "bpm"), bpm)
         if over is None:
-            return _without(texts, number_here, "over")
-        return texts.put((*place(texts, "tempo", number_here), "over"), over)
+            return _without(score_texts, number_here, "over")
+        return score_texts.put((*place(score_texts, "tempo", number_here), "over"), over)
     ramp = {} if over is None else {"over": over}
-    line: dict[str, edit.Tree] = {"at": written(piece, beat), "bpm": bpm, **ramp}
-    if beat <= SAME and piece.tempo and piece.tempo[0].tempos:
-        return texts.put(place(texts, "tempo", 0), edit.flow(line))
-    return _inserted(texts, number_below, line)
+    line: dict[str, edit.Tree] = {"at": written(piece, from_beat), "bpm": bpm, **ramp}
+    if from_beat <= SAME and piece.tempo and piece.tempo[0].tempos:
+        return score_texts.put(place(score_texts, "tempo", 0), edit.flow(line))
+    return _inserted(score_texts, number_below, line)
 
 
-def change_meter(texts: Texts, piece: Piece, beat: float, meter: str) -> Texts:
+def change_meter(score_texts: Texts, piece: Piece, from_beat: float, meter: str) -> Texts:
     """Set the meter from a beat on, which begins a bar; later meters are removed, but their tempos
     stay. Those of a file hold no longer, and one that would never hold is not named any more.
 
     Raises EditError.
     """
     tempo = piece.tempo_map
-    if abs(tempo.bar_beat(beat)[1] - 1.0) > SAME:
-        raise EditError(f"a meter begins with a bar: write meter {meter} at {tempo.written(beat)}")
-    texts, number_below = _without_later(texts, piece, beat, "meter")
-    if beat <= SAME and piece.file_meters:
-        texts = texts.remove(("meter",))
-    for number, begin in _until(piece, beat):
-        if begin >= beat - SAME and not piece.tempo[number].tempos:
-            return texts.put((*place(texts, "tempo", number), "meter"), meter)
-    return _inserted(texts, number_below, {"at": written(piece, beat), "meter": meter})
+    if abs(tempo.bar_beat(from_beat)[1] - 1.0) > SAME:
+        raise EditError(
+            f"a meter begins with a bar: write meter {meter} at {tempo.written(from_beat)}"
+        )
+    score_texts, number_below = _without_later(score_texts, piece, from_beat, "meter")
+    if from_beat <= SAME and piece.file_meters:
+        score_texts = score_texts.remove(("meter",))
+    for number, begin in _until(piece, from_beat):
+        if begin >= from_beat - SAME and not piece.tempo[number].tempos:
+            return score_texts.put((*place(score_texts, "tempo", number), "meter"), meter)
+    return _inserted(score_texts, number_below, {"at": written(piece, from_beat), "meter": meter})
 
 
 def _until(piece: Piece, beat: float) -> Iterator[tuple[int, float]]:
@@ -72,37 +76,41 @@ def _until(piece: Piece, beat: float) -> Iterator[tuple[int, float]]:
 
 
 def _without_later(
-    texts: Texts, piece: Piece, beat: float, *fields: str
+    score_texts: Texts, piece: Piece, beat: float, *field_names: str
 ) -> tuple[Texts, int | None]:
     """Remove fields from the entries after a beat, and the entries that have nothing else; returns
     the number of the first later entry that stays too.
     """
     number_below: int | None = None
-    for number in reversed(range(len(piece.tempo))):
-        entry = piece.tempo[number]
+    for entry_index in reversed(range(len(piece.tempo))):
+        entry = piece.tempo[entry_index]
         if piece.tempo_map.resolve(entry.at) <= beat + SAME:
             continue
         values: dict[str, object] = {"bpm": entry.bpm, "meter": entry.meter}
-        if values.pop(fields[0]) is not None and not any(values.values()):
-            texts = dropped(texts, "tempo", number)
+        if values.pop(field_names[0]) is not None and not any(values.values()):
+            score_texts = dropped(score_texts, "tempo", entry_index)
             number_below = None if number_below is None else number_below - 1
             continue
-        number_below = number
-        for name in fields:
-            texts = _without(texts, number, name)
-    return texts, number_below
+        number_below = entry_index
+        for name in field_names:
+            score_texts = _without(score_texts, entry_index, name)
+    return score_texts, number_below
 
 
-def _inserted(texts: Texts, number_below: int | None, entry: Mapping[str, edit.Tree]) -> Texts:
+def _inserted(
+    score_texts: Texts, number_below: int | None, entry: Mapping[str, edit.Tree]
+) -> Texts:
     """A new entry above the one of a number, or after all others."""
-    text = edit.flow(dict(entry))
+    entry_text = edit.flow(dict(entry))
     if number_below is None:
-        return texts.append(("tempo",), text)
-    path = place(texts, "tempo", number_below)
+        return score_texts.append(("tempo",), entry_text)
+    path = place(score_texts, "tempo", number_below)
     if path == ("tempo",):  # a lone entry becomes a list, then the new one goes above it
-        texts = texts.put(path, f"[{edit.flow(edit.tree(items(texts, 'tempo')[0]))}]")
-    return texts.edited(
-        "tempo", lambda document: edit.insert(document, ("tempo", number_below), text)
+        score_texts = score_texts.put(
+            path, f"[{edit.flow(edit.tree(items(score_texts, 'tempo')[0]))}]"
+        )
+    return score_texts.edited(
+        "tempo", lambda document: edit.insert(document, ("tempo", number_below), entry_text)
     )
 
 
@@ -111,15 +119,17 @@ def mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:
     return texts.put(("marks", name), written(piece, at))
 
 
-def _over(piece: Piece, beat: float, over: str) -> str:
+def _over(piece: Piece, from_beat: float, over: str) -> str:
     """The length of a ramp; in beats if it is in bars and the meter changes during the ramp."""
     try:
         length = parse_length(over)
     except TextError as error:
         raise EditError(error.message) from None
-    end = piece.tempo_map.after(beat, length)
-    changes = any(beat + SAME < begin < end - SAME for begin, *_ in piece.tempo_map.bars.changes())
-    return f"{end - beat:.12g}" if length.bars and changes else over
+    end = piece.tempo_map.after(from_beat, length)
+    changes = any(
+        from_beat + SAME < begin < end - SAME for begin, *_ in piece.tempo_map.bars.changes()
+    )
+    return f"{end - from_beat:.12g}" if length.bars and changes else over
 
 
 def _without(texts: Texts, number: int, name: str) -> Texts:

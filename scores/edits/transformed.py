@@ -24,45 +24,57 @@ _BAR = Length(bars=1.0)
 Body = dict[str, edit.Tree]
 
 
-def transform(texts: Texts, piece: Piece, name: str, beat: float, do: str) -> Texts:
+def transform(
+    score_texts: Texts, piece: Piece, strikes_name: str, from_beat: float, do: str
+) -> Texts:
     """Transform what strikes of a name play from the first cycle on that begins at a beat or later.
 
     Raises EditError if they play nothing then, or have no cycles.
     """
     tempo, changed = piece.tempo_map, False
-    section = edit.tree(texts.section("strikes"))
+    strikes_tree = edit.tree(score_texts.section("strikes"))
     taken_names = {strikes.name for strikes in piece.strikes}
-    for strikes in edits.named(piece, name):
-        stop = strikes.stop(tempo)
-        if stop is not None and stop <= beat + SAME:
+    for strikes in edits.named(piece, strikes_name):
+        stop_beat = strikes.stop(tempo)
+        if stop_beat is not None and stop_beat <= from_beat + SAME:
             continue
-        assert isinstance(section, dict)
-        body = section[strikes.name]
-        assert isinstance(body, dict)
-        rhythm, body = _as_rhythm(texts, strikes, body)
-        times = strikes.times if strikes.times is not None or "times" not in body else 1
-        begin = tempo.resolve(strikes.at)
-        n_passed_cycles = rhythm.count(tempo, begin, beat) if beat > begin else 0
-        if times is not None and n_passed_cycles >= times:
+        assert isinstance(strikes_tree, dict)
+        strike_fields = strikes_tree[strikes.name]
+        assert isinstance(strike_fields, dict)
+        rhythm, strike_fields = _as_rhythm(score_texts, strikes, strike_fields)
+        strike_times = (
+            strikes.times if strikes.times is not None or "times" not in strike_fields else 1
+        )
+        begin_beat = tempo.resolve(strikes.at)
+        n_passed_cycles = (
+            rhythm.count(tempo, begin_beat, from_beat) if from_beat > begin_beat else 0
+        )
+        if strike_times is not None and n_passed_cycles >= strike_times:
             continue
-        turn_beat = rhythm.begin(tempo, begin, n_passed_cycles)
-        texts = edits.end(texts, piece, strikes, turn_beat)
-        body = {**body, "at": written(piece, turn_beat), **_transforms(body, do)}
+        turn_beat = rhythm.begin(tempo, begin_beat, n_passed_cycles)
+        score_texts = edits.end(score_texts, piece, strikes, turn_beat)
+        strike_fields = {
+            **strike_fields,
+            "at": written(piece, turn_beat),
+            **_transforms(strike_fields, do),
+        }
         if first_cycle := rhythm.first + n_passed_cycles:
-            body["skip"] = str(first_cycle)
-        if times is not None:
-            body["times"] = str(times - n_passed_cycles)
-        if strikes.span is not None and stop is not None:
-            body = {**body, "for": "", "until": written(piece, stop)}
-        for field in [field for field, value in body.items() if value == ""]:
-            del body[field]
-        new = strikes.name if turn_beat <= begin + SAME else free_name(name, taken_names)
+            strike_fields["skip"] = str(first_cycle)
+        if strike_times is not None:
+            strike_fields["times"] = str(strike_times - n_passed_cycles)
+        if strikes.span is not None and stop_beat is not None:
+            strike_fields = {**strike_fields, "for": "", "until": written(piece, stop_beat)}
+        for field in [field for field, value in strike_fields.items() if value == ""]:
+            del strike_fields[field]
+        new = (
+            strikes.name if turn_beat <= begin_beat + SAME else free_name(strikes_name, taken_names)
+        )
         taken_names.add(new)
-        texts = texts.put(("strikes", new), edit.flow(_in_order(body)))
+        score_texts = score_texts.put(("strikes", new), edit.flow(_in_order(strike_fields)))
         changed = True
     if not changed:
-        raise EditError(f"{quote(name)} plays nothing now that could be transformed")
-    return texts
+        raise EditError(f"{quote(strikes_name)} plays nothing now that could be transformed")
+    return score_texts
 
 
 def _transforms(body: Body, do: str) -> Body:
@@ -84,25 +96,25 @@ def _in_order(body: Body) -> Body:
 # --- strikes by the clock as a rhythm ------------------------------------------------------------
 
 
-def _as_rhythm(texts: Texts, strikes: Strikes, body: Body) -> tuple[Rhythm, Body]:
+def _as_rhythm(texts: Texts, strikes: Strikes, strike_fields: Body) -> tuple[Rhythm, Body]:
     """The rhythm of strikes, and their fields with it. Raises EditError if they have none."""
-    if "rhythm" in body and strikes.rhythm is not None:
-        return strikes.rhythm, body
+    if "rhythm" in strike_fields and strikes.rhythm is not None:
+        return strikes.rhythm, strike_fields
     rhythm = strikes.rhythm
     if rhythm is None:
         try:
             rhythm = clocked(strikes)
         except TextError as error:
             raise EditError(error.message) from error
-    fields = {name: value for name, value in body.items() if name not in _REPLACED}
-    fields |= {"rhythm": rhythm.text, "do": rhythm.do}
-    if "play" in body:  # the words of the rhythm say levels
-        fields = {**_notes_of(texts, body), **fields, "impulse": ""}
+    rhythm_fields = {name: value for name, value in strike_fields.items() if name not in _REPLACED}
+    rhythm_fields |= {"rhythm": rhythm.text, "do": rhythm.do}
+    if "play" in strike_fields:  # the words of the rhythm say levels
+        rhythm_fields = {**_notes_of(texts, strike_fields), **rhythm_fields, "impulse": ""}
     if strikes.every is not None or rhythm.cycle != _BAR:
-        fields["cycle"] = _length(rhythm.cycle)
-    if not fields.keys() & {"times", "for", "until"}:
-        fields["times"] = "1"
-    return rhythm, fields
+        rhythm_fields["cycle"] = _length(rhythm.cycle)
+    if not rhythm_fields.keys() & {"times", "for", "until"}:
+        rhythm_fields["times"] = "1"
+    return rhythm, rhythm_fields
 
 
 def _notes_of(texts: Texts, body: Body) -> Body:
@@ -112,12 +124,16 @@ def _notes_of(texts: Texts, body: Body) -> Body:
     return {"to": phrase["to"]} if isinstance(phrase, dict) and "to" in phrase else {}
 
 
-def _length(length: Length) -> str:
-    if length.quarters:
+def _length(length_written: Length) -> str:
+    if length_written.quarters:
         raise EditError(
             "a MIDI file whose quarter notes are no beats of the meter is not written as a rhythm; "
             "write its transformations in the score, in `do`"
         )
-    parts = [(length.bars, "bar"), (length.beats, ""), (length.seconds, "s")]
+    parts = [
+        (length_written.bars, "bar"),
+        (length_written.beats, ""),
+        (length_written.seconds, "s"),
+    ]
     (written_length,) = [f"{value!r}{unit}" for value, unit in parts if value] or ["0"]
     return written_length

@@ -57,14 +57,14 @@ class TunablePart:
 
     def values(self) -> Iterator[Value]:
         """Every number above 0 of the part's modules that may affect its modes."""
-        for module in self._definition.modules:
-            constants = module.fields.get("constants", {})
-            for name, number in quantities(module):
+        for part_module in self._definition.modules:
+            constants = part_module.fields.get("constants", {})
+            for name, number in quantities(part_module):
                 if number > 0 and (name in _FIELDS or name in constants):
-                    yield Value(module.name, name, number)
-            if module.kind == "MODES":
-                for place, number in enumerate(module.fields["f"], 1):
-                    yield Value(module.name, "f", number, place)
+                    yield Value(part_module.name, name, number)
+            if part_module.kind == "MODES":
+                for place, number in enumerate(part_module.fields["f"], 1):
+                    yield Value(part_module.name, "f", number, place)
 
     def target(self, value: Value) -> str:
         """The value's name in a line of a session and in a table of automation: `bell.m.K`.
@@ -98,17 +98,17 @@ class TunablePart:
 
     def network(self, values: Mapping[FieldKey, float]) -> _core.Network:
         """The part as a network by itself, with some numbers replaced. Raises EngineError."""
-        part = self._definition
-        reach = part.reach if isinstance(part, Key) else 1.0
-        ca_rate = part.ca_rate if isinstance(part, Instrument) else None
-        modules = [_module_with_values(module, values) for module in part.modules]
+        part_definition = self._definition
+        lever_ratio = part_definition.reach if isinstance(part_definition, Key) else 1.0
+        ca_rate = part_definition.ca_rate if isinstance(part_definition, Instrument) else None
+        valued_modules = [_module_with_values(module, values) for module in part_definition.modules]
         assembly = Assembly(seed=self.piece.seed)
-        points = [module for module in modules if module.kind in HOLDERS]
-        space = part.space if isinstance(part, Instrument) else None
-        assembly.part(self.name, points, ca_rate=ca_rate, reach=reach, space=space)
+        points = [module for module in valued_modules if module.kind in HOLDERS]
+        space = part_definition.space if isinstance(part_definition, Instrument) else None
+        assembly.part(self.name, points, ca_rate=ca_rate, reach=lever_ratio, space=space)
         assembly.add_followers(self.name, points, ca_rate=ca_rate)
-        links = [module for module in modules if self._is_inside(module, assembly)]
-        assembly.joins(self.name, links, ca_rate=ca_rate, reach=reach)
+        links = [module for module in valued_modules if self._is_inside(module, assembly)]
+        assembly.joins(self.name, links, ca_rate=ca_rate, reach=lever_ratio)
         for other_part, module in self.piece.modules():
             if other_part != self.name and self._is_inside(module, assembly):
                 rate = self.piece.instruments[other_part].ca_rate
@@ -124,22 +124,24 @@ class TunablePart:
         return all((end.part, end.module) in assembly.mats for end in end_targets)
 
 
-def _module_with_values(module: Module, values: Mapping[FieldKey, float]) -> Module:
+def _module_with_values(part_module: Module, values: Mapping[FieldKey, float]) -> Module:
     field_numbers: dict[str, float] = {}
-    fields = dict(module.fields)
-    for (name, field, place), number in values.items():
-        if name != module.name:
+    module_fields = dict(part_module.fields)
+    for (name, field_name, list_index), field_number in values.items():
+        if name != part_module.name:
             continue
-        if place is None:
-            field_numbers[field] = number
+        if list_index is None:
+            field_numbers[field_name] = field_number
         else:
-            numbers = fields[field]
-            fields[field] = Each((*numbers[: place - 1], number, *numbers[place:]))
-    fields |= {name: x for name, x in field_numbers.items() if name in module.fields}
-    constants = module.fields.get("constants", {})
+            numbers = module_fields[field_name]
+            module_fields[field_name] = Each(
+                (*numbers[: list_index - 1], field_number, *numbers[list_index:])
+            )
+    module_fields |= {name: x for name, x in field_numbers.items() if name in part_module.fields}
+    constants = part_module.fields.get("constants", {})
     if constants:
-        fields["constants"] = {
+        module_fields["constants"] = {
             **constants,
             **{n: x for n, x in field_numbers.items() if n in constants},
         }
-    return replace(module, fields=fields)
+    return replace(part_module, fields=module_fields)

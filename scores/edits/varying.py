@@ -42,20 +42,20 @@ class Variant:
     loaded: Loaded
 
 
-def parse(text: str) -> Varied:
+def parse(varied_text: str) -> Varied:
     """Read `TARGET=VALUES`: a list, or a range with its number of points. Raises EditError."""
-    target, equals, values_text = text.partition("=")
-    target, values_text = target.strip(), values_text.strip()
-    if not equals or not target or not values_text:
-        raise EditError(f"{quote(text)} is not TARGET=VALUES, {_EXAMPLE}")
+    target_path, equals, values_text = varied_text.partition("=")
+    target_path, values_text = target_path.strip(), values_text.strip()
+    if not equals or not target_path or not values_text:
+        raise EditError(f"{quote(varied_text)} is not TARGET=VALUES, {_EXAMPLE}")
     if ".." in values_text:
-        return Varied(target, tuple(_range(target, values_text)))
+        return Varied(target_path, tuple(_range(target_path, values_text)))
     values = tuple(word.strip() for word in values_text.split(","))
     if not all(values):
-        raise EditError(f"{quote(text)} has an empty value; write {target}=1,2,5")
+        raise EditError(f"{quote(varied_text)} has an empty value; write {target_path}=1,2,5")
     if twice := next((value for value in values if values.count(value) > 1), None):
-        raise EditError(f"{quote(text)} has the value {twice} twice")
-    return Varied(target, values)
+        raise EditError(f"{quote(varied_text)} has the value {twice} twice")
+    return Varied(target_path, values)
 
 
 def combined(varied: Sequence[Varied], *, is_zipped: bool) -> list[tuple[str, ...]]:
@@ -65,13 +65,13 @@ def combined(varied: Sequence[Varied], *, is_zipped: bool) -> list[tuple[str, ..
     targets = [variation.target for variation in varied]
     if twice := next((name for name in targets if targets.count(name) > 1), None):
         raise EditError(f"{twice} varies twice; give all its values at once")
-    lengths = [len(variation.values) for variation in varied]
-    if is_zipped and len(set(lengths)) > 1:
+    value_counts = [len(variation.values) for variation in varied]
+    if is_zipped and len(set(value_counts)) > 1:
         counts_text = ", ".join(
             f"{variation.target} has {len(variation.values)}" for variation in varied
         )
         raise EditError(f"pairs need as many values of each: {counts_text}")
-    count = lengths[0] if is_zipped else math.prod(lengths)
+    count = value_counts[0] if is_zipped else math.prod(value_counts)
     if count > VARIANTS_MAX:
         raise EditError(f"these are {count:,} variants; a sweep has at most {VARIANTS_MAX:,}")
     columns = [variation.values for variation in varied]
@@ -79,15 +79,15 @@ def combined(varied: Sequence[Varied], *, is_zipped: bool) -> list[tuple[str, ..
 
 
 def variants(
-    texts: Texts, targets: Sequence[str], values: Sequence[tuple[str, ...]]
+    score_texts: Texts, targets: Sequence[str], values: Sequence[tuple[str, ...]]
 ) -> Iterator[Variant]:
     """The score with each of the combined values set; one with mistakes has no piece.
 
     Raises EditError if a target cannot be set.
     """
-    loaded_base = texts.load()
+    loaded_base = score_texts.load()
     for variant_values in values:
-        edited, loaded = texts, loaded_base
+        edited, loaded = score_texts, loaded_base
         for target, value in zip(targets, variant_values, strict=True):
             if loaded.piece is None:
                 break
@@ -96,60 +96,74 @@ def variants(
         yield Variant(variant_values, edited, loaded)
 
 
-def _with(texts: Texts, piece: Piece, target: str, value: str) -> Texts:
-    if target == SEED:
-        if not re.fullmatch(r"\d+", value):
-            raise EditError(f"seed={value}: a seed is a whole number")
-        return names.seed(texts, int(value))
-    if any(entry.name == target for entry in piece.automation):
+def _with(score_texts: Texts, piece: Piece, target_path: str, value_text: str) -> Texts:
+    if target_path == SEED:
+        if not re.fullmatch(r"\d+", value_text):
+            raise EditError(f"seed={value_text}: a seed is a whole number")
+        return names.seed(score_texts, int(value_text))
+    if any(entry.name == target_path for entry in piece.automation):
         raise EditError(
-            f"{target} is changed by `automation`, so a value set here would not be "
+            f"{target_path} is changed by `automation`, so a value set here would not be "
             "heard; remove the automation"
         )
     try:
-        return matter.set_value(texts, piece, target, value)
+        return matter.set_value(score_texts, piece, target_path, value_text)
     except TextError as error:
-        raise EditError(f"{target}={value}: {error}") from None
+        raise EditError(f"{target_path}={value_text}: {error}") from None
 
 
-def _range(target: str, range_text: str) -> Iterator[str]:
-    match = _RANGE.fullmatch(range_text)
-    if match is None:
-        raise EditError(f"{quote(f'{target}={range_text}')} is not a range, {_EXAMPLE}")
-    unit, second_unit = match["unit"].strip(), match["unit2"].strip()
-    if unit != second_unit:
+def _range(target_path: str, range_text: str) -> Iterator[str]:
+    range_match = _RANGE.fullmatch(range_text)
+    if range_match is None:
+        raise EditError(f"{quote(f'{target_path}={range_text}')} is not a range, {_EXAMPLE}")
+    unit_text, second_unit = range_match["unit"].strip(), range_match["unit2"].strip()
+    if unit_text != second_unit:
         raise EditError(
-            f"{quote(f'{target}={range_text}')}: write both ends in one unit; "
-            f"these are {unit or 'none'} and {second_unit or 'none'}"
+            f"{quote(f'{target_path}={range_text}')}: write both ends in one unit; "
+            f"these are {unit_text or 'none'} and {second_unit or 'none'}"
         )
-    low, high, is_log = float(match["low"]), float(match["high"]), match["log"] is not None
-    if match["count"] is None:
-        yield from (f"{x}{unit}" for x in _steps(target, range_text, low, high, is_log))
+    low_end, high_end, is_log = (
+        float(range_match["low"]),
+        float(range_match["high"]),
+        range_match["log"] is not None,
+    )
+    if range_match["count"] is None:
+        yield from (
+            f"{x}{unit_text}" for x in _steps(target_path, range_text, low_end, high_end, is_log)
+        )
         return
-    count = int(match["count"])
-    if not 2 <= count <= VARIANTS_MAX:
-        raise EditError(f"{target}: a range has from 2 to {VARIANTS_MAX:,} points, not {count}")
-    if low == high:
-        raise EditError(f"{target}: both ends of the range are {match['low']}{unit}")
-    if is_log and not low * high > 0.0:
-        raise EditError(f"{target}: a `log` range has both ends above 0, or both below")
-    for i in range(count):
-        t = i / (count - 1)
-        between = low * (high / low) ** t if is_log else low + (high - low) * t
-        x = (low, high)[i > 0] if i in (0, count - 1) else between
-        if target == SEED and x != int(x):
+    value_count = int(range_match["count"])
+    if not 2 <= value_count <= VARIANTS_MAX:
+        raise EditError(
+            f"{target_path}: a range has from 2 to {VARIANTS_MAX:,} points, not {value_count}"
+        )
+    if low_end == high_end:
+        raise EditError(
+            f"{target_path}: both ends of the range are {range_match['low']}{unit_text}"
+        )
+    if is_log and not low_end * high_end > 0.0:
+        raise EditError(f"{target_path}: a `log` range has both ends above 0, or both below")
+    for i in range(value_count):
+        t = i / (value_count - 1)
+        between = (
+            low_end * (high_end / low_end) ** t if is_log else low_end + (high_end - low_end) * t
+        )
+        x = (low_end, high_end)[i > 0] if i in (0, value_count - 1) else between
+        if target_path == SEED and x != int(x):
             raise EditError(f"seed={range_text}: a seed is a whole number; write seed=1..16")
-        yield f"{x:.9g}{unit}"
+        yield f"{x:.9g}{unit_text}"
 
 
-def _steps(target: str, range_text: str, low: float, high: float, is_log: bool) -> range:
-    if is_log or low != int(low) or high != int(high):
+def _steps(
+    target_path: str, range_text: str, low_end: float, high_end: float, is_log: bool
+) -> range:
+    if is_log or low_end != int(low_end) or high_end != int(high_end):
         raise EditError(
-            f"{quote(f'{target}={range_text}')}: say how many points the range has, "
-            f"such as {target}={range_text.removesuffix('log').strip()}:8"
+            f"{quote(f'{target_path}={range_text}')}: say how many points the range has, "
+            f"such as {target_path}={range_text.removesuffix('log').strip()}:8"
         )
-    if not low < high or high - low >= VARIANTS_MAX:
+    if not low_end < high_end or high_end - low_end >= VARIANTS_MAX:
         raise EditError(
-            f"{quote(f'{target}={range_text}')}: a range rises, by less than {VARIANTS_MAX:,}"
+            f"{quote(f'{target_path}={range_text}')}: a range rises, by less than {VARIANTS_MAX:,}"
         )
-    return range(int(low), int(high) + 1)
+    return range(int(low_end), int(high_end) + 1)

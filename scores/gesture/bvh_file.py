@@ -72,19 +72,19 @@ class _Words:
         return TakeError(message, self._path, line or self.number or None)
 
     def numbers(self, count: int, what: str) -> list[float]:
-        values: list[float] = []
-        line = None
+        read_numbers: list[float] = []
+        line_number = None
         for _ in range(count):
             word = self.word()
-            line = line or self.number
+            line_number = line_number or self.number
             try:
                 value = float(word)
             except ValueError:
                 value = math.nan
             if not abs(value) <= _HIGH:
-                raise self.wrong(f"{what} must be {count:,} numbers", line)
-            values.append(value)
-        return values
+                raise self.wrong(f"{what} must be {count:,} numbers", line_number)
+            read_numbers.append(value)
+        return read_numbers
 
 
 def read(path: Path) -> Motion:
@@ -101,13 +101,14 @@ def read(path: Path) -> Motion:
     def blocks() -> Iterator[Floats]:
         rows_max = max(1, BLOCK // max(n_channels, 3 * len(joints)))
         with opened_text(path) as file:
-            words = _Words(file, path)
-            _hierarchy(words)
-            _motion(words)
+            file_words = _Words(file, path)
+            _hierarchy(file_words)
+            _motion(file_words)
             rows_left = n
             while rows_left:
                 rows = [
-                    words.numbers(n_channels, "a frame") for _ in range(min(rows_left, rows_max))
+                    file_words.numbers(n_channels, "a frame")
+                    for _ in range(min(rows_left, rows_max))
                 ]
                 rows_left -= len(rows)
                 yield _places(joints, np.array(rows).reshape(len(rows), n_channels))
@@ -127,37 +128,37 @@ def read(path: Path) -> Motion:
     return judged(Motion(names, n, rate, None, blocks, note, passed_over), path)
 
 
-def _hierarchy(words: _Words) -> tuple[list[_Joint], int]:
+def _hierarchy(file_words: _Words) -> tuple[list[_Joint], int]:
     """The joints, parents first, and how many numbers a frame has."""
-    if words.word().upper() != "HIERARCHY":
-        raise words.wrong("this is not a BVH file")
+    if file_words.word().upper() != "HIERARCHY":
+        raise file_words.wrong("this is not a BVH file")
     joints: list[_Joint] = []
     open_joints: list[int] = []  # joints whose braces are open
     n_channels = 0
-    while (word := words.word().upper()) != "MOTION":
+    while (word := file_words.word().upper()) != "MOTION":
         match word:
             case "ROOT" | "JOINT" if (word == "ROOT") == (not open_joints):
-                joints.append(_Joint(_name(words), open_joints[-1] if open_joints else None))
+                joints.append(_Joint(_name(file_words), open_joints[-1] if open_joints else None))
                 open_joints.append(len(joints) - 1)
             case "END" if open_joints:
-                _name(words)
+                _name(file_words)
                 joints.append(_Joint(f"{joints[open_joints[-1]].name} end", open_joints[-1]))
                 open_joints.append(len(joints) - 1)
             case "}" if open_joints:
                 open_joints.pop()
             case "OFFSET" if open_joints:
-                joints[open_joints[-1]].offset = words.numbers(3, "an offset")
+                joints[open_joints[-1]].offset = file_words.numbers(3, "an offset")
             case "CHANNELS" if open_joints:
                 channels = joints[open_joints[-1]].channels
-                channel_columns = _channels(words)
+                channel_columns = _channels(file_words)
                 channels += [(kind, n_channels + i) for i, kind in enumerate(channel_columns)]
                 n_channels += len(channel_columns)
             case _:
-                raise words.wrong("this line is out of place in a BVH file")
+                raise file_words.wrong("this line is out of place in a BVH file")
         if len(joints) > MAX_CHANNELS or n_channels > 6 * MAX_CHANNELS:
-            raise words.wrong(f"the file has more than {MAX_CHANNELS:,} points")
+            raise file_words.wrong(f"the file has more than {MAX_CHANNELS:,} points")
     if open_joints:
-        raise words.wrong("a brace is not closed before MOTION")
+        raise file_words.wrong("a brace is not closed before MOTION")
     return joints, n_channels
 
 
@@ -171,68 +172,73 @@ def _name(words: _Words) -> str:
     return " ".join(name)
 
 
-def _channels(words: _Words) -> list[int]:
+def _channels(file_words: _Words) -> list[int]:
     """The kinds of channels that a joint has."""
-    count, line = words.word(), words.number
-    kinds: list[int] = []
-    while (word := words.word().lower()) in _CHANNELS:
-        kinds.append(_CHANNELS.index(word))
-    words.back(word)
-    if count != str(len(kinds)):
+    count, line = file_words.word(), file_words.number
+    channel_kinds: list[int] = []
+    while (word := file_words.word().lower()) in _CHANNELS:
+        channel_kinds.append(_CHANNELS.index(word))
+    file_words.back(word)
+    if count != str(len(channel_kinds)):
         channel_names = ", ".join(f"{name[0].upper()}{name[1:]}" for name in _CHANNELS)
-        raise words.wrong(f"channels are a count and names of {channel_names}", line)
-    return kinds
+        raise file_words.wrong(f"channels are a count and names of {channel_names}", line)
+    return channel_kinds
 
 
-def _motion(words: _Words) -> tuple[int, float]:
+def _motion(file_words: _Words) -> tuple[int, float]:
     """The number of frames, and the frame rate [Hz]."""
-    frames = _after(words, "frames")
-    if frames is None or not frames.isdecimal():
-        raise words.wrong("after MOTION comes `Frames:` and their number")
-    if len(frames) > 9 or int(frames) > MAX_SAMPLES:
-        raise words.wrong(f"the file has more than {MAX_SAMPLES:,} samples")
-    period = _after(words, "frame", "time")
+    frame_count_text = _after(file_words, "frames")
+    if frame_count_text is None or not frame_count_text.isdecimal():
+        raise file_words.wrong("after MOTION comes `Frames:` and their number")
+    if len(frame_count_text) > 9 or int(frame_count_text) > MAX_SAMPLES:
+        raise file_words.wrong(f"the file has more than {MAX_SAMPLES:,} samples")
+    period = _after(file_words, "frame", "time")
     if period is None:
-        raise words.wrong("after `Frames:` comes `Frame Time:` and seconds")
-    words.back(period)
-    (seconds,) = words.numbers(1, "the time of a frame")
+        raise file_words.wrong("after `Frames:` comes `Frame Time:` and seconds")
+    file_words.back(period)
+    (seconds,) = file_words.numbers(1, "the time of a frame")
     if not seconds > 1e-6:
-        raise words.wrong("the time of a frame must be above a microsecond")
-    return int(frames), 1 / seconds
+        raise file_words.wrong("the time of a frame must be above a microsecond")
+    return int(frame_count_text), 1 / seconds
 
 
-def _after(words: _Words, *label: str) -> str | None:
+def _after(file_words: _Words, *label: str) -> str | None:
     """The word after a label and its colon, with or without spaces; None without the label."""
     *first_words, last_word = label
-    if any(words.word().lower() != expected_word for expected_word in first_words):
+    if any(file_words.word().lower() != expected_word for expected_word in first_words):
         return None
-    name, colon, value = words.word().partition(":")
+    name, colon, value = file_words.word().partition(":")
     if name.lower() != last_word:
         return None
     if not colon:
-        colon, value = (following := words.word())[:1], following[1:]
-    return (value or words.word()) if colon == ":" else None
+        colon, value = (following := file_words.word())[:1], following[1:]
+    return (value or file_words.word()) if colon == ":" else None
 
 
-def _places(joints: list[_Joint], rows: Floats) -> Floats:
+def _places(joints: list[_Joint], frame_rows: Floats) -> Floats:
     """Positions of the joints in each frame, (frames, joints, 3)."""
-    n = len(rows)
-    places, turns = np.empty((n, len(joints), 3)), np.empty((len(joints), n, 3, 3))
+    n = len(frame_rows)
+    joint_positions, joint_rotations = (
+        np.empty((n, len(joints), 3)),
+        np.empty((len(joints), n, 3, 3)),
+    )
     for i, joint in enumerate(joints):
         joint_places = np.tile(np.array(joint.offset), (n, 1))
-        turn = np.tile(np.eye(3), (n, 1, 1))
+        joint_rotation = np.tile(np.eye(3), (n, 1, 1))
         for kind, column in joint.channels:
             if kind < 3:
-                joint_places[:, kind] = rows[:, column]
+                joint_places[:, kind] = frame_rows[:, column]
             else:
-                turn = turn @ _turned(kind - 3, rows[:, column])
+                joint_rotation = joint_rotation @ _turned(kind - 3, frame_rows[:, column])
         if joint.parent is None:
-            places[:, i], turns[i] = joint_places, turn
+            joint_positions[:, i], joint_rotations[i] = joint_places, joint_rotation
         else:
-            about = turns[joint.parent]
-            places[:, i] = places[:, joint.parent] + np.einsum("nij,nj->ni", about, joint_places)
-            turns[i] = about @ turn
-    return places
+            about = joint_rotations[joint.parent]
+            joint_positions[:, i] = joint_positions[:, joint.parent] + np.einsum(
+                "nij,nj->ni", about, joint_places
+            )
+            joint_rotations[i] = about @ joint_rotation
+    return joint_positions
 
 
 def _turned(axis: int, degrees: Floats) -> Floats:

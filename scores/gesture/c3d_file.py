@@ -89,7 +89,7 @@ class _Layout:
 
 
 def _layouts(
-    head: bytes, values: dict[tuple[str, str], _Value], numbers: _Numbers
+    header_bytes: bytes, parameter_values: dict[tuple[str, str], _Value], number_format: _Numbers
 ) -> list[_Layout]:
     """The layouts that the header and the parameters state, that of the header first.
 
@@ -98,41 +98,51 @@ def _layouts(
     """
 
     def finite_number(group: str, name: str) -> float | None:
-        value = _number(values, group, name, numbers)
+        value = _number(parameter_values, group, name, number_format)
         return value if value is not None and math.isfinite(value) and value >= 0 else None
 
-    n = _frames(numbers.word(head, 6), numbers.word(head, 8), values, numbers)
-    header = _Layout(numbers.word(head, 2), numbers.word(head, 4), n, numbers.real(head, 12))
-    points, analog, frames = [header.n_points], [header.n_analog], [n]
-    if (used := finite_number("POINT", "USED")) is not None:
-        points.append(int(used) & _MANY)
-    if (used := finite_number("ANALOG", "USED")) is not None:
+    n = _frames(
+        number_format.word(header_bytes, 6),
+        number_format.word(header_bytes, 8),
+        parameter_values,
+        number_format,
+    )
+    header = _Layout(
+        number_format.word(header_bytes, 2),
+        number_format.word(header_bytes, 4),
+        n,
+        number_format.real(header_bytes, 12),
+    )
+    point_counts, analog, frame_counts = [header.n_points], [header.n_analog], [n]
+    if (used_count := finite_number("POINT", "USED")) is not None:
+        point_counts.append(int(used_count) & _MANY)
+    if (used_count := finite_number("ANALOG", "USED")) is not None:
         rates = finite_number("ANALOG", "RATE"), finite_number("POINT", "RATE")
-        analog.append(int(used) * numbers.word(head, 18))
+        analog.append(int(used_count) * number_format.word(header_bytes, 18))
         if rates[0] and rates[1]:
-            analog.append(int(used) * min(round(rates[0] / rates[1]), _MANY))
+            analog.append(int(used_count) * min(round(rates[0] / rates[1]), _MANY))
     if total := finite_number("POINT", "FRAMES"):
-        frames.append(int(total))
+        frame_counts.append(int(total))
     scales = [header.scale]
-    scale = _number(values, "POINT", "SCALE", numbers)
+    scale = _number(parameter_values, "POINT", "SCALE", number_format)
     if scale is not None and math.isfinite(scale) and scale * header.scale < 0:
         scales.append(scale)
-    candidates = itertools.product(points, analog, frames, scales)
+    candidates = itertools.product(point_counts, analog, frame_counts, scales)
     return list(dict.fromkeys([header, *itertools.starmap(_Layout, candidates)]))
 
 
-def _fitting(layouts: list[_Layout], file: BufferedReader, start: int, path: Path) -> _Layout:
+def _fitting(layouts: list[_Layout], open_file: BufferedReader, start: int, path: Path) -> _Layout:
     """The layout that fills the file up to its last sector. Raises TakeError."""
     if len({layout.meaning for layout in layouts}) == 1:
         return layouts[0]
-    size = os.fstat(file.fileno()).st_size
+    file_size = os.fstat(open_file.fileno()).st_size
 
     def left_over(layout: _Layout) -> int:
-        return size - start - layout.n * layout.frame
+        return file_size - start - layout.n * layout.frame
 
     def is_followed_by_zeros(layout: _Layout) -> bool:
-        file.seek(size - left_over(layout))
-        return not any(file.read(_SECTOR))
+        open_file.seek(file_size - left_over(layout))
+        return not any(open_file.read(_SECTOR))
 
     fits = [layout for layout in layouts if 0 <= left_over(layout) < _SECTOR]
     if len({layout.meaning for layout in fits}) > 1:
@@ -154,42 +164,54 @@ def _fitting(layouts: list[_Layout], file: BufferedReader, start: int, path: Pat
 
 def read(path: Path) -> Motion:
     """The motion in a C3D file. Raises TakeError and OSError."""
-    with opened(path) as file:
-        size = os.fstat(file.fileno()).st_size
-        head = file.read(_SECTOR)
-        if len(head) < _SECTOR or head[1] != 0x50 or not head[0]:
+    with opened(path) as open_file:
+        file_size = os.fstat(open_file.fileno()).st_size
+        header_bytes = open_file.read(_SECTOR)
+        if len(header_bytes) < _SECTOR or header_bytes[1] != 0x50 or not header_bytes[0]:
             raise TakeError("this is not a C3D file", path)
-        numbers, values = _parameters(file, _SECTOR * (head[0] - 1), path)
-        rate = _number(values, "POINT", "RATE", numbers) or numbers.real(head, 20)
-        start = _SECTOR * (numbers.word(head, 16) - 1)
-        header, *others = _layouts(head, values, numbers)
-        if not math.isfinite(header.scale) or not header.scale or start < _SECTOR or header.n < 0:
+        number_format, parameter_values = _parameters(
+            open_file, _SECTOR * (header_bytes[0] - 1), path
+        )
+        rate = _number(parameter_values, "POINT", "RATE", number_format) or number_format.real(
+            header_bytes, 20
+        )
+        start_offset = _SECTOR * (number_format.word(header_bytes, 16) - 1)
+        header, *others = _layouts(header_bytes, parameter_values, number_format)
+        if (
+            not math.isfinite(header.scale)
+            or not header.scale
+            or start_offset < _SECTOR
+            or header.n < 0
+        ):
             raise TakeError("this is not a C3D file that can be read: its header is damaged", path)
-        layout = _fitting([header, *others], file, start, path)
-    n_points, n, is_real, frame = layout.n_points, layout.n, layout.is_real, layout.frame
+        layout = _fitting([header, *others], open_file, start_offset, path)
+    n_points, n, is_real, frame_bytes = layout.n_points, layout.n, layout.is_real, layout.frame
     # POINT:SCALE repeats the header's scale; floating-point numbers are not scaled.
     factor = 1.0 if is_real else layout.scale
     width = layout.width
-    if start + n * frame > size:
-        n_complete = max(0, (size - start) // frame)
+    if start_offset + n * frame_bytes > file_size:
+        n_complete = max(0, (file_size - start_offset) // frame_bytes)
         raise TakeError(f"the file is cut: of {n:,} frames {n_complete:,} are there", path)
     is_rate = math.isfinite(rate) and rate > 0
-    metres = metres_of(_text(values, "POINT", "UNITS").replace("\0", " "))
+    metres = metres_of(_text(parameter_values, "POINT", "UNITS").replace("\0", " "))
 
     def blocks() -> Iterator[Floats]:
         with opened(path) as file:
-            file.seek(start)
-            frames_left, frames_max = n, max(1, BLOCK * width // max(frame, 1))
+            file.seek(start_offset)
+            frames_left, frames_max = n, max(1, BLOCK * width // max(frame_bytes, 1))
             while frames_left:
-                data = file.read(frame * min(frames_left, frames_max))
-                if len(data) != frame * min(frames_left, frames_max):
+                data = file.read(frame_bytes * min(frames_left, frames_max))
+                if len(data) != frame_bytes * min(frames_left, frames_max):
                     raise TakeError("the file is shorter than its header says", path)
-                frames_left -= len(data) // frame
-                yield _places(data, len(data) // frame, n_points, numbers, is_real) * factor
+                frames_left -= len(data) // frame_bytes
+                yield (
+                    _places(data, len(data) // frame_bytes, n_points, number_format, is_real)
+                    * factor
+                )
 
-    labels = _labels(values, n_points)
+    labels = _labels(parameter_values, n_points)
     passed_over = [f"{layout.n_analog:,} analog values a frame"] if layout.n_analog else []
-    if groups := sorted({group for group, _ in values if group} - _READ):
+    if groups := sorted({group for group, _ in parameter_values if group} - _READ):
         passed_over.append(f"parameters of {', '.join(groups)}")
     motion = Motion(labels, n, rate if is_rate else None, metres, blocks, None, tuple(passed_over))
     return judged(motion, path)
@@ -206,47 +228,56 @@ def _places(data: bytes, n: int, n_points: int, numbers: _Numbers, is_real: bool
 
 
 def _parameters(
-    file: BufferedReader, position: int, path: Path
+    file: BufferedReader, parameters_start: int, path: Path
 ) -> tuple[_Numbers, dict[tuple[str, str], _Value]]:
     """Parameters by the names of their groups and their own."""
-    file.seek(position)
-    data = file.read(_PARAMETERS_MAX)
-    if len(data) < 4 or data[3] not in _ORDERS:
+    file.seek(parameters_start)
+    file_bytes = file.read(_PARAMETERS_MAX)
+    if len(file_bytes) < 4 or file_bytes[3] not in _ORDERS:
         raise TakeError("this is not a C3D file that can be read: no parameters", path)
-    numbers = _Numbers(data[3])
-    groups: dict[int, str] = {}
+    number_format = _Numbers(file_bytes[3])
+    group_names: dict[int, str] = {}
     rows_found: list[tuple[int, str, _Value]] = []
-    position = 4
-    while position + 2 < len(data):
+    parameters_start = 4
+    while parameters_start + 2 < len(file_bytes):
         # A negative length of the name locks a parameter; a negative number makes it a group.
-        length, group = abs(struct.unpack_from("b", data, position)[0]), data[position + 1]
-        position += 2
-        name = data[position : position + length].decode("ascii", "replace").upper()
-        position += length
-        if not length or position + 2 > len(data):
+        length, group_number = (
+            abs(struct.unpack_from("b", file_bytes, parameters_start)[0]),
+            file_bytes[parameters_start + 1],
+        )
+        parameters_start += 2
+        parameter_name = (
+            file_bytes[parameters_start : parameters_start + length]
+            .decode("ascii", "replace")
+            .upper()
+        )
+        parameters_start += length
+        if not length or parameters_start + 2 > len(file_bytes):
             break
-        offset = numbers.word(data, position)
-        if group >= 0x80:
-            groups[0x100 - group] = name
-        elif (value := _value(data, position + 2)) is not None:
-            rows_found.append((group, name, value))
-        if not offset:
+        byte_offset = number_format.word(file_bytes, parameters_start)
+        if group_number >= 0x80:
+            group_names[0x100 - group_number] = parameter_name
+        elif (value := _value(file_bytes, parameters_start + 2)) is not None:
+            rows_found.append((group_number, parameter_name, value))
+        if not byte_offset:
             break
-        position += offset
-    return numbers, {(groups.get(group, ""), name): value for group, name, value in rows_found}
+        parameters_start += byte_offset
+    return number_format, {
+        (group_names.get(group, ""), name): value for group, name, value in rows_found
+    }
 
 
-def _value(data: bytes, offset: int) -> _Value | None:
+def _value(parameter_bytes: bytes, byte_offset: int) -> _Value | None:
     """The parameter that begins at an offset; None if it is damaged."""
-    if offset + 2 > len(data):
+    if byte_offset + 2 > len(parameter_bytes):
         return None
-    kind, n_dimensions = struct.unpack_from("bB", data, offset)
-    dimensions = tuple(data[offset + 2 : offset + 2 + n_dimensions])
-    size = _SIZES.get(kind, 0) * math.prod(dimensions)
-    offset += 2 + n_dimensions
-    if kind not in _SIZES or offset + size > len(data):
+    value_kind, n_dimensions = struct.unpack_from("bB", parameter_bytes, byte_offset)
+    dimensions = tuple(parameter_bytes[byte_offset + 2 : byte_offset + 2 + n_dimensions])
+    size = _SIZES.get(value_kind, 0) * math.prod(dimensions)
+    byte_offset += 2 + n_dimensions
+    if value_kind not in _SIZES or byte_offset + size > len(parameter_bytes):
         return None
-    return kind, dimensions, data[offset : offset + size]
+    return value_kind, dimensions, parameter_bytes[byte_offset : byte_offset + size]
 
 
 def _text(values: dict[tuple[str, str], _Value], group: str, name: str) -> str:
@@ -255,40 +286,45 @@ def _text(values: dict[tuple[str, str], _Value], group: str, name: str) -> str:
 
 
 def _number(
-    values: dict[tuple[str, str], _Value], group: str, name: str, numbers: _Numbers
+    values: dict[tuple[str, str], _Value], group: str, name: str, number_format: _Numbers
 ) -> float | None:
     """The first number of a parameter; two 16-bit integers are one number, the frame count of a
     long file.
     """
     kind, _, data = values.get((group, name), (0, (), b""))
     if kind == 4 and len(data) >= 4:
-        return numbers.real(data, 0)
+        return number_format.real(data, 0)
     if kind == 2 and len(data) >= 4:
-        return numbers.word(data, 0) + 0x10000 * numbers.word(data, 2)
-    return numbers.word(data, 0) if kind == 2 and len(data) >= 2 else None
+        return number_format.word(data, 0) + 0x10000 * number_format.word(data, 2)
+    return number_format.word(data, 0) if kind == 2 and len(data) >= 2 else None
 
 
-def _frames(first: int, last: int, values: dict[tuple[str, str], _Value], numbers: _Numbers) -> int:
+def _frames(
+    first: int,
+    last_frame: int,
+    parameter_values: dict[tuple[str, str], _Value],
+    number_format: _Numbers,
+) -> int:
     """The number of frames; from parameters if it is too large for the header."""
-    if last == _MANY:
-        begin = _number(values, "TRIAL", "ACTUAL_START_FIELD", numbers)
-        end = _number(values, "TRIAL", "ACTUAL_END_FIELD", numbers)
+    if last_frame == _MANY:
+        begin = _number(parameter_values, "TRIAL", "ACTUAL_START_FIELD", number_format)
+        end = _number(parameter_values, "TRIAL", "ACTUAL_END_FIELD", number_format)
         if begin and end and math.isfinite(begin) and math.isfinite(end):
             return int(end) - int(begin) + 1
         for name in ("LONG_FRAMES", "FRAMES"):
-            n = _number(values, "POINT", name, numbers)
+            n = _number(parameter_values, "POINT", name, number_format)
             if n and math.isfinite(n):
                 return int(n)
-    return last - first + 1
+    return last_frame - first + 1
 
 
-def _labels(values: dict[tuple[str, str], _Value], n: int) -> tuple[str, ...]:
+def _labels(parameter_values: dict[tuple[str, str], _Value], n: int) -> tuple[str, ...]:
     """Names of points, (n,)."""
-    names: list[str] = []
+    point_names: list[str] = []
     number = 1
-    while (label := ("POINT", "LABELS" if number == 1 else f"LABELS{number}")) in values:
-        _, dimensions, _ = values[label]
-        text, width = _text(values, *label), max(1, dimensions[0] if dimensions else 1)
-        names += [text[i : i + width].strip(" \0") for i in range(0, len(text), width)]
+    while (label := ("POINT", "LABELS" if number == 1 else f"LABELS{number}")) in parameter_values:
+        _, dimensions, _ = parameter_values[label]
+        text, width = _text(parameter_values, *label), max(1, dimensions[0] if dimensions else 1)
+        point_names += [text[i : i + width].strip(" \0") for i in range(0, len(text), width)]
         number += 1
-    return unique_names([*names, *[""] * n][:n])
+    return unique_names([*point_names, *[""] * n][:n])

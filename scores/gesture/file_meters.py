@@ -22,16 +22,16 @@ def on_bar_lines(
 
     Raises TakeError for a meter that no score has, and for one that does not begin on a bar line.
     """
-    bars, result = Bars(), []
+    bar_map, placed_meters = Bars(), []
     last_quarter, last_beat = 0.0, 0.0
     for quarter, file_meter in meters:
-        beat = bars.after_quarters(last_beat, quarter - last_quarter)
+        beat = bar_map.after_quarters(last_beat, quarter - last_quarter)
         last_quarter, last_beat = quarter, beat
         try:
             meter = read(file_meter)
-            bars.change(beat, meter)
+            bar_map.change(beat, meter)
         except TextError as error:
             message = f"its meter {quarter:g} quarters after the beginning: {error.message}"
             raise TakeError(message, path) from None
-        result.append((quarter, meter))
-    return tuple(result)
+        placed_meters.append((quarter, meter))
+    return tuple(placed_meters)

@@ -59,15 +59,17 @@ class MidiBytes:
 
     def header(self) -> MidiHeader:
         """The chunks of the file. Raises TakeError."""
-        data = self.data
-        if data[:4] != b"MThd":
+        file_bytes = self.data
+        if file_bytes[:4] != b"MThd":
             raise TakeError("it is not a MIDI file: it does not begin with MThd", self.path)
-        size = int.from_bytes(data[4:8], "big")
-        if len(data) < 14 or size < 6:
+        file_size = int.from_bytes(file_bytes[4:8], "big")
+        if len(file_bytes) < 14 or file_size < 6:
             raise self.damaged(4, "the header has fewer than 6 bytes")
-        kind, n_tracks, division = (int.from_bytes(data[i : i + 2], "big") for i in (8, 10, 12))
-        if kind > 1:
-            message = f"a MIDI file of type {kind} holds several pieces; save it as type 1"
+        midi_format, n_tracks, division = (
+            int.from_bytes(file_bytes[i : i + 2], "big") for i in (8, 10, 12)
+        )
+        if midi_format > 1:
+            message = f"a MIDI file of type {midi_format} holds several pieces; save it as type 1"
             raise TakeError(message, self.path)
         if division & 0x8000:
             message = "its times are frames of film (SMPTE); save it with ticks in a beat"
@@ -75,77 +77,84 @@ class MidiBytes:
         if not division:
             raise self.damaged(12, "a beat has no ticks")
         tracks: list[tuple[int, int]] = []
-        n_others, start = 0, _NAME_SIZE + size
-        while start < len(data):
-            name, content_start = data[start : start + 4], start + _NAME_SIZE
-            size = int.from_bytes(data[start + 4 : content_start], "big")
-            stop = content_start + size
-            is_chunk = (
-                content_start <= len(data) and name.isascii() and name.decode("ascii").isprintable()
+        n_others, chunk_start = 0, _NAME_SIZE + file_size
+        while chunk_start < len(file_bytes):
+            chunk_name, content_start = (
+                file_bytes[chunk_start : chunk_start + 4],
+                chunk_start + _NAME_SIZE,
             )
-            is_whole = is_chunk and stop <= len(data)
-            if not is_whole and len(tracks) >= n_tracks and name != b"MTrk":
+            file_size = int.from_bytes(file_bytes[chunk_start + 4 : content_start], "big")
+            chunk_stop = content_start + file_size
+            is_chunk = (
+                content_start <= len(file_bytes)
+                and chunk_name.isascii()
+                and chunk_name.decode("ascii").isprintable()
+            )
+            is_whole = is_chunk and chunk_stop <= len(file_bytes)
+            if not is_whole and len(tracks) >= n_tracks and chunk_name != b"MTrk":
                 break  # no chunk, and all tracks that the header counts are there
-            if content_start > len(data):
-                raise self.damaged(start, "a chunk ends in its name or length")
-            if stop > len(data):
-                raise self.damaged(start + 4, f"a chunk of {size:,} bytes goes beyond the end")
-            if name == b"MTrk":
-                tracks.append((content_start, stop))
+            if content_start > len(file_bytes):
+                raise self.damaged(chunk_start, "a chunk ends in its name or length")
+            if chunk_stop > len(file_bytes):
+                raise self.damaged(
+                    chunk_start + 4, f"a chunk of {file_size:,} bytes goes beyond the end"
+                )
+            if chunk_name == b"MTrk":
+                tracks.append((content_start, chunk_stop))
             else:
                 n_others += 1
-            start = stop
-        n_after, n_missing = max(0, len(data) - start), max(0, n_tracks - len(tracks))
-        return MidiHeader(kind, division, tuple(tracks), n_others, n_after, n_missing)
+            chunk_start = chunk_stop
+        n_after, n_missing = max(0, len(file_bytes) - chunk_start), max(0, n_tracks - len(tracks))
+        return MidiHeader(midi_format, division, tuple(tracks), n_others, n_after, n_missing)
 
     def track(self, span: tuple[int, int]) -> Iterator[MidiEvent]:
         """The events of a track in order, up to the event that ends it. Raises TakeError."""
-        offset, stop = span
+        byte_offset, track_stop = span
         tick, status, count = 0, 0, 0
-        while offset < stop:
+        while byte_offset < track_stop:
             count += 1
             if not count % 4096:
                 poll()
-            step, offset = self._variable(offset, stop)
+            step, byte_offset = self._variable(byte_offset, track_stop)
             tick += step
             if tick > MAX_TICK:
-                raise self.damaged(offset, "a track is longer than any piece")
-            if offset >= stop:
-                raise self.damaged(offset, "a track ends where an event is expected")
-            byte = self.data[offset]
+                raise self.damaged(byte_offset, "a track is longer than any piece")
+            if byte_offset >= track_stop:
+                raise self.damaged(byte_offset, "a track ends where an event is expected")
+            byte = self.data[byte_offset]
             if byte >= SYSEX:
-                event, offset = self._message(tick, byte, offset + 1, stop)
+                event, byte_offset = self._message(tick, byte, byte_offset + 1, track_stop)
                 yield event
                 if event.kind == META and event.number == END_OF_TRACK:
-                    self.n_unread += stop - offset
+                    self.n_unread += track_stop - byte_offset
                     return
                 continue  # a running status goes on, though RP-001 ends it: writers count on that
             if byte & 0x80:
-                status, offset = byte, offset + 1
+                status, byte_offset = byte, byte_offset + 1
             elif not status:
-                raise self.damaged(offset, "data without a status before it")
+                raise self.damaged(byte_offset, "data without a status before it")
             size = _SIZES[status >> 4]
-            content = self.data[offset : offset + size]
-            if offset + size > stop or any(byte & 0x80 for byte in content):
-                raise self.damaged(offset, "an event lacks its data")
-            offset += size
+            content = self.data[byte_offset : byte_offset + size]
+            if byte_offset + size > track_stop or any(byte & 0x80 for byte in content):
+                raise self.damaged(byte_offset, "an event lacks its data")
+            byte_offset += size
             channel = (status & 0xF) + 1
             yield MidiEvent(tick, status & 0xF0, channel, content[0], content)
 
     def _message(self, tick: int, status: int, offset: int, stop: int) -> tuple[MidiEvent, int]:
         """A meta event or a message of the system, and the offset of its end."""
-        number = 0
+        message_number = 0
         if status == META:
             if offset >= stop:
                 raise self.damaged(offset, "a track ends where an event is expected")
-            number, offset = self.data[offset], offset + 1
+            message_number, offset = self.data[offset], offset + 1
         elif status not in (SYSEX, SYSEX_PART):
             raise self.damaged(offset - 1, f"a message 0x{status:02X}, which no file has")
         size, offset = self._variable(offset, stop)
         if offset + size > stop:
             raise self.damaged(offset, f"an event of {size:,} bytes goes beyond its track")
         content = self.data[offset : offset + size]
-        return MidiEvent(tick, status, 0, number, content), offset + size
+        return MidiEvent(tick, status, 0, message_number, content), offset + size
 
     def _variable(self, offset: int, stop: int) -> tuple[int, int]:
         """A number of variable length, and the offset of its end."""
@@ -157,15 +166,15 @@ class MidiBytes:
         raise self.damaged(offset, "a number has no end")
 
 
-def _within_riff(data: bytes) -> bytes:
+def _within_riff(riff_bytes: bytes) -> bytes:
     """The file that a RIFF of kind RMID holds (RP-029); other bytes as they are."""
-    if data[:4] != b"RIFF" or data[8:12] != b"RMID":
-        return data
-    start = 12
-    while start + _NAME_SIZE <= len(data):
-        size = int.from_bytes(data[start + 4 : start + _NAME_SIZE], "little")
-        content = data[start + _NAME_SIZE :][:size]
-        if data[start : start + 4] == b"data":
+    if riff_bytes[:4] != b"RIFF" or riff_bytes[8:12] != b"RMID":
+        return riff_bytes
+    chunk_start = 12
+    while chunk_start + _NAME_SIZE <= len(riff_bytes):
+        size = int.from_bytes(riff_bytes[chunk_start + 4 : chunk_start + _NAME_SIZE], "little")
+        content = riff_bytes[chunk_start + _NAME_SIZE :][:size]
+        if riff_bytes[chunk_start : chunk_start + 4] == b"data":
             return content
-        start += _NAME_SIZE + size + size % 2
-    return data
+        chunk_start += _NAME_SIZE + size + size % 2
+    return riff_bytes

@@ -27,17 +27,17 @@ def read_course(path: Path, channel: int | None, source: MidiSource) -> Course:
 
 
 @lru_cache(32)
-def _read(path: Path, channel: int | None, source: MidiSource, _: FileState) -> Course:
+def _read(path: Path, channel_name: int | None, source: MidiSource, _: FileState) -> Course:
     file = read_bytes(path)
     header = file.header()
-    events = [
+    track_events = [
         event
         for event in chain.from_iterable(map(file.track, header.tracks))
         if event.kind == source.kind and (not source.numbers or event.number in source.numbers)
     ]
-    moving = [event for event in events if channel in (None, event.channel)]
+    moving = [event for event in track_events if channel_name in (None, event.channel)]
     if not moving:
-        raise TakeError(_nothing(source, events, channel), path, field="by")
+        raise TakeError(_nothing(source, track_events, channel_name), path, field="by")
     moving.sort(key=lambda event: event.tick)
     by_tick = dict(_shares(moving, source))  # of several values in a tick the last
     course, share_before = [], None
@@ -50,22 +50,26 @@ def _read(path: Path, channel: int | None, source: MidiSource, _: FileState) -> 
     return tuple(course)
 
 
-def _shares(events: Iterable[MidiEvent], source: MidiSource) -> Iterator[tuple[int, float]]:
+def _shares(events: Iterable[MidiEvent], midi_source: MidiSource) -> Iterator[tuple[int, float]]:
     """The tick of each event, and where things stand then.
 
     The upper bits of a pair put the lower ones at 0, until these come (MIDI 1.0, control change).
     """
     upper, lower = 0, 0
-    for event in events:
-        value = event.content[-1]
-        if source.kind == PITCH_BEND:
-            share = wheel_share(event.content[0] | value << 7)
-        elif source.kind == CONTROLLER and len(source.numbers) == 2:
-            upper, lower = (value, 0) if event.number == source.numbers[0] else (upper, value)
-            share = pair_share(upper, lower)
+    for midi_event in events:
+        controller_value = midi_event.content[-1]
+        if midi_source.kind == PITCH_BEND:
+            travel_share = wheel_share(midi_event.content[0] | controller_value << 7)
+        elif midi_source.kind == CONTROLLER and len(midi_source.numbers) == 2:
+            upper, lower = (
+                (controller_value, 0)
+                if midi_event.number == midi_source.numbers[0]
+                else (upper, controller_value)
+            )
+            travel_share = pair_share(upper, lower)
         else:
-            share = seven_bit_share(value)
-        yield event.tick, share
+            travel_share = seven_bit_share(controller_value)
+        yield midi_event.tick, travel_share
 
 
 def _nothing(source: MidiSource, events: Iterable[MidiEvent], channel: int | None) -> str:

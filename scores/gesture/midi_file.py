@@ -74,32 +74,32 @@ def read_notes(path: Path, channel: str | None = None) -> MidiNotes:
 
 
 @lru_cache(8)
-def _read(path: Path, channel: str | None, _: FileState) -> MidiNotes:
-    channel_asked = channel_number(path, channel)
-    file = read_bytes(path)
-    header = file.header()
+def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
+    channel_asked = channel_number(path, channel_name)
+    midi_bytes = read_bytes(path)
+    header = midi_bytes.header()
     by_channel: dict[int, list[_Event]] = {}
     with_notes: set[int] = set()
-    end, count = 0, 0
+    end_tick, note_count = 0, 0
     for track in header.tracks:
-        for read in file.track(track):
-            end = max(end, read.tick)
-            event = _event(read)
-            if event.kind == _OTHER:
+        for track_event in midi_bytes.track(track):
+            end_tick = max(end_tick, track_event.tick)
+            note_event = _event(track_event)
+            if note_event.kind == _OTHER:
                 continue
-            with_notes |= {read.channel} if event.kind == _ON else set()
-            events = by_channel.setdefault(read.channel, [])
-            if channel_asked is None or read.channel == channel_asked:
-                count += event.kind == _ON
-                if count > MAX_NOTES:
+            with_notes |= {track_event.channel} if note_event.kind == _ON else set()
+            events = by_channel.setdefault(track_event.channel, [])
+            if channel_asked is None or track_event.channel == channel_asked:
+                note_count += note_event.kind == _ON
+                if note_count > MAX_NOTES:
                     raise TakeError(f"more than {MAX_NOTES:,} notes are played", path)
-                events.append(event)
-    played = [note for events in by_channel.values() for note in _notes(events, end)]
+                events.append(note_event)
+    played = [note for events in by_channel.values() for note in _notes(events, end_tick)]
     if not played:
         channel_list = ", ".join(
             str(channel_with_notes) for channel_with_notes in sorted(with_notes)
         )
-        message = f"channel {channel} has no notes; those with notes are {channel_list}"
+        message = f"channel {channel_name} has no notes; those with notes are {channel_list}"
         field = "channel"
         if not with_notes:
             message, field = "it has no notes", "file"
@@ -111,18 +111,20 @@ def _read(path: Path, channel: str | None, _: FileState) -> MidiNotes:
         for tick, number, hard, held in played
     )
     last_instant = notes[-1].at
-    return MidiNotes(notes, end / ticks if end / ticks > last_instant else int(last_instant) + 1.0)
+    return MidiNotes(
+        notes, end_tick / ticks if end_tick / ticks > last_instant else int(last_instant) + 1.0
+    )
 
 
 def _event(message: MidiEvent) -> _Event:
     """What a message does to notes."""
-    number, value = message.number, message.content[-1] if message.content else 0
+    message_number, message_value = message.number, message.content[-1] if message.content else 0
     if message.kind == NOTE_ON:
-        return _Event(message.tick, _ON if value else _OFF, number, value)
+        return _Event(message.tick, _ON if message_value else _OFF, message_number, message_value)
     if message.kind == NOTE_OFF:
-        return _Event(message.tick, _OFF, number, value)
-    is_pedal = message.kind == CONTROLLER and number == SUSTAIN
-    return _Event(message.tick, _PEDAL if is_pedal else _OTHER, number, value)
+        return _Event(message.tick, _OFF, message_number, message_value)
+    is_pedal = message.kind == CONTROLLER and message_number == SUSTAIN
+    return _Event(message.tick, _PEDAL if is_pedal else _OTHER, message_number, message_value)
 
 
 def _in_order(event: _Event) -> tuple[int, int]:
@@ -145,26 +147,26 @@ def _notes(events: list[_Event], end: int) -> Iterator[tuple[int, int, int, int 
             begin, velocity = notes.pop(number)
             yield begin, number, velocity, tick - begin
 
-    for event in sorted(events, key=_in_order):
-        if event.kind == _PEDAL:
-            is_down = event.value >= 64
-            for number in [] if is_down else [*on_pedal]:
-                yield from ended(on_pedal, number, event.tick)
+    for note_event in sorted(events, key=_in_order):
+        if note_event.kind == _PEDAL:
+            is_down = note_event.value >= 64
+            for note_number in [] if is_down else [*on_pedal]:
+                yield from ended(on_pedal, note_number, note_event.tick)
             continue
-        number = event.number
-        if event.kind == _OFF and is_down and number in open_notes:
-            yield from ended(on_pedal, number, event.tick)
-            on_pedal[number] = open_notes.pop(number)
-        elif event.kind == _OFF:
-            yield from ended(open_notes, number, event.tick)
+        note_number = note_event.number
+        if note_event.kind == _OFF and is_down and note_number in open_notes:
+            yield from ended(on_pedal, note_number, note_event.tick)
+            on_pedal[note_number] = open_notes.pop(note_number)
+        elif note_event.kind == _OFF:
+            yield from ended(open_notes, note_number, note_event.tick)
         else:
-            yield from ended(open_notes, number, event.tick)
-            yield from ended(on_pedal, number, event.tick)
-            open_notes[number] = event.tick, event.value
-    for number, (begin, velocity) in on_pedal.items():
-        yield begin, number, velocity, max(end - begin, 1)
-    for number, (begin, velocity) in open_notes.items():
-        yield begin, number, velocity, None
+            yield from ended(open_notes, note_number, note_event.tick)
+            yield from ended(on_pedal, note_number, note_event.tick)
+            open_notes[note_number] = note_event.tick, note_event.value
+    for note_number, (begin, velocity) in on_pedal.items():
+        yield begin, note_number, velocity, max(end - begin, 1)
+    for note_number, (begin, velocity) in open_notes.items():
+        yield begin, note_number, velocity, None
 
 
 def channel_number(path: Path, channel: str | None) -> int | None:

@@ -9,19 +9,20 @@ _STEPS = {"C": 0, "D": 2, "E": 4, "F": 5, "G": 7, "A": 9, "B": 11}
 _SIGNS = {"": 0, "#": 1, "b": -1}
 
 
-def note_number(text: str) -> int:
+def note_number(note_text: str) -> int:
     """The number of a note, written as 0 to 127 or as a name: C4 is 60. Raises TextError."""
     number = -1
-    if text.isascii() and text.isdigit() and len(text) <= 3:
-        number = int(text)
-    elif text[:1] in _STEPS:
-        sign = text[1:2] if text[1:2] in ("#", "b") else ""
-        octave = text[1 + len(sign) :]
+    if note_text.isascii() and note_text.isdigit() and len(note_text) <= 3:
+        number = int(note_text)
+    elif note_text[:1] in _STEPS:
+        sign = note_text[1:2] if note_text[1:2] in ("#", "b") else ""
+        octave = note_text[1 + len(sign) :]
         if octave in ("-1", *map(str, range(10))):
-            number = 12 * (int(octave) + 1) + _STEPS[text[0]] + _SIGNS[sign]
+            number = 12 * (int(octave) + 1) + _STEPS[note_text[0]] + _SIGNS[sign]
     if not 0 <= number < _NOTES:
         raise TextError(
-            f"{quote(text)} is not a note: write a number from 0 to 127, or a name such as C4 (60)",
-            length=max(1, len(text)),
+            f"{quote(note_text)} is not a note: write a number from 0 to 127, or a name such as C4 "
+            "(60)",
+            length=max(1, len(note_text)),
         )
     return number

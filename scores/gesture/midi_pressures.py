@@ -68,21 +68,21 @@ def _read(path: Path, channel: str | None, _: FileState) -> tuple[KeyPressure, .
 
 
 def _channel_pressures(
-    path: Path, channel: str, events: Sequence[MidiEvent], ticks: int
+    path: Path, channel: str, midi_events: Sequence[MidiEvent], ticks: int
 ) -> Iterator[KeyPressure]:
     try:
         notes, length = read_notes(path, channel)
     except TakeError:  # the channel has no notes
         return
-    starts = [event.tick / ticks for event in events]
-    for note in notes:
-        end = length if note.lasting is None else note.at + note.lasting
-        first, stop = bisect_left(starts, note.at), bisect_left(starts, end)
+    starts = [event.tick / ticks for event in midi_events]
+    for held_note in notes:
+        note_end = length if held_note.lasting is None else held_note.at + held_note.lasting
+        first, stop = bisect_left(starts, held_note.at), bisect_left(starts, note_end)
         values = {
             start: event.content[-1]  # of several at one instant the last
-            for start, event in zip(starts[first:stop], events[first:stop], strict=True)
-            if event.kind == CHANNEL_PRESSURE or event.number == note.number
+            for start, event in zip(starts[first:stop], midi_events[first:stop], strict=True)
+            if event.kind == CHANNEL_PRESSURE or event.number == held_note.number
         }
-        for (start, value), (next_start, _) in pairwise([*values.items(), (end, 0)]):
+        for (start, value), (next_start, _) in pairwise([*values.items(), (note_end, 0)]):
             if value:
-                yield KeyPressure(start, note.number, value, next_start - start)
+                yield KeyPressure(start, held_note.number, value, next_start - start)

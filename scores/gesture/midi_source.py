@@ -60,18 +60,26 @@ def parse_source(text: str) -> MidiSource:
     raise TextError(f"{message}pressure C4", length=max(1, len(text)), code="E201")
 
 
-def _controllers(text: str, offset: int) -> tuple[int, ...]:
+def _controllers(controllers_text: str, text_offset: int) -> tuple[int, ...]:
     """`21`, or `1/33`: the controllers of the upper and of the lower seven bits."""
-    match = _PAIR.fullmatch(text)
-    numbers = [int(number) for number in match.groups() if number is not None] if match else []
-    if not numbers or max(numbers) > _MIDI_MAX:
-        message = f"{quote(text)} is not a controller: write a number from 0 to 127, or two such "
+    match = _PAIR.fullmatch(controllers_text)
+    controller_numbers = (
+        [int(number) for number in match.groups() if number is not None] if match else []
+    )
+    if not controller_numbers or max(controller_numbers) > _MIDI_MAX:
+        message = (
+            f"{quote(controllers_text)} is not a controller: write a number from 0 to 127, or two "
+            "such "
+        )
         message += "as 1/33"
-        raise TextError(message, offset=offset, length=max(1, len(text)))
-    if len(numbers) > 1 and numbers[0] == numbers[1]:
-        message = f"{quote(text)} names one controller twice: its lower bits come by another, such"
-        raise TextError(f"{message} as 1/33", offset=offset, length=len(text))
-    return tuple(numbers)
+        raise TextError(message, offset=text_offset, length=max(1, len(controllers_text)))
+    if len(controller_numbers) > 1 and controller_numbers[0] == controller_numbers[1]:
+        message = (
+            f"{quote(controllers_text)} names one controller twice: its lower bits come by "
+            "another, such"
+        )
+        raise TextError(f"{message} as 1/33", offset=text_offset, length=len(controllers_text))
+    return tuple(controller_numbers)
 
 
 def seven_bit_share(value: int) -> float:

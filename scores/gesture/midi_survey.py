@@ -123,32 +123,34 @@ def survey(path: Path) -> MidiSurvey:
 
 @lru_cache(16)
 def _survey(path: Path, _: FileState) -> MidiSurvey:
-    file = read_bytes(path)
-    header = file.header()
-    result = MidiSurvey(header.format, header.ticks, header.n_other_chunks, header.n_bytes_after)
+    midi_bytes = read_bytes(path)
+    header = midi_bytes.header()
+    file_survey = MidiSurvey(
+        header.format, header.ticks, header.n_other_chunks, header.n_bytes_after
+    )
     tempos: list[tuple[int, int]] = []
     meters: list[tuple[int, tuple[int, int]]] = []
     last_tick = 0
     for span in header.tracks:
         track = MidiTrack()
-        result.tracks.append(track)
-        for event in file.track(span):
-            last_tick = max(last_tick, event.tick)
-            if event.kind != m.META:
-                _count(event, track, result)
-            elif event.number == m.TRACK_NAME and not track.name:
-                track.name = _text(event.content)
-            elif event.number == m.SET_TEMPO and len(event.content) == 3:
-                tempos.append((event.tick, int.from_bytes(event.content, "big")))
-            elif event.number == m.METER and len(event.content) >= 2:
-                meters.append((event.tick, (event.content[0], event.content[1])))
-    ticks = result.ticks
-    result.length, result.n_bytes_unread = last_tick / ticks, file.n_unread
-    result.n_missing = header.n_missing
-    result.n_tempos, result.n_meters = len(tempos), len(meters)
-    result.tempos = [(tick / ticks, micros) for tick, micros in _latest(tempos)]
-    result.meters = [(tick / ticks, *meter) for tick, meter in _latest(meters)]
-    return result
+        file_survey.tracks.append(track)
+        for midi_event in midi_bytes.track(span):
+            last_tick = max(last_tick, midi_event.tick)
+            if midi_event.kind != m.META:
+                _count(midi_event, track, file_survey)
+            elif midi_event.number == m.TRACK_NAME and not track.name:
+                track.name = _text(midi_event.content)
+            elif midi_event.number == m.SET_TEMPO and len(midi_event.content) == 3:
+                tempos.append((midi_event.tick, int.from_bytes(midi_event.content, "big")))
+            elif midi_event.number == m.METER and len(midi_event.content) >= 2:
+                meters.append((midi_event.tick, (midi_event.content[0], midi_event.content[1])))
+    ticks = file_survey.ticks
+    file_survey.length, file_survey.n_bytes_unread = last_tick / ticks, midi_bytes.n_unread
+    file_survey.n_missing = header.n_missing
+    file_survey.n_tempos, file_survey.n_meters = len(tempos), len(meters)
+    file_survey.tempos = [(tick / ticks, micros) for tick, micros in _latest(tempos)]
+    file_survey.meters = [(tick / ticks, *meter) for tick, meter in _latest(meters)]
+    return file_survey
 
 
 def _count(event: MidiEvent, track: MidiTrack, result: MidiSurvey) -> None:
@@ -185,7 +187,7 @@ def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:
 
 @lru_cache(8)
 def _tempos(path: Path, state: FileState) -> tuple[tuple[float, float], ...]:
-    file, result = _survey(path, state), []
+    file, tempo_changes = _survey(path, state), []
     _check_count(len(file.tempos), "tempos", path)
     first_tempo = () if file.tempos and file.tempos[0][0] == 0.0 else ((0.0, QUARTER),)
     for quarter, micros in (*first_tempo, *file.tempos):
@@ -195,8 +197,8 @@ def _tempos(path: Path, state: FileState) -> tuple[tuple[float, float], ...]:
                 f"quarter; a tempo lies between {SLOWEST:g} and {FASTEST:,.0f} bpm"
             )
             raise TakeError(message, path)
-        result.append((quarter, _MINUTE / micros))
-    return tuple(result)
+        tempo_changes.append((quarter, _MINUTE / micros))
+    return tuple(tempo_changes)
 
 
 def meters_of(path: Path) -> tuple[tuple[float, Meter], ...]:
@@ -229,7 +231,7 @@ def _check_count(count: int, noun: str, path: Path) -> None:
 
 
 def passed_over(
-    file: MidiSurvey,
+    midi_survey: MidiSurvey,
     *,
     has_pedal: bool,
     has_tempo: bool,
@@ -241,29 +243,29 @@ def passed_over(
     """What is in a file beside notes and what is used of it, in words; `follows` tells of an event
     whether automation does.
     """
-    if file.n_tempos and not has_tempo:
-        yield plural(file.n_tempos, ("tempo", "tempos"))
-    if file.n_meters and not has_meter:
-        yield plural(file.n_meters, ("meter", "meters"))
+    if midi_survey.n_tempos and not has_tempo:
+        yield plural(midi_survey.n_tempos, ("tempo", "tempos"))
+    if midi_survey.n_meters and not has_meter:
+        yield plural(midi_survey.n_meters, ("meter", "meters"))
     played = {*((SUSTAIN,) if has_pedal else ()), *(CONTROLLERS if has_wheel else ())}
-    counts: Counter[int] = Counter()
+    event_counts: Counter[int] = Counter()
     controllers: set[int] = set()
-    for move, count in file.moves.items():
+    for move, count in midi_survey.moves.items():
         is_controller = move.kind == m.CONTROLLER
         is_wheel = has_wheel and move.kind == m.PITCH_BEND
         is_pressure = has_pressure and move.kind in (m.CHANNEL_PRESSURE, m.KEY_PRESSURE)
         is_played = is_wheel or is_pressure or (is_controller and move.number in played)
         if follows(move) or is_played:
             continue
-        counts[move.kind] += count
+        event_counts[move.kind] += count
         controllers |= {move.number} if is_controller else set()
     for kind, noun in NOUNS.items():
-        if counts[kind]:
+        if event_counts[kind]:
             is_controller = kind == m.CONTROLLER
             numbers = f" ({', '.join(map(str, sorted(controllers)))})" if is_controller else ""
-            yield plural(counts[kind], noun) + numbers
-    if file.n_other_chunks:
-        yield plural(file.n_other_chunks, ("chunk of another kind", "chunks of other kinds"))
+            yield plural(event_counts[kind], noun) + numbers
+    if midi_survey.n_other_chunks:
+        yield plural(midi_survey.n_other_chunks, ("chunk of another kind", "chunks of other kinds"))
 
 
 def plural(count: int, noun: tuple[str, str]) -> str:

@@ -49,19 +49,19 @@ def _read(path: Path, channel: str | None, cents: float, _: FileState) -> NoteCu
     events = [*chain.from_iterable(map(file.track, header.tracks))]
     events = [event for event in events if event.kind in _ORDER]
     events.sort(key=lambda event: (event.tick, _ORDER[event.kind]))
-    wheels, points = Wheels(cents), dict[int, dict[float, float]]()
+    wheels, curve_points = Wheels(cents), dict[int, dict[float, float]]()
     count = 0
-    for event in events:
-        for number, sounding_channel in wheels.moved(event):
+    for wheel_event in events:
+        for number, sounding_channel in wheels.moved(wheel_event):
             if channel_asked in (None, sounding_channel):
                 count += 1
                 if count > MAX_POINTS:
                     raise TakeError(f"the wheel moves notes more than {MAX_POINTS:,} times", path)
-                quarter = event.tick / header.ticks
-                points.setdefault(number, {})[quarter] = wheels.cents(sounding_channel)
+                quarter = wheel_event.tick / header.ticks
+                curve_points.setdefault(number, {})[quarter] = wheels.cents(sounding_channel)
     return {
         number: tuple(by_time.items())
-        for number, by_time in sorted(points.items())
+        for number, by_time in sorted(curve_points.items())
         if any(by_time.values())
     }
 
@@ -110,35 +110,41 @@ class Wheels:
 
     def moved(self, event: MidiEvent) -> Iterator[tuple[int, int]]:
         """Follow an event; yields the notes whose pitch it may have moved, with their channels."""
-        channel, content = event.channel, event.content
+        channel, event_content = event.channel, event.content
         if event.kind == NOTE_ON:
-            if not content[1]:
+            if not event_content[1]:
                 return
             if channel in self._masters:  # a channel of a zone has one note at a time
                 self._channels = {n: c for n, c in self._channels.items() if c != channel}
-            self._channels[content[0]] = channel
-            yield content[0], channel
+            self._channels[event_content[0]] = channel
+            yield event_content[0], channel
             return
         if event.kind == PITCH_BEND:
-            self._wheels[channel].value = (content[0] + 128 * content[1] - _CENTRE) / _CENTRE
-        elif not self._controlled(channel, *content):
+            self._wheels[channel].value = (
+                event_content[0] + 128 * event_content[1] - _CENTRE
+            ) / _CENTRE
+        elif not self._controlled(channel, *event_content):
             return
         for number in self.notes(channel):
             yield number, self._channels[number]
 
-    def _controlled(self, channel: int, number: int, value: int) -> bool:
+    def _controlled(self, channel: int, controller_number: int, controller_value: int) -> bool:
         """Follow a controller; whether it has set the range of a wheel."""
         wheel = self._wheels[channel]
-        if number in (_RPN, _RPN_FINE):
-            wheel.parameter[number == _RPN_FINE] = value
+        if controller_number in (_RPN, _RPN_FINE):
+            wheel.parameter[controller_number == _RPN_FINE] = controller_value
             return False
-        if wheel.parameter == [0, _ZONE] and number == _DATA and channel in _MASTERS:
-            self._set_zone(channel, value)
+        if wheel.parameter == [0, _ZONE] and controller_number == _DATA and channel in _MASTERS:
+            self._set_zone(channel, controller_value)
             return False
-        if wheel.parameter != [0, _RANGE] or number not in (_DATA, _DATA_FINE):
+        if wheel.parameter != [0, _RANGE] or controller_number not in (_DATA, _DATA_FINE):
             return False
         semitones, hundredths = divmod(wheel.range, 100.0)
-        wheel.range = value * 100.0 + hundredths if number == _DATA else semitones * 100.0 + value
+        wheel.range = (
+            controller_value * 100.0 + hundredths
+            if controller_number == _DATA
+            else semitones * 100.0 + controller_value
+        )
         if channel in self._masters:  # the range of one channel of a zone is that of all
             for other_channel, master in self._masters.items():
                 if master == self._masters[channel]:

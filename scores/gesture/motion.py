@@ -81,7 +81,9 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(unique)
 
 
-def positions(cells: Sequence[str], starts: Iterable[int], path: Path, number: int) -> list[float]:
+def positions(
+    cells: Sequence[str], starts: Iterable[int], path: Path, line_number: int
+) -> list[float]:
     """Three numbers from each of the columns `starts` on; NaN for cells that are empty or say
     `NULL`. Raises TakeError.
     """
@@ -89,9 +91,9 @@ def positions(cells: Sequence[str], starts: Iterable[int], path: Path, number: i
     try:
         values = [nan if word.upper() in _HIDDEN else float(word) for word in words]
     except ValueError:
-        raise TakeError("this line is not a row of numbers", path, number) from None
+        raise TakeError("this line is not a row of numbers", path, line_number) from None
     if any(abs(value) > _HIGH for value in values):
-        raise TakeError("this line has a position that no camera sees", path, number)
+        raise TakeError("this line has a position that no camera sees", path, line_number)
     return values
 
 
@@ -99,53 +101,54 @@ def in_blocks(rows: Iterable[list[float]], n: int, path: Path) -> Iterator[Float
     """Rows of positions as (frames, points, 3). Raises TakeError if the number of rows is not
     `n`.
     """
-    block: list[list[float]] = []
+    row_block: list[list[float]] = []
     n_rows = 0
     for row in rows:
-        block.append(row)
+        row_block.append(row)
         n_rows += 1
-        if len(block) * len(row) >= BLOCK:
-            yield np.array(block).reshape(len(block), -1, 3)
-            block = []
-    if block:
-        yield np.array(block).reshape(len(block), -1, 3)
+        if len(row_block) * len(row) >= BLOCK:
+            yield np.array(row_block).reshape(len(row_block), -1, 3)
+            row_block = []
+    if row_block:
+        yield np.array(row_block).reshape(len(row_block), -1, 3)
     if n_rows != n:
         raise TakeError(f"the file says {n:,} frames, and holds {n_rows:,}", path)
 
 
-def chosen(points: Sequence[str], channel: str | None, path: Path) -> tuple[int, str]:
+def chosen(point_names: Sequence[str], channel_name: str | None, path: Path) -> tuple[int, str]:
     """The index of a point and the axis of a channel. Raises TakeError."""
-    listed = ", ".join(points[:_LISTED])
-    if (n_unlisted := len(points) - _LISTED) > 0:
+    listed = ", ".join(point_names[:_LISTED])
+    if (n_unlisted := len(point_names) - _LISTED) > 0:
         listed += f" and {n_unlisted} more"
-    if channel is None:
-        example = f"{points[0]}.x"
+    if channel_name is None:
+        example = f"{point_names[0]}.x"
         raise TakeError(
             f"write `channel` as a point and an axis ({', '.join(AXES)}), such as {example[:60]}; "
             f"the points are {listed}",
             path,
             field="channel",
         )
-    point, _, axis = channel.rpartition(".")
-    if channel in points or axis not in AXES:
-        name = channel if channel in points else point or channel
-        close = name if name in points else nearest(name, points)
+    point_name, _, axis_name = channel_name.rpartition(".")
+    if channel_name in point_names or axis_name not in AXES:
+        name = channel_name if channel_name in point_names else point_name or channel_name
+        close = name if name in point_names else nearest(name, point_names)
         raise TakeError(
-            f"'{channel[:60]}' is not a point with an axis ({', '.join(AXES)}); the points are "
+            f"'{channel_name[:60]}' is not a point with an axis ({', '.join(AXES)}); the points "
+            "are "
             f"{listed}",
             path,
             suggestion=f"{close}.x" if close else None,
             field="channel",
         )
-    if point not in points:
-        close = nearest(point, points)
+    if point_name not in point_names:
+        close = nearest(point_name, point_names)
         raise TakeError(
-            f"no point '{point[:60]}'; there are {listed}",
+            f"no point '{point_name[:60]}'; there are {listed}",
             path,
-            suggestion=f"{close}.{axis}" if close else None,
+            suggestion=f"{close}.{axis_name}" if close else None,
             field="channel",
         )
-    return list(points).index(point), axis
+    return list(point_names).index(point_name), axis_name
 
 
 def scale(scale_of_file: float | None, unit: float | None, path: Path) -> float:
@@ -172,7 +175,7 @@ def track(
     Time begins with the file, not with the first frame in which the point is seen. Raises
     TakeError.
     """
-    index, axis = chosen(motion.points, channel, path)
+    point_index, axis_name = chosen(motion.points, channel, path)
     metres = scale(motion.metres, unit, path)
     if motion.rate is not None and rate is not None:
         raise TakeError("the file states its own rate; remove `rate`", path, field="rate")
@@ -181,22 +184,24 @@ def track(
         raise TakeError(
             "the file does not state its rate; write it, such as rate: 100Hz", path, field="rate"
         )
-    places = np.concatenate([np.empty((0, 3)), *(b[:, index].copy() for b in motion.blocks())])
-    seen_frames = np.flatnonzero(np.isfinite(places).all(axis=1))
+    point_positions = np.concatenate(
+        [np.empty((0, 3)), *(b[:, point_index].copy() for b in motion.blocks())]
+    )
+    seen_frames = np.flatnonzero(np.isfinite(point_positions).all(axis=1))
     if seen_frames.size < 2:
-        raise TakeError(f"'{motion.points[index][:60]}' is seen in no two frames", path)
-    damage = _hidden(seen_frames, hertz, motion.points[index], path)
-    places = places[seen_frames]
-    places -= places[0]
-    if axis == "auto":
-        x = places @ _direction(places, motion.points[index], path)
+        raise TakeError(f"'{motion.points[point_index][:60]}' is seen in no two frames", path)
+    damage = _hidden(seen_frames, hertz, motion.points[point_index], path)
+    point_positions = point_positions[seen_frames]
+    point_positions -= point_positions[0]
+    if axis_name == "auto":
+        x = point_positions @ _direction(point_positions, motion.points[point_index], path)
     else:
-        x = places[:, AXES.index(axis)]
+        x = point_positions[:, AXES.index(axis_name)]
     notes = "; ".join(filter(None, (motion.note, damage)))
     return seen_frames / hertz, x * metres, notes or None
 
 
-def _hidden(seen_frames: NDArray[np.intp], rate: float, point: str, path: Path) -> str | None:
+def _hidden(seen_frames: NDArray[np.intp], rate: float, point_name: str, path: Path) -> str | None:
     """A note on frames in which a point is not seen; None if there are none. Raises TakeError for
     long gaps.
     """
@@ -204,7 +209,7 @@ def _hidden(seen_frames: NDArray[np.intp], rate: float, point: str, path: Path) 
     longest = int(gaps.argmax())
     if (gaps[longest] - 1) / rate > _HIDDEN_MAX:
         raise TakeError(
-            f"'{point[:60]}' is not seen from {(seen_frames[longest] + 1) / rate:.3f} s to "
+            f"'{point_name[:60]}' is not seen from {(seen_frames[longest] + 1) / rate:.3f} s to "
             f"{seen_frames[longest + 1] / rate:.3f} s; fill the gap in the program that captured "
             "it, or "
             "take another point",
@@ -213,10 +218,10 @@ def _hidden(seen_frames: NDArray[np.intp], rate: float, point: str, path: Path) 
     n_hidden = int((gaps - 1).sum())
     if not n_hidden:
         return None
-    return f"'{point[:60]}' is not seen in {n_hidden:,} frames; a spline runs across them"
+    return f"'{point_name[:60]}' is not seen in {n_hidden:,} frames; a spline runs across them"
 
 
-def _direction(places: Floats, point: str, path: Path) -> Floats:
+def _direction(places: Floats, point_name: str, path: Path) -> Floats:
     """The direction of the straight line that fits a path best, a unit vector (3,), towards its
     farther end.
     """
@@ -224,13 +229,13 @@ def _direction(places: Floats, point: str, path: Path) -> Floats:
     # Relative to the largest value, so that no square overflows or underflows.
     size = float(np.abs(spread).max())
     if not size:
-        raise TakeError(f"'{point[:60]}' does not move", path, field="channel")
+        raise TakeError(f"'{point_name[:60]}' does not move", path, field="channel")
     spread = spread / size
     values, vectors = np.linalg.eigh(spread.T @ spread)
     share = float(values[-1] / values.sum())
     if share < _STRAIGHT:
         raise TakeError(
-            f"'{point[:60]}' does not move along a straight line: the nearest one holds "
+            f"'{point_name[:60]}' does not move along a straight line: the nearest one holds "
             f"{100 * share:.0f}% of its variance, and auto needs {100 * _STRAIGHT:.0f}%; choose x, "
             "y or z",
             path,

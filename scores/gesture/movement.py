@@ -70,13 +70,15 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStat
     a = _slope(v) * rate
     smooth, v = smooth[_EDGE:-_EDGE], v[_EDGE // 2 : -_EDGE // 2]
     centre, bandwidth = _spread(v, rate)
-    turns = _reversals(smooth)
+    turn_samples = _reversals(smooth)
     near_frames = max(1, round(_NEAR * rate))
-    peaks = [float(np.abs(a[max(0, i - near_frames) : i + near_frames + 1]).max()) for i in turns]
+    peaks = [
+        float(np.abs(a[max(0, i - near_frames) : i + near_frames + 1]).max()) for i in turn_samples
+    ]
     a_rms = _rms(a)
     strokes = [
         spectral_arc_length(np.abs(v[i : j + 1]), rate)
-        for i, j in zip([0, *turns], [*turns, n], strict=True)
+        for i, j in zip([0, *turn_samples], [*turn_samples, n], strict=True)
         if _STROKE_MIN <= (j - i) / rate <= _STROKE_MAX and v[i : j + 1].any()
     ]
     return MovementStats(
@@ -92,8 +94,10 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStat
         cutoff,
         centre,
         bandwidth,
-        np.array(turns) / rate,
-        np.array([i / rate for i, x in zip(turns, peaks, strict=True) if x > _STRIKE * a_rms]),
+        np.array(turn_samples) / rate,
+        np.array(
+            [i / rate for i, x in zip(turn_samples, peaks, strict=True) if x > _STRIKE * a_rms]
+        ),
         float(np.median(strokes)) if strokes else None,
     )
 
@@ -142,13 +146,13 @@ def _spread(v: Floats, rate: float) -> tuple[float, float]:
     """Mean of the frequency [Hz] weighted by power, and its standard deviation, under a Hann
     window; 0 at rest.
     """
-    power = np.abs(np.fft.rfft(v * np.hanning(len(v)))) ** 2
-    if not power.any():
+    power_spectrum = np.abs(np.fft.rfft(v * np.hanning(len(v)))) ** 2
+    if not power_spectrum.any():
         return 0.0, 0.0
     frequency = np.fft.rfftfreq(len(v), 1 / rate)
-    power /= power.sum()
-    centre = float(power @ frequency)
-    return centre, float(np.sqrt(power @ (frequency - centre) ** 2))
+    power_spectrum /= power_spectrum.sum()
+    centre = float(power_spectrum @ frequency)
+    return centre, float(np.sqrt(power_spectrum @ (frequency - centre) ** 2))
 
 
 def _reversals(x: Floats) -> list[int]:
@@ -157,14 +161,17 @@ def _reversals(x: Floats) -> list[int]:
     if not room:
         return []
     ends = np.flatnonzero(np.diff(np.sign(np.diff(x)))) + 1
-    turns: list[int] = []
-    direction, low, high = 0, 0, 0  # direction; extreme samples since the last turn
+    turn_samples: list[int] = []
+    direction, low_sample, high_sample = 0, 0, 0  # direction; extreme samples since the last turn
     for i in (*ends.tolist(), len(x) - 1):
-        low, high = (i if x[i] < x[low] else low), (i if x[i] > x[high] else high)
-        if direction >= 0 and x[i] < x[high] - room:
-            turns += [high] if direction else []
-            direction, low, high = -1, i, i
-        elif direction <= 0 and x[i] > x[low] + room:
-            turns += [low] if direction else []
-            direction, low, high = 1, i, i
-    return turns
+        low_sample, high_sample = (
+            (i if x[i] < x[low_sample] else low_sample),
+            (i if x[i] > x[high_sample] else high_sample),
+        )
+        if direction >= 0 and x[i] < x[high_sample] - room:
+            turn_samples += [high_sample] if direction else []
+            direction, low_sample, high_sample = -1, i, i
+        elif direction <= 0 and x[i] > x[low_sample] + room:
+            turn_samples += [low_sample] if direction else []
+            direction, low_sample, high_sample = 1, i, i
+    return turn_samples

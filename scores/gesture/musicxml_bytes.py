@@ -22,53 +22,57 @@ _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-
 
 def read_root(path: Path) -> Element:
     """The score of a file, by parts: `score-partwise`. Raises TakeError and OSError."""
-    data = read_bounded(path, MAX_BYTES)
-    if len(data) > MAX_BYTES:
+    score_bytes = read_bounded(path, MAX_BYTES)
+    if len(score_bytes) > MAX_BYTES:
         raise TakeError(f"the file has more than {MAX_BYTES >> 20} MB", path)
     try:
-        if data[:2] == b"PK":
-            data = _unpacked(data)
-        root = _parsed(data)
+        if score_bytes[:2] == b"PK":
+            score_bytes = _unpacked(score_bytes)
+        score_root = _parsed(score_bytes)
     except (XmlError, zipfile.BadZipFile, zlib.error, EOFError) as error:
         raise TakeError(str(error), path) from None
     except (NotImplementedError, RuntimeError, OSError) as error:  # a ZIP of a kind of its own
         raise TakeError(f"it cannot be unpacked: {error}", path) from None
-    if root.tag == "score-timewise":
-        return _by_parts(root)
-    if root.tag != "score-partwise":
-        raise TakeError(f"it is not a score of MusicXML: its root is {root.tag[:40]}", path)
-    return root
+    if score_root.tag == "score-timewise":
+        return _by_parts(score_root)
+    if score_root.tag != "score-partwise":
+        raise TakeError(f"it is not a score of MusicXML: its root is {score_root.tag[:40]}", path)
+    return score_root
 
 
-def _parsed(data: bytes) -> Element:
+def _parsed(xml_bytes: bytes) -> Element:
     for mark, encoding in _MARKS.items():
-        if data.startswith(mark):
+        if xml_bytes.startswith(mark):
             try:
-                text = data.decode(encoding)
+                text = xml_bytes.decode(encoding)
             except UnicodeDecodeError:
                 raise XmlError(f"the XML is not in {encoding.upper()}, as it begins") from None
             if text.startswith("<?xml"):  # which names an encoding
                 text = text.partition("?>")[2]
-            data = text.encode()
-    return parse_xml(data, bytes_max=2 * MAX_BYTES, elements_max=MAX_ELEMENTS, has_type=True)
+            xml_bytes = text.encode()
+    return parse_xml(xml_bytes, bytes_max=2 * MAX_BYTES, elements_max=MAX_ELEMENTS, has_type=True)
 
 
 def _unpacked(data: bytes) -> bytes:
     """The score in a compressed file."""
-    with zipfile.ZipFile(io.BytesIO(data)) as file:
-        names = file.namelist()
-        if len(names) > MAX_ENTRIES:
+    with zipfile.ZipFile(io.BytesIO(data)) as zip_file:
+        member_names = zip_file.namelist()
+        if len(member_names) > MAX_ENTRIES:
             raise XmlError(f"it holds more than {MAX_ENTRIES:,} files")
-        name = _named(_entry(file, _CONTAINER)) if _CONTAINER in names else None
-        if name is None:
-            scores = (entry_name for entry_name in names if not entry_name.startswith("META-INF/"))
-            name = next(
+        member_name = _named(_entry(zip_file, _CONTAINER)) if _CONTAINER in member_names else None
+        if member_name is None:
+            scores = (
+                entry_name for entry_name in member_names if not entry_name.startswith("META-INF/")
+            )
+            member_name = next(
                 (entry_name for entry_name in scores if entry_name.endswith((".xml", ".musicxml"))),
                 None,
             )
-        if name is None or name not in names:
-            raise XmlError("it holds no score" if name is None else f"it holds no {name[:80]}")
-        return _entry(file, name)
+        if member_name is None or member_name not in member_names:
+            raise XmlError(
+                "it holds no score" if member_name is None else f"it holds no {member_name[:80]}"
+            )
+        return _entry(zip_file, member_name)
 
 
 def _named(container: bytes) -> str | None:
@@ -88,17 +92,17 @@ def _entry(file: zipfile.ZipFile, name: str) -> bytes:
 def _by_parts(root: Element) -> Element:
     """A score by measures as one by parts."""
     score = Element("score-partwise")
-    parts: dict[str, Element] = {}
-    for child in root:
-        if child.tag != "measure":
-            score.append(child)
+    parts_by_id: dict[str, Element] = {}
+    for root_child in root:
+        if root_child.tag != "measure":
+            score.append(root_child)
             continue
-        for content in child.findall("part"):
+        for content in root_child.findall("part"):
             name = content.get("id", "")
-            if name not in parts:
-                parts[name] = Element("part", {"id": name})
-            measure = Element("measure", child.attrib)
+            if name not in parts_by_id:
+                parts_by_id[name] = Element("part", {"id": name})
+            measure = Element("measure", root_child.attrib)
             measure.extend(content)
-            parts[name].append(measure)
-    score.extend(parts.values())
+            parts_by_id[name].append(measure)
+    score.extend(parts_by_id.values())
     return score

@@ -90,34 +90,34 @@ def _read(path: Path, _: FileState) -> XmlScore:
         raise TakeError(f"it cannot be understood: {error}", path) from None
 
 
-def _score(root: Element) -> XmlScore:
-    ids = [part.get("id", "") for part in root.iterfind("part")]
+def _score(score_root: Element) -> XmlScore:
+    ids = [part.get("id", "") for part in score_root.iterfind("part")]
     names = {
         score_part.get("id", ""): " ".join((score_part.findtext("part-name") or "").split())[:80]
-        for score_part in root.iterfind("part-list/score-part")
+        for score_part in score_root.iterfind("part-list/score-part")
     }
-    columns = _columns(root)
+    columns = _columns(score_root)
     skipped_counts: Counter[str] = Counter()
     meters: list[tuple[int, str]] = []  # index of the measure, text
     read = _measures(columns, {name: XmlNotes(skipped_counts) for name in ids}, meters)
-    order = played(turns([list(column.measures.values()) for column in columns]))
-    starts, end, texts = _bars(columns, order, meters)
+    played_order = played(turns([list(column.measures.values()) for column in columns]))
+    starts, end, texts = _bars(columns, played_order, meters)
     voices: dict[str, list[tuple[Fraction, Event]]] = {name: [] for name in ids}
     tempos: list[tuple[Fraction, float]] = []
     n_notes = 0
-    for start, index in zip(starts, order, strict=True):
+    for start, index in zip(starts, played_order, strict=True):
         for name, events in read[index].items():
             voices[name] += ((start, event) for event in events)
             n_notes += sum(event.pitch is not None for event in events)
             tempos += ((start + e.at, e.tempo) for e in events if e.tempo is not None)
         if n_notes > MAX_NOTES:
             raise TooLongError(f"more than {MAX_NOTES:,} notes are played")
-    title = root.findtext("work/work-title") or root.findtext("movement-title") or ""
+    title = score_root.findtext("work/work-title") or score_root.findtext("movement-title") or ""
     changes = dict(sorted(tempos, key=lambda pair: pair[0]))
     return XmlScore(
         " ".join(title.split())[:200],
         float(end),
-        len(order),
+        len(played_order),
         tuple(XmlPart(name, names.get(name, ""), tuple(_notes(voices[name]))) for name in ids),
         tuple((float(quarter), tempo) for quarter, tempo in changes.items()),
         tuple((float(quarter), meter) for quarter, meter in texts),
@@ -127,36 +127,36 @@ def _score(root: Element) -> XmlScore:
 
 def _columns(root: Element) -> list[_Column]:
     """The measures of all parts, by their places."""
-    columns: list[_Column] = []
+    measure_columns: list[_Column] = []
     for part in root.iterfind("part"):
         for index, measure in enumerate(part.iterfind("measure")):
-            if index == len(columns):
-                columns.append(_Column())
-            columns[index].measures[part.get("id", "")] = measure
-    return columns
+            if index == len(measure_columns):
+                measure_columns.append(_Column())
+            measure_columns[index].measures[part.get("id", "")] = measure
+    return measure_columns
 
 
 def _bars(
-    columns: Sequence[_Column], order: Sequence[int], meters: Sequence[tuple[int, str]]
+    columns: Sequence[_Column], played_order: Sequence[int], meters: Sequence[tuple[int, str]]
 ) -> tuple[list[Fraction], Fraction, list[tuple[Fraction, str]]]:
     """Where each measure that is played begins, where the last ends, and the meters from where
     they hold, in quarters. An upbeat fills the end of a bar that is whole.
     """
-    start = Fraction(0)
+    measure_start = Fraction(0)
     starts: list[Fraction] = []
-    texts: list[tuple[Fraction, str]] = []
-    for turn, index in enumerate(order):
-        column, meter = columns[index], _current(meters, index)
-        is_upbeat = turn == 0 and column.is_upbeat
+    placed_meters: list[tuple[Fraction, str]] = []
+    for turn_number, index in enumerate(played_order):
+        measure_column, meter = columns[index], _current(meters, index)
+        is_upbeat = turn_number == 0 and measure_column.is_upbeat
         if is_upbeat:
-            start = _length(meter) - column.length
-        is_whole = is_upbeat or turn + 1 == len(order)
-        text = _fitted(meter, Fraction(0) if is_whole else column.length)
-        if not texts or texts[-1][1] != text:
-            texts.append((start if turn else Fraction(0), text))
-        starts.append(start)
-        start += column.length
-    return starts, start, texts
+            measure_start = _length(meter) - measure_column.length
+        is_whole = is_upbeat or turn_number + 1 == len(played_order)
+        text = _fitted(meter, Fraction(0) if is_whole else measure_column.length)
+        if not placed_meters or placed_meters[-1][1] != text:
+            placed_meters.append((measure_start if turn_number else Fraction(0), text))
+        starts.append(measure_start)
+        measure_start += measure_column.length
+    return starts, measure_start, placed_meters
 
 
 def _measures(
@@ -165,35 +165,40 @@ def _measures(
     meters: list[tuple[int, str]],
 ) -> list[dict[str, list[Event]]]:
     """Read each measure once."""
-    result: list[dict[str, list[Event]]] = []
+    measure_events: list[dict[str, list[Event]]] = []
     meter = "4/4"
-    for index, column in enumerate(columns):
-        contents: dict[str, MeasureContent] = {}
-        for name, measure in column.measures.items():
-            part_content = contents[name] = readers[name].measure(measure)
+    for measure_index, measure_column in enumerate(columns):
+        content_by_part: dict[str, MeasureContent] = {}
+        for name, measure in measure_column.measures.items():
+            part_content = content_by_part[name] = readers[name].measure(measure)
             if (part_content.meter is not None and part_content.meter != meter) or (
                 part_content.meter and not meters
             ):
                 meter = part_content.meter or meter
-                meters.append((index, meter))
+                meters.append((measure_index, meter))
         nominal = _length(meter)
         is_implicit = any(
-            m.get("implicit") == "yes" or m.get("number") == "0" for m in column.measures.values()
+            m.get("implicit") == "yes" or m.get("number") == "0"
+            for m in measure_column.measures.values()
         )
-        column.length = _measure_length(contents.values(), nominal, is_implicit) or nominal
-        column.is_upbeat = index == 0 and is_implicit and column.length < nominal
-        result.append({name: content.events for name, content in contents.items()})
-    return result
+        measure_column.length = (
+            _measure_length(content_by_part.values(), nominal, is_implicit) or nominal
+        )
+        measure_column.is_upbeat = (
+            measure_index == 0 and is_implicit and measure_column.length < nominal
+        )
+        measure_events.append({name: content.events for name, content in content_by_part.items()})
+    return measure_events
 
 
 def _measure_length(
-    contents: Collection[MeasureContent], nominal: Fraction, is_implicit: bool
+    part_contents: Collection[MeasureContent], nominal: Fraction, is_implicit: bool
 ) -> Fraction:
     """The length of a measure in all parts: rests of one part that are longer than the bar, or than
     another part of a bar that counts as incomplete, do not lengthen it.
     """
-    lengths = [content.length for content in contents if content.length]
-    sounding = max((content.sounding for content in contents), default=Fraction(0))
+    lengths = [content.length for content in part_contents if content.length]
+    sounding = max((content.sounding for content in part_contents), default=Fraction(0))
     if is_implicit and lengths:
         return max(sounding, min(lengths))
     return max(sounding, nominal) if nominal in lengths else max(lengths, default=Fraction(0))
@@ -204,14 +209,16 @@ def _current(meters: Sequence[tuple[int, str]], index: int) -> str:
     return next((meter for start_index, meter in reversed(meters) if start_index <= index), "4/4")
 
 
-def _fitted(meter: str, length: Fraction) -> str:
+def _fitted(meter: str, measure_length: Fraction) -> str:
     """The meter of a measure of this length: its own, or that of an incomplete one. A length of 0
     is any.
     """
-    if not length or length == _length(meter):
+    if not measure_length or measure_length == _length(meter):
         return meter
-    unit = next((unit for unit in (4, 8, 16, 32, 64) if (length * unit / 4).denominator == 1), None)
-    return meter if unit is None else f"{int(length * unit / 4)}/{unit}"
+    unit = next(
+        (unit for unit in (4, 8, 16, 32, 64) if (measure_length * unit / 4).denominator == 1), None
+    )
+    return meter if unit is None else f"{int(measure_length * unit / 4)}/{unit}"
 
 
 def _length(meter: str) -> Fraction:
@@ -225,38 +232,55 @@ def _notes(events: Sequence[tuple[Fraction, Event]]) -> Iterator[XmlNote]:
     loudness = Loudness([(start + event.at, event) for start, event in events])
     joined: list[tuple[Fraction, Fraction, Pitch, float | None]] = []
     open_ties: dict[tuple[str, str], int] = {}  # by pitch and voice: the index of the note
-    for start, event in events:
-        if event.pitch is None:
+    for start, part_event in events:
+        if part_event.pitch is None:
             continue
-        begins, key = start + event.at, (event.pitch.word, event.voice)
-        if event.is_tied_from and key not in open_ties:  # a tie into another voice
+        begins, key = start + part_event.at, (part_event.pitch.word, part_event.voice)
+        if part_event.is_tied_from and key not in open_ties:  # a tie into another voice
             key = next((open_key for open_key in open_ties if open_key[0] == key[0]), key)
-        index = open_ties.pop(key, None)  # many files say where ties begin, and not where they end
-        if index is not None and joined[index][0] + joined[index][1] == begins:
-            begin, lasting, pitch, strength = joined[index]
-            joined[index] = begin, lasting + event.lasting, pitch, strength
+        joined_index = open_ties.pop(
+            key, None
+        )  # many files say where ties begin, and not where they end
+        if joined_index is not None and joined[joined_index][0] + joined[joined_index][1] == begins:
+            begin, lasting, note_pitch, strength = joined[joined_index]
+            joined[joined_index] = begin, lasting + part_event.lasting, note_pitch, strength
         else:
-            index = len(joined)
-            joined.append((begins, event.lasting, event.pitch, loudness.strength(begins, event)))
-        if event.is_tied_to:
-            open_ties[event.pitch.word, event.voice] = index
-    for begins, lasting, pitch, strength in sorted(joined, key=lambda note: (note[0], note[2].key)):
+            joined_index = len(joined)
+            joined.append(
+                (
+                    begins,
+                    part_event.lasting,
+                    part_event.pitch,
+                    loudness.strength(begins, part_event),
+                )
+            )
+        if part_event.is_tied_to:
+            open_ties[part_event.pitch.word, part_event.voice] = joined_index
+    for begins, lasting, note_pitch, strength in sorted(
+        joined, key=lambda note: (note[0], note[2].key)
+    ):
         yield XmlNote(
-            float(max(begins, Fraction(0))), pitch.word, pitch.key, strength, float(lasting)
+            float(max(begins, Fraction(0))),
+            note_pitch.word,
+            note_pitch.key,
+            strength,
+            float(lasting),
         )
 
 
-def notes_of(path: Path, part: str | None) -> tuple[tuple[XmlNote, ...], float]:
+def notes_of(path: Path, part_name: str | None) -> tuple[tuple[XmlNote, ...], float]:
     """The notes of a part, by its id or name, or of all, and the length of the piece in quarters.
 
     Raises TakeError.
     """
     score = read_score(path)
-    chosen = [
-        score_part for score_part in score.parts if part in (None, score_part.id, score_part.name)
+    chosen_parts = [
+        score_part
+        for score_part in score.parts
+        if part_name in (None, score_part.id, score_part.name)
     ]
     notes = sorted(
-        (note for score_part in chosen for note in score_part.notes),
+        (note for score_part in chosen_parts for note in score_part.notes),
         key=lambda note: (note.at, note.key),
     )
     if notes:
@@ -264,15 +288,15 @@ def notes_of(path: Path, part: str | None) -> tuple[tuple[XmlNote, ...], float]:
     parts_with_notes = ", ".join(score_part.label for score_part in score.parts if score_part.notes)
     if not parts_with_notes:
         raise TakeError("it has no notes", path)
-    problem = "has no notes" if chosen else "is not there"
-    message = f"part {part} {problem}; those with notes are {parts_with_notes}"
+    problem = "has no notes" if chosen_parts else "is not there"
+    message = f"part {part_name} {problem}; those with notes are {parts_with_notes}"
     names = [
         name
         for score_part in score.parts
         if score_part.notes
         for name in (score_part.id, score_part.name)
     ]
-    raise TakeError(message, path, suggestion=nearest(part or "", names), field="channel")
+    raise TakeError(message, path, suggestion=nearest(part_name or "", names), field="channel")
 
 
 def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:

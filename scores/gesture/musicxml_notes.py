@@ -106,52 +106,52 @@ class XmlNotes:
 
     def measure(self, measure: Element) -> MeasureContent:
         """The content of the next measure."""
-        content = MeasureContent()
+        measure_content = MeasureContent()
         cursor = onset = Fraction(0)
         graces: list[Event] = []
         for element in measure:
             if element.tag == "attributes":
-                self._attributes(element, content)
+                self._attributes(element, measure_content)
             elif element.tag in ("backup", "forward"):
                 step = self._duration(element)
                 cursor = max(
                     Fraction(0), cursor - step if element.tag == "backup" else cursor + step
                 )
             elif element.tag == "direction" or element.tag == "sound":
-                content.events += self._direction(element, cursor)
+                measure_content.events += self._direction(element, cursor)
             elif element.tag == "harmony":
                 self._passed["chord symbol"] += 1
             elif element.tag == "note":
                 is_chord = element.find("chord") is not None
-                begin = onset if is_chord else cursor
+                begin_beat = onset if is_chord else cursor
                 is_grace, lasting = element.find("grace") is not None, self._duration(element)
                 if not is_chord and not is_grace:
-                    content.events += _before(graces, begin)
+                    measure_content.events += _before(graces, begin_beat)
                     graces = []
-                    onset, cursor = begin, cursor + lasting
-                note = self._note(element, begin, _GRACE if is_grace else lasting)
+                    onset, cursor = begin_beat, cursor + lasting
+                note = self._note(element, begin_beat, _GRACE if is_grace else lasting)
                 if element.find("rest") is None:
-                    content.sounding = max(content.sounding, cursor)
+                    measure_content.sounding = max(measure_content.sounding, cursor)
                 if note is not None:
-                    (graces if is_grace else content.events).append(note)
-            content.length = max(content.length, cursor)
-        content.events += _before(graces, cursor)
-        return content
+                    (graces if is_grace else measure_content.events).append(note)
+            measure_content.length = max(measure_content.length, cursor)
+        measure_content.events += _before(graces, cursor)
+        return measure_content
 
     def _duration(self, element: Element) -> Fraction:
         return (
             max(Fraction(0), number(element.findtext("duration")) or Fraction(0)) / self._divisions
         )
 
-    def _attributes(self, attributes: Element, content: MeasureContent) -> None:
+    def _attributes(self, attributes: Element, measure_content: MeasureContent) -> None:
         divisions = number(attributes.findtext("divisions"))
         if divisions is not None and divisions > 0:
             self._divisions = divisions
         time = attributes.find("time")
         if time is not None and time.find("beats") is not None:
             pairs = zip(time.iterfind("beats"), time.iterfind("beat-type"), strict=False)
-            content.meter = _meter([(a.text or "", b.text or "") for a, b in pairs])
-            if content.meter is None:
+            measure_content.meter = _meter([(a.text or "", b.text or "") for a, b in pairs])
+            if measure_content.meter is None:
                 self._passed["meter"] += 1
         transpose = attributes.find("transpose")
         if transpose is not None:
@@ -170,24 +170,24 @@ class XmlNotes:
         if note.find("cue") is not None or lasting <= 0:
             self._passed["cue note"] += 1
             return None
-        pitch = self._pitch(note.find("pitch"))
-        if pitch is None:
+        note_pitch = self._pitch(note.find("pitch"))
+        if note_pitch is None:
             self._passed["unpitched note"] += 1
             return None
         ties = {tie.get("type") for tie in note.iterfind("tie")}
         played = note.find("notations/articulations")
-        marks = set() if played is None else {mark.tag for mark in played}
-        if {"staccato", "staccatissimo", "spiccato"} & marks and not ties:
+        played_marks = set() if played is None else {mark.tag for mark in played}
+        if {"staccato", "staccatissimo", "spiccato"} & played_marks and not ties:
             lasting /= 2
         loud = number(note.get("dynamics"))
         return Event(
             cursor,
-            pitch,
+            note_pitch,
             lasting,
             note.findtext("voice") or "",
             is_tied_from="stop" in ties,
             is_tied_to="start" in ties,
-            is_accented=bool({"accent", "strong-accent"} & marks),
+            is_accented=bool({"accent", "strong-accent"} & played_marks),
             strength=None if loud is None else _share(loud),
         )
 
@@ -200,43 +200,43 @@ class XmlNotes:
         place = _LETTERS.index(step) + 7 * int(octave)
         moved = place + self._diatonic
         alter += self._chromatic - (_height(moved) - _height(place))
-        key = 12 + _height(moved) + alter
-        nearest = math.floor(key + Fraction(1, 2))
+        midi_key = 12 + _height(moved) + alter
+        nearest = math.floor(midi_key + Fraction(1, 2))
         if not 0 <= nearest <= 127:
             return None
         semitones = int(alter)  # towards the natural note
         if self._is_respelled or abs(semitones) > 2:
             name = notes.name(nearest)
-            cents = 100 * (key - nearest)
+            cents = 100 * (midi_key - nearest)
         else:
             name = f"{_LETTERS[moved % 7]}{_SIGNS[semitones]}{moved // 7}"
             cents = 100 * (alter - semitones)
         return Pitch(f"{name}{float(cents):+g}cents" if cents else name, nearest)
 
     def _direction(self, direction: Element, cursor: Fraction) -> Iterator[Event]:
-        start = cursor
+        event_start = cursor
         if (offset := number(direction.findtext("offset"))) is not None:
-            start = max(Fraction(0), cursor + offset / self._divisions)
-        sound = direction if direction.tag == "sound" else direction.find("sound")
+            event_start = max(Fraction(0), cursor + offset / self._divisions)
+        sound_element = direction if direction.tag == "sound" else direction.find("sound")
         for path, noun in _PASSED.items():
             self._passed[noun] += direction.find(path) is not None
         mark = _dynamics(direction)
-        loud = None if sound is None else number(sound.get("dynamics"))
+        loud = None if sound_element is None else number(sound_element.get("dynamics"))
         if mark is not None:
-            yield replace(mark, at=start)
+            yield replace(mark, at=event_start)
         elif loud is not None:
-            yield Event(start, level=_share(loud))
+            yield Event(event_start, level=_share(loud))
         for wedge in direction.iterfind("direction-type/wedge"):
             kinds = {"crescendo": 1, "diminuendo": -1, "stop": 0}
             if (swells := kinds.get(wedge.get("type", ""))) is not None:
-                yield Event(start, swells=swells)
-        tempo = None if sound is None else number(sound.get("tempo"))
+                yield Event(event_start, swells=swells)
+        tempo = None if sound_element is None else number(sound_element.get("tempo"))
         if tempo is None:
             tempo = next(
                 filter(None, map(_metronome, direction.iterfind("direction-type/metronome"))), None
             )
         if tempo is not None and tempo > 0:
-            yield Event(start, tempo=float(tempo))
+            yield Event(event_start, tempo=float(tempo))
 
 
 def _before(graces: Sequence[Event], main_beat: Fraction) -> Iterator[Event]:
@@ -256,48 +256,48 @@ def _share(percent: Fraction) -> float:
 
 def _meter(parts: Sequence[tuple[str, str]]) -> str | None:
     """A meter as a score writes it; of several parts as one sum over their smallest note."""
-    texts = [f"{beats.strip()}/{unit.strip()}" for beats, unit in parts]
-    if not texts or not all(_METER.fullmatch(text) for text in texts):
+    meter_texts = [f"{beats.strip()}/{unit.strip()}" for beats, unit in parts]
+    if not meter_texts or not all(_METER.fullmatch(text) for text in meter_texts):
         return None
-    units = [int(text.partition("/")[2]) for text in texts]
-    unit = max(units)
-    if min(units) < 1 or any(unit % part_unit for part_unit in units):
+    meter_units = [int(text.partition("/")[2]) for text in meter_texts]
+    smallest_unit = max(meter_units)
+    if min(meter_units) < 1 or any(smallest_unit % part_unit for part_unit in meter_units):
         return None
     groups = [
-        str(int(group) * unit // part_unit)
-        for text, part_unit in zip(texts, units, strict=True)
+        str(int(group) * smallest_unit // part_unit)
+        for text, part_unit in zip(meter_texts, meter_units, strict=True)
         for group in text.partition("/")[0].split("+")
     ]
-    return f"{'+'.join(groups)}/{unit}" if sum(map(int, groups)) else None
+    return f"{'+'.join(groups)}/{smallest_unit}" if sum(map(int, groups)) else None
 
 
 def _dynamics(direction: Element) -> Event | None:
     """The dynamics of a direction."""
     for dynamics in direction.iterfind("direction-type/dynamics"):
         for mark in dynamics:
-            word = mark.tag
-            if word in _STROKES:
+            dynamics_word = mark.tag
+            if dynamics_word in _STROKES:
                 return Event(Fraction(0), is_accented=True)
-            if word in ("fp", "pf"):
-                level_before, level_after = (DYNAMICS.index(sign) * _STEP for sign in word)
+            if dynamics_word in ("fp", "pf"):
+                level_before, level_after = (DYNAMICS.index(sign) * _STEP for sign in dynamics_word)
                 return Event(Fraction(0), level=level_before, then=level_after)
-            if set(word) <= {"p"} or set(word) <= {"f"}:
-                word = word[:3]
-            if word in DYNAMICS:
-                return Event(Fraction(0), level=DYNAMICS.index(word) * _STEP)
+            if set(dynamics_word) <= {"p"} or set(dynamics_word) <= {"f"}:
+                dynamics_word = dynamics_word[:3]
+            if dynamics_word in DYNAMICS:
+                return Event(Fraction(0), level=DYNAMICS.index(dynamics_word) * _STEP)
     return None
 
 
 def _metronome(metronome: Element) -> Fraction | None:
     """Quarters a minute of a metronome mark."""
-    unit, value = (
+    beat_unit, tempo_value = (
         _UNITS.get(metronome.findtext("beat-unit") or ""),
         number(metronome.findtext("per-minute")),
     )
-    if unit is None or value is None or len(metronome.findall("beat-unit")) != 1:
+    if beat_unit is None or tempo_value is None or len(metronome.findall("beat-unit")) != 1:
         return None
     dots = len(metronome.findall("beat-unit-dot"))
-    return value * Fraction(unit) * (2 - Fraction(1, 2**dots))
+    return tempo_value * Fraction(beat_unit) * (2 - Fraction(1, 2**dots))
 
 
 class Loudness:
@@ -321,34 +321,38 @@ class Loudness:
 
     def _add(self, begin: Fraction, direction: int, end: Fraction) -> None:
         """A hairpin: up to the mark at its end or within a quarter of it, else by one word."""
-        low = self._level_from(begin)
-        low = _MEZZO_FORTE if low is None else low
+        low_strength = self._level_from(begin)
+        low_strength = _MEZZO_FORTE if low_strength is None else low_strength
         place = bisect_right(self._instants, end - Fraction(1, 1024))
-        high = min(1.0, max(0.0, low + direction * _STEP))
+        high = min(1.0, max(0.0, low_strength + direction * _STEP))
         if place < len(self._levels) and self._instants[place] <= end + 1:
             high = self._levels[place][1].level or 0.0
         if end > begin:
-            self._swells.append((begin, end, low, high))
+            self._swells.append((begin, end, low_strength, high))
 
-    def _level_from(self, beat: Fraction) -> float | None:
+    def _level_from(self, event_beat: Fraction) -> float | None:
         """The strength without hairpins that go on at an instant."""
-        place = bisect_right(self._instants, beat)
+        place = bisect_right(self._instants, event_beat)
         mark = self._levels[place - 1] if place else None
-        last_swell = next((swell for swell in reversed(self._swells) if swell[1] <= beat), None)
+        last_swell = next(
+            (swell for swell in reversed(self._swells) if swell[1] <= event_beat), None
+        )
         if mark is None or (last_swell is not None and last_swell[1] > mark[0]):
             return None if last_swell is None else last_swell[3]
         instant, event = mark
-        return event.level if event.then is None or instant == beat else event.then
+        return event.level if event.then is None or instant == event_beat else event.then
 
     def strength(self, beat: Fraction, event: Event) -> float | None:
         """The strength of a note; None if nothing is said."""
         place = bisect_right(self._begins, beat)
-        value = event.strength
-        if value is None:
-            value = self._level_from(beat)
+        note_strength = event.strength
+        if note_strength is None:
+            note_strength = self._level_from(beat)
             if place and beat < self._swells[place - 1][1]:
                 begin, end, low, high = self._swells[place - 1]
-                value = low + (high - low) * float((beat - begin) / (end - begin))
+                note_strength = low + (high - low) * float((beat - begin) / (end - begin))
         if event.is_accented or beat in self._strokes:
-            value = min(1.0, (_MEZZO_FORTE if value is None else value) + _STEP)
-        return value
+            note_strength = min(
+                1.0, (_MEZZO_FORTE if note_strength is None else note_strength) + _STEP
+            )
+        return note_strength

@@ -35,11 +35,13 @@ class Turns:
     is_fine: bool = False
 
 
-def turns(columns: Sequence[Sequence[Element]]) -> list[Turns]:
+def turns(measure_columns: Sequence[Sequence[Element]]) -> list[Turns]:
     """What measures say, each of them as all parts have it."""
-    result = [Turns() for _ in columns]
+    turns_by_measure = [Turns() for _ in measure_columns]
     endings: frozenset[int] = frozenset()
-    for number, (part_turns, measures) in enumerate(zip(result, columns, strict=True)):
+    for number, (part_turns, measures) in enumerate(
+        zip(turns_by_measure, measure_columns, strict=True)
+    ):
         opened, closed = _marks(measures, part_turns)
         endings = opened or endings
         part_turns.endings = endings
@@ -47,8 +49,8 @@ def turns(columns: Sequence[Sequence[Element]]) -> list[Turns]:
             endings = frozenset()
         if part_turns.passes == 1:  # a repeat without a number of times
             last_ending = max(part_turns.endings, default=1)
-            part_turns.passes = max(2, last_ending + _follows(columns, number))
-    return result
+            part_turns.passes = max(2, last_ending + _follows(measure_columns, number))
+    return turns_by_measure
 
 
 def _follows(columns: Sequence[Sequence[Element]], number: int) -> bool:
@@ -82,14 +84,14 @@ def _marks(measures: Sequence[Element], part_turns: Turns) -> tuple[frozenset[in
     return opened, closed
 
 
-def _sound(sound: Element, part_turns: Turns) -> None:
-    if sound.get("dacapo") == "yes":
+def _sound(sound_element: Element, part_turns: Turns) -> None:
+    if sound_element.get("dacapo") == "yes":
         part_turns.jumps_to = "capo"
-    part_turns.jumps_to = sound.get("dalsegno") or part_turns.jumps_to
-    part_turns.to_coda = sound.get("tocoda") or part_turns.to_coda
-    part_turns.is_fine |= bool(sound.get("fine"))
-    part_turns.segnos |= {name for name in (sound.get("segno"),) if name}
-    part_turns.codas |= {name for name in (sound.get("coda"),) if name}
+    part_turns.jumps_to = sound_element.get("dalsegno") or part_turns.jumps_to
+    part_turns.to_coda = sound_element.get("tocoda") or part_turns.to_coda
+    part_turns.is_fine |= bool(sound_element.get("fine"))
+    part_turns.segnos |= {name for name in (sound_element.get("segno"),) if name}
+    part_turns.codas |= {name for name in (sound_element.get("coda"),) if name}
 
 
 def played(measures: Sequence[Turns]) -> list[int]:
@@ -103,21 +105,21 @@ def played(measures: Sequence[Turns]) -> list[int]:
 
 
 def _walk(measures: Sequence[Turns]) -> Iterator[int]:
-    number, start, turn = 0, 0, 1
+    measure_index, section_start, turn_number = 0, 0, 1
     has_jumped = False
-    while number < len(measures):
-        part_turns = measures[number]
-        if part_turns.begins and number != start:
-            start, turn = number, 1
-        if part_turns.endings and not _is_in_turn(measures, number, turn, has_jumped):
-            number += 1
-            if number < len(measures) and not measures[number].endings:
-                start, turn = number, 1
+    while measure_index < len(measures):
+        part_turns = measures[measure_index]
+        if part_turns.begins and measure_index != section_start:
+            section_start, turn_number = measure_index, 1
+        if part_turns.endings and not _is_in_turn(measures, measure_index, turn_number, has_jumped):
+            measure_index += 1
+            if measure_index < len(measures) and not measures[measure_index].endings:
+                section_start, turn_number = measure_index, 1
             continue
-        yield number
-        if part_turns.passes and not has_jumped and turn < part_turns.passes:
-            turn += 1
-            number = start
+        yield measure_index
+        if part_turns.passes and not has_jumped and turn_number < part_turns.passes:
+            turn_number += 1
+            measure_index = section_start
             continue
         if has_jumped and part_turns.is_fine:
             return
@@ -126,21 +128,25 @@ def _walk(measures: Sequence[Turns]) -> Iterator[int]:
                 (i for i, measure in enumerate(measures) if part_turns.to_coda in measure.codas),
                 None,
             )
-            if target is not None and target > number:
-                number = start = target
-                turn = 1
+            if target is not None and target > measure_index:
+                measure_index = section_start = target
+                turn_number = 1
                 continue
         if part_turns.jumps_to and not has_jumped:
             names = (
                 i for i, measure in enumerate(measures) if part_turns.jumps_to in measure.segnos
             )
-            number = start = 0 if part_turns.jumps_to == "capo" else next(names, 0)
-            has_jumped, turn = True, 1
+            measure_index = section_start = 0 if part_turns.jumps_to == "capo" else next(names, 0)
+            has_jumped, turn_number = True, 1
             continue
-        number += 1
-        is_over = number < len(measures) and part_turns.endings and not measures[number].endings
+        measure_index += 1
+        is_over = (
+            measure_index < len(measures)
+            and part_turns.endings
+            and not measures[measure_index].endings
+        )
         if part_turns.passes or is_over:
-            start, turn = number, 1
+            section_start, turn_number = measure_index, 1
 
 
 def _is_in_turn(measures: Sequence[Turns], number: int, turn: int, has_jumped: bool) -> bool:

@@ -76,26 +76,28 @@ class _Group:
 
     def point(self, match: re.Match[str], curve: str, offset: int) -> None:
         """Add the point of `match`. Raises TextError if it lies before the last."""
-        word = match.group()
+        point_word = match.group()
         x, x_unit, plus, t, part, t_unit = match.groups()
         x_metres = metres(x, x_unit, offset)
         beats, seconds = instant(t, part, t_unit, offset + match.start(4))
         if plus:
             beats += self.beats
             seconds += self.seconds
-        self._advance(beats, seconds, offset + match.start(4), len(word) - match.start(4))
-        self.events.append(_Event(beats, seconds, x_metres, curve, offset, len(word)))
+        self._advance(beats, seconds, offset + match.start(4), len(point_word) - match.start(4))
+        self.events.append(_Event(beats, seconds, x_metres, curve, offset, len(point_word)))
 
     def row(self, match: re.Match[str], default: str, offset: int) -> None:
         """Add the point of a table row."""
-        t, part, t_unit, x, x_unit, word = match.groups()
-        start = offset + match.start(1)
-        beats, seconds = instant(t, part, t_unit, start)
+        t, part, t_unit, x, x_unit, curve_name = match.groups()
+        row_start = offset + match.start(1)
+        beats, seconds = instant(t, part, t_unit, row_start)
         x_metres = metres(x, x_unit, offset + match.start(4))
-        curve = default if word is None else curve_word(word, offset + match.start(6))
-        self._advance(beats, seconds, start, match.end(3) - match.start(1))
-        stop = match.end(5) if word is None else match.end(6)
-        self.events.append(_Event(beats, seconds, x_metres, curve, start, stop - match.start(1)))
+        curve = default if curve_name is None else curve_word(curve_name, offset + match.start(6))
+        self._advance(beats, seconds, row_start, match.end(3) - match.start(1))
+        stop = match.end(5) if curve_name is None else match.end(6)
+        self.events.append(
+            _Event(beats, seconds, x_metres, curve, row_start, stop - match.start(1))
+        )
 
     def bar_check(self, offset: int) -> None:
         self.events.append(_Event(self.beats, self.seconds, None, "", offset, 1))
@@ -116,55 +118,55 @@ class _Group:
         self.beats += count * group.beats
         self.seconds += count * group.seconds
 
-    def _advance(self, beats: float, seconds: float, offset: int, length: int) -> None:
+    def _advance(self, point_beats: float, point_seconds: float, offset: int, length: int) -> None:
         # Beats and seconds can be compared only with a tempo; a point that is earlier in both is an
         # error.
-        early = beats < self.beats - SAME or seconds < self.seconds - SAME
-        if early and beats <= self.beats + SAME and seconds <= self.seconds + SAME:
+        early = point_beats < self.beats - SAME or point_seconds < self.seconds - SAME
+        if early and point_beats <= self.beats + SAME and point_seconds <= self.seconds + SAME:
             raise TextError(
                 "this point is earlier than the point before it; times must rise",
                 offset=offset,
                 length=length,
             )
-        self.beats, self.seconds = beats, seconds
+        self.beats, self.seconds = point_beats, point_seconds
 
 
-def parse(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) -> Notation:
-    """Read one-line notation; `curve` is that of points before the first curve word.
+def parse(text: str, first_curve: str = "smooth", events_max: int = MAX_EVENTS) -> Notation:
+    """Read one-line notation; `first_curve` is that of points before the first curve word.
 
     More than `events_max` points are refused. Raises TextError with the characters at fault.
     """
     poll()
     stack = [_Group(0, events_max)]
     pending: tuple[str, int] | None = None  # a curve word without its point
-    for token in _TOKEN.finditer(text):
-        opened, closed, count, bar, word = token.groups()
+    for token_match in _TOKEN.finditer(text):
+        opened, closed, count, bar_sign, curve_name = token_match.groups()
         if opened:
-            _need_point(stack, token.start(1), opened)
+            _need_point(stack, token_match.start(1), opened)
             if len(stack) > MAX_DEPTH:
                 raise TextError(
-                    f"groups are nested more than {MAX_DEPTH} deep", offset=token.start(1)
+                    f"groups are nested more than {MAX_DEPTH} deep", offset=token_match.start(1)
                 )
-            stack.append(_Group(token.start(1), events_max))
+            stack.append(_Group(token_match.start(1), events_max))
         elif closed:
             _no_pending(pending)
-            _close(stack, token, count)
-        elif bar:
-            _need_point(stack, token.start(4), bar)
-            stack[-1].bar_check(token.start(4))
-        elif point := POINT.fullmatch(word):
-            stack[-1].point(point, curve, token.start(5))
+            _close(stack, token_match, count)
+        elif bar_sign:
+            _need_point(stack, token_match.start(4), bar_sign)
+            stack[-1].bar_check(token_match.start(4))
+        elif point := POINT.fullmatch(curve_name):
+            stack[-1].point(point, first_curve, token_match.start(5))
             pending = None
         else:
-            offset = token.start(5)
-            if "@" in word:
-                raise point_error(word, offset)
-            _need_point(stack, offset, word)
+            word_offset = token_match.start(5)
+            if "@" in curve_name:
+                raise point_error(curve_name, word_offset)
+            _need_point(stack, word_offset, curve_name)
             _no_pending(pending)
-            curve = curve_word(word, offset)
-            pending = (word, offset)
+            first_curve = curve_word(curve_name, word_offset)
+            pending = (curve_name, word_offset)
         if len(stack[-1].events) > events_max:
-            raise TextError(_too_many("this notation has", events_max), offset=token.start())
+            raise TextError(_too_many("this notation has", events_max), offset=token_match.start())
     _no_pending(pending)
     if len(stack) > 1:
         raise TextError("this group is not closed; write ( … )*4", offset=stack[-1].offset)
@@ -178,28 +180,32 @@ def parse_table(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) 
     characters at fault.
     """
     poll()
-    group = _Group(0)
-    offset = 0
-    for line in text.split("\n"):
-        row = ROW.fullmatch(line.rstrip("\r"))
+    only_group = _Group(0)
+    line_offset = 0
+    for table_line in text.split("\n"):
+        row = ROW.fullmatch(table_line.rstrip("\r"))
         if row is None:
-            raise row_error(line, offset)
+            raise row_error(table_line, line_offset)
         if row.group(1) is not None:
-            group.row(row, curve, offset)
-            if len(group.events) > events_max:
-                raise TextError(_too_many("this table has", events_max), offset=offset)
-        offset += len(line) + 1
-    return _joined(group.events)
+            only_group.row(row, curve, line_offset)
+            if len(only_group.events) > events_max:
+                raise TextError(_too_many("this table has", events_max), offset=line_offset)
+        line_offset += len(table_line) + 1
+    return _joined(only_group.events)
 
 
-def _need_point(stack: list[_Group], offset: int, word: str) -> None:
+def _need_point(stack: list[_Group], offset: int, sign_word: str) -> None:
     if len(stack) == 1 and not stack[0].events:
-        example = "0mm@0 before the group: 0mm@0 ( … )*4" if word == "(" else "one, such as 0mm@0"
+        example = (
+            "0mm@0 before the group: 0mm@0 ( … )*4" if sign_word == "(" else "one, such as 0mm@0"
+        )
         raise TextError(
             f"a notation begins with a point; write {example}",
             offset=offset,
-            length=len(word),
-            suggestion=None if word in "(|" or word in CURVES else nearest(word, CURVES),
+            length=len(sign_word),
+            suggestion=None
+            if sign_word in "(|" or sign_word in CURVES
+            else nearest(sign_word, CURVES),
         )
 
 
@@ -209,49 +215,49 @@ def _no_pending(pending: tuple[str, int] | None) -> None:
         raise TextError(f"'{word}' has no point after it", offset=offset, length=len(word))
 
 
-def _close(stack: list[_Group], token: re.Match[str], count: str | None) -> None:
-    offset = token.start(2)
+def _close(stack: list[_Group], token_match: re.Match[str], count_text: str | None) -> None:
+    offset = token_match.start(2)
     if len(stack) == 1:
         raise TextError("')' has no '(' before it", offset=offset)
-    if count is None:
+    if count_text is None:
         raise TextError("this group has no number of repetitions; write ( … )*4", offset=offset)
-    if not re.fullmatch(r"[0-9]{1,9}", count) or int(count) == 0:
+    if not re.fullmatch(r"[0-9]{1,9}", count_text) or int(count_text) == 0:
         raise TextError(
-            f"'{count}' is not a number of repetitions; write ( … )*4",
-            offset=token.start(3),
-            length=len(count),
+            f"'{count_text}' is not a number of repetitions; write ( … )*4",
+            offset=token_match.start(3),
+            length=len(count_text),
         )
     group = stack.pop()
     if all(event.x is None for event in group.events):
         raise TextError("this group has no points", offset=group.offset)
-    stack[-1].repeat(group, int(count), group.offset)
+    stack[-1].repeat(group, int(count_text), group.offset)
 
 
-def _joined(events: list[_Event]) -> Notation:
+def _joined(notation_events: list[_Event]) -> Notation:
     """Check points against their neighbours, and leave out points that repeat the one before."""
-    points: list[Point] = []
+    joined_points: list[Point] = []
     checks: list[BarCheck] = []
     last_event: _Event | None = None
-    events.reverse()
-    while events:  # popped, to free memory: there may be a million
-        event = events.pop()
-        x = event.x
-        check_time = Time(event.beats, event.seconds)
+    notation_events.reverse()
+    while notation_events:  # popped, to free memory: there may be a million
+        next_event = notation_events.pop()
+        x = next_event.x
+        check_time = Time(next_event.beats, next_event.seconds)
         if x is None:
-            checks.append(BarCheck(check_time, event.offset))
+            checks.append(BarCheck(check_time, next_event.offset))
             continue
         if last_event is not None and last_event.x is not None:
             still = abs(x - last_event.x) <= SAME
-            if event.curve == "hold" and not still:
+            if next_event.curve == "hold" and not still:
                 raise HoldMovesError(
                     f"'hold' keeps the position {_millimetres(last_event.x)}; "
                     f"this point is at {_millimetres(x)}",
-                    offset=event.offset,
-                    length=event.length,
+                    offset=next_event.offset,
+                    length=next_event.length,
                     suggestion="smooth",
                 )
-            if event.curve == "hold":
-                x = points[-1].x  # the engine compares them exactly
+            if next_event.curve == "hold":
+                x = joined_points[-1].x  # the engine compares them exactly
             if (
                 abs(check_time[0] - last_event.beats) <= SAME
                 and abs(check_time[1] - last_event.seconds) <= SAME
@@ -260,14 +266,16 @@ def _joined(events: list[_Event]) -> Notation:
                     continue
                 raise TextError(
                     "this point has the same time as the point before it",
-                    offset=event.offset,
-                    length=event.length,
+                    offset=next_event.offset,
+                    length=next_event.length,
                 )
-        points.append(Point(check_time, x, event.curve, event.offset, event.length))
-        last_event = event
-    if not points:
+        joined_points.append(
+            Point(check_time, x, next_event.curve, next_event.offset, next_event.length)
+        )
+        last_event = next_event
+    if not joined_points:
         raise TextError("a gesture needs a point, such as 0mm@0")
-    return Notation(tuple(points), tuple(checks))
+    return Notation(tuple(joined_points), tuple(checks))
 
 
 def _too_many(subject: str, count_max: int) -> str:

@@ -17,13 +17,13 @@ def is_musicxml(path: Path) -> bool:
     return path.suffix.lower() in musicxml_bytes.SUFFIXES
 
 
-def read_notes(path: Path, part: str | None = None) -> MidiNotes:
+def read_notes(path: Path, part_name: str | None = None) -> MidiNotes:
     """The notes of a channel of a MIDI file, of a part of a MusicXML file, or all. Raises
     TakeError.
     """
     if not is_musicxml(path):
-        return midi_file.read_notes(path, part)
-    notes, length = musicxml_file.notes_of(path, part)
+        return midi_file.read_notes(path, part_name)
+    notes, length = musicxml_file.notes_of(path, part_name)
     return MidiNotes(tuple(_note(note) for note in notes), length)
 
 

@@ -75,40 +75,44 @@ class Npz:
         # If members overlapped, they would together have more bytes than the file.
         if sum(member.compress_size for member in self._members) > size:
             raise TakeError("the members of the archive have more bytes than the file", path)
-        for name, member in zip(self.names, self._members, strict=True):
-            if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+        for member_name, zip_member in zip(self.names, self._members, strict=True):
+            if zip_member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                 storage_rule = (
                     "must be stored or compressed by deflate, as numpy.savez_compressed does"
                 )
-                raise TakeError(f"'{name[:40]}' {storage_rule}", path)
-            if member.file_size > _RATIO_MAX * member.compress_size:
-                raise TakeError(f"'{name[:40]}' has an impossible size", path)
+                raise TakeError(f"'{member_name[:40]}' {storage_rule}", path)
+            if zip_member.file_size > _RATIO_MAX * zip_member.compress_size:
+                raise TakeError(f"'{member_name[:40]}' has an impossible size", path)
 
     def row(self, index: int) -> Row | None:
         """The header of an array; None if it is not a one-dimensional array of numbers.
 
         Raises TakeError if the header cannot be read, or declares more than fits or is there.
         """
-        member, name = self._members[index], self.names[index]
-        with _as_take_error(self._path), self._archive.open(member) as file:
+        zip_member, member_name = self._members[index], self.names[index]
+        with _as_take_error(self._path), self._archive.open(zip_member) as file:
             header_file = io.BytesIO(file.read(_HEADER_MAX))
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error")  # warnings of Python's parser mean a bad header
                 old = npy.read_magic(header_file) == (1, 0)
                 read_header = npy.read_array_header_1_0 if old else npy.read_array_header_2_0
-                shape, _, dtype = read_header(header_file)
+                array_shape, _, dtype = read_header(header_file)
         except Exception as error:  # numpy lets the tokenizer's own errors through
-            raise TakeError(f"the header of '{name[:40]}' cannot be read", self._path) from error
-        if dtype.hasobject or dtype.kind not in "fiu" or len(shape) != 1:
+            raise TakeError(
+                f"the header of '{member_name[:40]}' cannot be read", self._path
+            ) from error
+        if dtype.hasobject or dtype.kind not in "fiu" or len(array_shape) != 1:
             return None
-        if not 0 <= shape[0] <= MAX_SAMPLES:
-            raise TakeError(f"more than {MAX_SAMPLES:,} samples in '{name[:40]}'", self._path)
-        missing = header_file.tell() + shape[0] * dtype.itemsize - member.file_size
+        if not 0 <= array_shape[0] <= MAX_SAMPLES:
+            raise TakeError(
+                f"more than {MAX_SAMPLES:,} samples in '{member_name[:40]}'", self._path
+            )
+        missing = header_file.tell() + array_shape[0] * dtype.itemsize - zip_member.file_size
         if missing:
             state = "cut short" if missing > 0 else "longer than its header says"
-            raise TakeError(f"'{name[:40]}' is {state}", self._path)
-        return Row(name, shape[0], dtype, header_file.tell(), member)
+            raise TakeError(f"'{member_name[:40]}' is {state}", self._path)
+        return Row(member_name, array_shape[0], dtype, header_file.tell(), zip_member)
 
     def blocks(self, row: Row) -> Iterator[Floats]:
         """The numbers of a row, some at a time. Raises TakeError."""

@@ -40,17 +40,17 @@ class _Rows:
 
     def values(self, line: str, number: int) -> list[float]:
         """Positions of a frame; nan for empty cells. A comma may come last."""
-        cells = line.split(",")
-        if len(cells) == self.width + 1 and not cells[-1].strip():
-            cells.pop()
-        if len(cells) != self.width:
+        line_cells = line.split(",")
+        if len(line_cells) == self.width + 1 and not line_cells[-1].strip():
+            line_cells.pop()
+        if len(line_cells) != self.width:
             raise TakeError(
-                f"the number of values in this line is {len(cells)}, but the header has "
+                f"the number of values in this line is {len(line_cells)}, but the header has "
                 f"{self.width} columns",
                 self.path,
                 number,
             )
-        return positions(cells, self.starts, self.path, number)
+        return positions(line_cells, self.starts, self.path, number)
 
 
 def read(path: Path) -> Motion:
@@ -58,19 +58,21 @@ def read(path: Path) -> Motion:
 
     Raises TakeError and OSError.
     """
-    header, rows = _header(path)
+    header, motion_rows = _header(path)
 
     def blocks() -> Iterator[Floats]:
         return in_blocks(
-            (rows.values(line, line_number) for line, line_number in _frames(rows)), n, path
+            (motion_rows.values(line, line_number) for line, line_number in _frames(motion_rows)),
+            n,
+            path,
         )
 
     count_text = next((header[name] for name in _COUNTS if header.get(name)), None)
-    n = sum(1 for _ in _frames(rows)) if count_text is None else _count(count_text, path)
+    n = sum(1 for _ in _frames(motion_rows)) if count_text is None else _count(count_text, path)
     metres = _METRES.get(header.get("Length Units", "").lower())
     return judged(
         Motion(
-            unique_names(rows.names),
+            unique_names(motion_rows.names),
             n,
             _rate(header, path),
             metres,
@@ -92,34 +94,38 @@ def _frames(rows: _Rows) -> Iterator[tuple[str, int]]:
 def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
     header_rows: list[list[str]] = []
     with opened_text(path) as file:
-        for number, line in lines(file, path):
-            cells = [cell.strip() for cell in _cells(line, path, number)]
-            if header_rows and cells[0] == "Frame":
+        for line_number, line in lines(file, path):
+            line_cells = [cell.strip() for cell in _cells(line, path, line_number)]
+            if header_rows and line_cells[0] == "Frame":
                 break
-            header_rows.append(cells)
+            header_rows.append(line_cells)
             if len(header_rows) > _HEADER_MAX:
                 raise TakeError("this file of Motive has no line that begins with Frame", path)
         else:
             raise TakeError("this file of Motive has no line that begins with Frame", path)
     first_row = header_rows[0]
     header = dict(zip(first_row[::2], first_row[1::2], strict=False))
-    width = len(cells)
-    if len(header_rows) < 3 or any(len(row) > width for row in header_rows[1:]):
-        raise TakeError("this file of Motive has no rows of names above Frame", path, number)
-    wide = [row + [""] * (width - len(row)) for row in header_rows[1:]]
+    header_width = len(line_cells)
+    if len(header_rows) < 3 or any(len(row) > header_width for row in header_rows[1:]):
+        raise TakeError("this file of Motive has no rows of names above Frame", path, line_number)
+    wide = [row + [""] * (header_width - len(row)) for row in header_rows[1:]]
     # Older files have no labels before their header rows: the first is the kind, the second the
     # name.
     names = next((row for row in wide if "Name" in row[:2]), wide[min(1, len(wide) - 1)])
     column_kinds = wide[-1]
     starts = [
         column
-        for column in range(2, width - 2)
-        if cells[column : column + 3] == ["X", "Y", "Z"]
+        for column in range(2, header_width - 2)
+        if line_cells[column : column + 3] == ["X", "Y", "Z"]
         and column_kinds[column : column + 3] == ["Position"] * 3
     ]
     if not starts:
-        raise TakeError("this file of Motive has no columns called Position, X, Y, Z", path, number)
-    return header, _Rows(path, number + 1, width, [names[column] for column in starts], starts)
+        raise TakeError(
+            "this file of Motive has no columns called Position, X, Y, Z", path, line_number
+        )
+    return header, _Rows(
+        path, line_number + 1, header_width, [names[column] for column in starts], starts
+    )
 
 
 def _cells(line: str, path: Path, number: int) -> list[str]:

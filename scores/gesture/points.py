@@ -25,130 +25,144 @@ _ONLY_POSITION = re.compile(_POSITION)
 _ONLY_TIME = re.compile(_TIME)
 
 
-def curve_word(word: str, offset: int) -> str:
-    """Return `word` if it names a curve. Raises TextError."""
-    if word in CURVES:
-        return word
-    if _ONLY_POSITION.fullmatch(word):
-        raise TextError(f"'{word}' has no time; write {word}@1/4", offset=offset, length=len(word))
+def curve_word(curve_name: str, word_offset: int) -> str:
+    """Return `curve_name` if it names a curve. Raises TextError."""
+    if curve_name in CURVES:
+        return curve_name
+    if _ONLY_POSITION.fullmatch(curve_name):
+        raise TextError(
+            f"'{curve_name}' has no time; write {curve_name}@1/4",
+            offset=word_offset,
+            length=len(curve_name),
+        )
     raise TextError(
-        f"unknown word '{word[:40]}'; curves are {', '.join(CURVES)}",
-        offset=offset,
-        length=len(word),
-        suggestion=nearest(word, CURVES),
+        f"unknown word '{curve_name[:40]}'; curves are {', '.join(CURVES)}",
+        offset=word_offset,
+        length=len(curve_name),
+        suggestion=nearest(curve_name, CURVES),
     )
 
 
-def metres(number: str, unit: str, offset: int) -> float:
-    """Return metres; `offset` is where the number begins."""
-    divisor = UNITS_PER_METRE.get(unit)
+def metres(number_text: str, unit_text: str, number_offset: int) -> float:
+    """Return metres; `number_offset` is where the number begins."""
+    divisor = UNITS_PER_METRE.get(unit_text)
     if divisor is None:
         raise TextError(
-            f"unit '{unit}' does not measure position (use mm, cm, m, um)",
-            offset=offset + len(number),
-            length=len(unit),
+            f"unit '{unit_text}' does not measure position (use mm, cm, m, um)",
+            offset=number_offset + len(number_text),
+            length=len(unit_text),
             code="E203",
         )
-    x = float(number) / divisor
+    x = float(number_text) / divisor
     if not abs(x) <= MAX_POSITION:
-        raise TextError(f"position {number[:40]} is too large", offset=offset, length=len(number))
+        raise TextError(
+            f"position {number_text[:40]} is too large",
+            offset=number_offset,
+            length=len(number_text),
+        )
     return x
 
 
-def instant(number: str, denominator: str | None, unit: str, offset: int) -> tuple[float, float]:
-    """Return (beats, seconds), one of them 0; `offset` is where the number begins."""
-    time = time_of(number, denominator, offset)
-    if (scale := UNITS_PER_BEAT.get(unit)) is not None:
+def instant(
+    number_text: str, denominator: str | None, unit_text: str, number_offset: int
+) -> tuple[float, float]:
+    """Return (beats, seconds), one of them 0; `number_offset` is where the number begins."""
+    time = time_of(number_text, denominator, number_offset)
+    if (scale := UNITS_PER_BEAT.get(unit_text)) is not None:
         return time / scale, 0.0
-    if (scale := UNITS_PER_SECOND.get(unit)) is not None:
+    if (scale := UNITS_PER_SECOND.get(unit_text)) is not None:
         return 0.0, time / scale
-    length = len(number) if denominator is None else len(number) + 1 + len(denominator)
-    if unit in ("bar", "bars"):
+    time_length = (
+        len(number_text) if denominator is None else len(number_text) + 1 + len(denominator)
+    )
+    if unit_text in ("bar", "bars"):
         raise TextError(
             "a gesture has no bars, because their length depends "
             "on where it is played; write beats",
-            offset=offset + length,
-            length=len(unit),
+            offset=number_offset + time_length,
+            length=len(unit_text),
             code="E203",
         )
     raise TextError(
-        f"unit '{unit}' does not measure time (use beats without a unit, ms, s)",
-        offset=offset + length,
-        length=len(unit),
+        f"unit '{unit_text}' does not measure time (use beats without a unit, ms, s)",
+        offset=number_offset + time_length,
+        length=len(unit_text),
         code="E203",
     )
 
 
-def point_error(word: str, offset: int) -> TextError:
-    """Say why `word`, which has an @, is not a point."""
-    position, _, time = word.partition("@")
-    if not position:
+def point_error(point_word: str, word_offset: int) -> TextError:
+    """Say why `point_word`, which has an @, is not a point."""
+    position_text, _, time = point_word.partition("@")
+    if not position_text:
         return TextError(
-            f"the position is missing; write for instance 0mm{word}",
-            offset=offset,
-            length=len(word),
+            f"the position is missing; write for instance 0mm{point_word}",
+            offset=word_offset,
+            length=len(point_word),
         )
-    if not _ONLY_POSITION.fullmatch(position):
-        ascii_position = position.replace("\u2212", "-")
+    if not _ONLY_POSITION.fullmatch(position_text):
+        ascii_position = position_text.replace("\u2212", "-")
         return TextError(
-            f"'{position[:40]}' is not a position such as 6mm",
-            offset=offset,
-            length=len(position),
+            f"'{position_text[:40]}' is not a position such as 6mm",
+            offset=word_offset,
+            length=len(position_text),
             suggestion=ascii_position if _ONLY_POSITION.fullmatch(ascii_position) else None,
         )
-    time_offset = offset + len(position) + 1
-    return _time_error(time, time_offset, word)
+    time_offset = word_offset + len(position_text) + 1
+    return _time_error(time, time_offset, point_word)
 
 
-def _time_error(time: str, offset: int, word: str) -> TextError:
-    if not time:
-        return TextError(f"'{word[:40]}' has no time after its @", offset=offset - 1)
-    if time.startswith("-") and _ONLY_TIME.fullmatch(time[1:]):
+def _time_error(time_text: str, time_offset: int, word: str) -> TextError:
+    if not time_text:
+        return TextError(f"'{word[:40]}' has no time after its @", offset=time_offset - 1)
+    if time_text.startswith("-") and _ONLY_TIME.fullmatch(time_text[1:]):
         return TextError(
             "a time cannot be negative; `do: [shift -1/8]` plays the gesture earlier",
-            offset=offset,
-            length=len(time),
+            offset=time_offset,
+            length=len(time_text),
         )
     return TextError(
-        f"'{time[:40]}' is not a time such as 1/8, 0.5 or 250ms", offset=offset, length=len(time)
+        f"'{time_text[:40]}' is not a time such as 1/8, 0.5 or 250ms",
+        offset=time_offset,
+        length=len(time_text),
     )
 
 
-def row_error(line: str, offset: int) -> TextError:
+def row_error(line: str, line_offset: int) -> TextError:
     """Say why a table's row is not `t x [curve]`."""
-    words = list(re.finditer(r"\S+", line.partition("#")[0]))
-    if len(words) > 3:
-        extra_word = words[3]
+    word_matches = list(re.finditer(r"\S+", line.partition("#")[0]))
+    if len(word_matches) > 3:
+        extra_word = word_matches[3]
         return TextError(
             "a row has a time, a position and at most a curve word",
-            offset=offset + extra_word.start(),
+            offset=line_offset + extra_word.start(),
             length=len(extra_word.group()),
         )
-    first_word = words[0]
+    first_word = word_matches[0]
     if "@" in first_word.group():
         return TextError(
             "a row of a table is `t x` without '@', such as 1/8 6mm",
-            offset=offset + first_word.start(),
+            offset=line_offset + first_word.start(),
             length=len(first_word.group()),
         )
     if not _ONLY_TIME.fullmatch(first_word.group()):
-        return _time_error(first_word.group(), offset + first_word.start(), first_word.group())
-    if len(words) == 1:
+        return _time_error(first_word.group(), line_offset + first_word.start(), first_word.group())
+    if len(word_matches) == 1:
         return TextError(
-            "this row has a time and no position", offset=offset, length=first_word.end()
+            "this row has a time and no position", offset=line_offset, length=first_word.end()
         )
-    second = words[1]
+    second = word_matches[1]
     if not _ONLY_POSITION.fullmatch(second.group()):
         return TextError(
             f"'{second.group()[:40]}' is not a position such as 6mm",
-            offset=offset + second.start(),
+            offset=line_offset + second.start(),
             length=len(second.group()),
         )
-    third = words[2].group() if len(words) > 2 else ""
-    word_offset = words[-1].start()
+    third = word_matches[2].group() if len(word_matches) > 2 else ""
+    word_offset = word_matches[-1].start()
     return TextError(
         f"unknown word '{third[:40]}'; curves are {', '.join(CURVES)}",
-        offset=offset + word_offset,
-        length=len(words[-1].group()),
+        offset=line_offset + word_offset,
+        length=len(word_matches[-1].group()),
         suggestion=nearest(third, CURVES),
     )

@@ -41,17 +41,19 @@ class _RowLayout:
 
     def values(self, line: str, number: int) -> list[float]:
         """Positions of a row; nan for empty cells. A tab may come last."""
-        cells, width = line.split("\t"), self.leading + self.columns * len(self.names)
-        if len(cells) == width + 1 and not cells[-1]:
-            cells.pop()
-        if len(cells) != width:
+        line_cells, row_width = line.split("\t"), self.leading + self.columns * len(self.names)
+        if len(line_cells) == row_width + 1 and not line_cells[-1]:
+            line_cells.pop()
+        if len(line_cells) != row_width:
             raise TakeError(
-                f"the number of values in this line is {len(cells)}, but the "
-                f"{'markers' if self.columns == 3 else 'bodies'} need {width}",
+                f"the number of values in this line is {len(line_cells)}, but the "
+                f"{'markers' if self.columns == 3 else 'bodies'} need {row_width}",
                 self.path,
                 number,
             )
-        return positions(cells, range(self.leading, width, self.columns), self.path, number)
+        return positions(
+            line_cells, range(self.leading, row_width, self.columns), self.path, number
+        )
 
 
 def read(path: Path) -> Motion:
@@ -98,12 +100,12 @@ def _header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
             elif word not in _AFTER_NAMES:
                 first_row = numbered_line
                 break
-    kind = next((kind for kind in _WIDTHS if kind in header), "MARKER_NAMES")
-    columns = _WIDTHS[kind]
-    names = [name.strip() for name in header.get(kind, ())]
-    while names and not names[-1]:
-        names.pop()
-    if not names:
+    name_kind = next((kind for kind in _WIDTHS if kind in header), "MARKER_NAMES")
+    column_count = _WIDTHS[name_kind]
+    marker_names = [name.strip() for name in header.get(name_kind, ())]
+    while marker_names and not marker_names[-1]:
+        marker_names.pop()
+    if not marker_names:
         raise TakeError(
             "this file of QTM has no MARKER_NAMES and no BODY_NAMES; export 3D or 6D data with a "
             "header",
@@ -112,9 +114,9 @@ def _header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
     number, cells = first_row[0], first_row[1].split("\t")
     # Column titles may come first. Every line may end in a tab; then the line of names does too.
     has_titles = any(cell[:1].isalpha() for cell in cells)
-    is_tabbed = not header[kind][-1].strip()
-    leading = min(max(len(cells) - columns * len(names) - is_tabbed, 0), _LEADING_MAX)
-    return header, _RowLayout(path, names, number + has_titles, leading, columns)
+    is_tabbed = not header[name_kind][-1].strip()
+    leading = min(max(len(cells) - column_count * len(marker_names) - is_tabbed, 0), _LEADING_MAX)
+    return header, _RowLayout(path, marker_names, number + has_titles, leading, column_count)
 
 
 def _count(values: list[str], path: Path) -> int:

@@ -18,38 +18,38 @@ if TYPE_CHECKING:
     from ergon.notation.text.values import Point
 
 
-def sampled(points: Sequence[Point], beat: float, rate: float) -> NDArray[np.float64]:
+def sampled(gesture_points: Sequence[Point], beat: float, rate: float) -> NDArray[np.float64]:
     """Positions (n,) [m], `rate` a second, of points in beats of `beat` [s]; from 0 to the last.
 
     The engine plays the path with a key of its own, so that a `throw` here flies like a free
     mass. Raises TextError at the point that the engine refuses, or that no mass reaches.
     """
-    t = [point.at.beats * beat + point.at.seconds for point in points]
+    t = [point.at.beats * beat + point.at.seconds for point in gesture_points]
     network = Network()
-    mass = network.mas("hand", M=1.0, X0=points[0].x)
+    hand_mass = network.mas("hand", M=1.0, X0=gesture_points[0].x)
     timeline = Timeline(network, rate)
-    key = timeline.key("hand", mass)
-    curves = [point.curve for point in points]
-    x = [point.x for point in points]
+    key = timeline.key("hand", hand_mass)
+    curves = [point.curve for point in gesture_points]
+    x = [point.x for point in gesture_points]
     if t[-1] * rate >= MAX_SAMPLES:
         message = f"this gesture has more than {MAX_SAMPLES:,} samples at {rate:g} Hz"
-        raise _wrong(points, len(points) - 1, message)
+        raise _wrong(gesture_points, len(gesture_points) - 1, message)
     try:
         timeline.gesture(key, t, x, curves, touch="tracked")  # type: ignore[arg-type]
         simulation = Simulation(network, timeline)
     except EngineError as error:
-        raise _wrong(points, error.index or 0, error.sentence) from None
+        raise _wrong(gesture_points, error.index or 0, error.sentence) from None
     n = int(t[-1] * rate + 0.5) + 1
     path = np.empty(n)
     nothing = np.empty((1, 0))
     for i in range(n):
-        path[i] = simulation.positions()[mass]
+        path[i] = simulation.positions()[hand_mass]
         try:
             simulation.process(nothing)
         except DivergedError:
             index = next((k for k, instant in enumerate(t) if instant * rate >= i + 1), len(t) - 1)
             message = "the path to this point, or on from it, is too fast for any mass"
-            raise _wrong(points, index, message) from None
+            raise _wrong(gesture_points, index, message) from None
     return path
 
 

@@ -75,25 +75,25 @@ def columns(path: Path, passed_over: Counter[str] | None = None) -> dict[str, Co
     return _named(columns_found, declared)
 
 
-def track(path: Path, channel: str | None, unit: float | None) -> tuple[Floats, Floats]:
+def track(path: Path, channel_name: str | None, unit: float | None) -> tuple[Floats, Floats]:
     """Instants [s] and positions [m] of a column, both counted from its first value."""
     all_columns = columns(path)
-    if channel is None and len(all_columns) == 1:
-        (channel,) = all_columns
+    if channel_name is None and len(all_columns) == 1:
+        (channel_name,) = all_columns
     listed = ", ".join(list(all_columns)[:_LISTED])
     if (n_unlisted := len(all_columns) - _LISTED) > 0:
         listed += f" and {n_unlisted} more"
-    if channel is None:
+    if channel_name is None:
         raise TakeError(f"the file has several columns; write `channel` as one of {listed}", path)
-    if channel not in all_columns:
+    if channel_name not in all_columns:
         raise TakeError(
-            f"no column '{channel[:60]}'; there are {listed}",
+            f"no column '{channel_name[:60]}'; there are {listed}",
             path,
-            suggestion=nearest(channel, all_columns),
+            suggestion=nearest(channel_name, all_columns),
             field="channel",
         )
     metres = scale(None, unit, path)
-    t, x = np.frombuffer(all_columns[channel].t), np.frombuffer(all_columns[channel].x)
+    t, x = np.frombuffer(all_columns[channel_name].t), np.frombuffer(all_columns[channel_name].x)
     return t - t[0], (x - x[0]) * metres
 
 
@@ -101,21 +101,23 @@ def _named(
     columns_by_key: dict[_Key, Column], declared: dict[bytes, list[str]]
 ) -> dict[str, Column]:
     streams = {(name, row, column): set[int]() for name, _, row, column in columns_by_key}
-    rows = {(name, stream, column): set[int]() for name, stream, _, column in columns_by_key}
-    for name, stream, row, column in columns_by_key:
-        streams[name, row, column].add(stream)
-        rows[name, stream, column].add(row)
+    rows_by_column = {
+        (name, stream, column): set[int]() for name, stream, _, column in columns_by_key
+    }
+    for matrix_name, stream, row_index, column_index in columns_by_key:
+        streams[matrix_name, row_index, column_index].add(stream)
+        rows_by_column[matrix_name, stream, column_index].add(row_index)
     by_word = {}
     for key, column_of in columns_by_key.items():
-        name, stream, row, column = key
-        titles = declared.get(name, [])
-        title = titles[column] if column < len(titles) else str(column + 1)
-        word = f"{name.decode('latin-1')}.{title}"
-        if len(streams[name, row, column]) > 1:
+        matrix_name, stream, row_index, column_index = key
+        titles = declared.get(matrix_name, [])
+        title = titles[column_index] if column_index < len(titles) else str(column_index + 1)
+        word = f"{matrix_name.decode('latin-1')}.{title}"
+        if len(streams[matrix_name, row_index, column_index]) > 1:
             word += f" stream {stream}"
-        if len(rows[name, stream, column]) > 1:
-            word += f" row {row + 1}"
-        by_word[word if word not in by_word else f"{word} ({column + 1})"] = column_of
+        if len(rows_by_column[matrix_name, stream, column_index]) > 1:
+            word += f" row {row_index + 1}"
+        by_word[word if word not in by_word else f"{word} ({column_index + 1})"] = column_of
     return by_word
 
 
@@ -125,25 +127,25 @@ def _matrices(
     """Name, instant, stream and numbers of each matrix; the names of columns go into `declared`,
     and what has no instant or no numbers into `skipped`.
     """
-    with opened(path) as file:
-        size = os.fstat(file.fileno()).st_size
-        if file.read(4) != b"SDIF":
+    with opened(path) as open_file:
+        file_size = os.fstat(open_file.fileno()).st_size
+        if open_file.read(4) != b"SDIF":
             raise TakeError("this is not an SDIF file", path)
-        file.seek(4)
-        _body(file, size, path)
-        while frame_header := file.read(4):
-            data = _body(file, size, path)
+        open_file.seek(4)
+        _body(open_file, file_size, path)
+        while frame_header := open_file.read(4):
+            frame_bytes = _body(open_file, file_size, path)
             if frame_header == b"1TYP":
-                _declare(data, declared)
+                _declare(frame_bytes, declared)
                 continue
-            if frame_header in _TEXTS or len(data) < _FRAME.size:
+            if frame_header in _TEXTS or len(frame_bytes) < _FRAME.size:
                 skipped[f"frame {_printed(frame_header)} without columns"] += 1
                 continue
-            t, stream, count = _FRAME.unpack_from(data)
+            t, stream, count = _FRAME.unpack_from(frame_bytes)
             if not math.isfinite(t):  # it applies to the whole file
                 skipped[f"frame {_printed(frame_header)} without an instant"] += 1
                 continue
-            matrices = _frame_matrices(data, count, path, skipped)
+            matrices = _frame_matrices(frame_bytes, count, path, skipped)
             yield from ((name, t, stream, x) for name, x in matrices)
 
 
@@ -151,15 +153,15 @@ def _printed(name: bytes) -> str:
     return name.decode("latin-1")
 
 
-def _body(file: BufferedReader, size: int, path: Path) -> bytes:
+def _body(open_file: BufferedReader, size: int, path: Path) -> bytes:
     """The content of a frame, which follows its size."""
-    size_bytes = file.read(4)
+    size_bytes = open_file.read(4)
     length = int.from_bytes(size_bytes, "big")
-    if len(size_bytes) < 4 or length > size - file.tell():
+    if len(size_bytes) < 4 or length > size - open_file.tell():
         raise TakeError("the file ends within a frame", path)
     if length > _FRAME_MAX:
         raise TakeError("the file has a frame of more than 16 MB", path)
-    return file.read(length)
+    return open_file.read(length)
 
 
 def _declare(data: bytes, declared: dict[bytes, list[str]]) -> None:
@@ -170,21 +172,25 @@ def _declare(data: bytes, declared: dict[bytes, list[str]]) -> None:
 
 
 def _frame_matrices(
-    data: bytes, count: int, path: Path, skipped: Counter[str]
+    frame_bytes: bytes, count: int, path: Path, skipped: Counter[str]
 ) -> Iterator[tuple[bytes, Floats]]:
     """Name and numbers of each matrix of a frame; matrices of other types go into `skipped`."""
-    offset = _FRAME.size
+    matrix_offset = _FRAME.size
     for _ in range(count):
-        if offset + _MATRIX.size > len(data):
+        if matrix_offset + _MATRIX.size > len(frame_bytes):
             raise TakeError("the file has a frame that is too short for its matrices", path)
-        name, kind, n_rows, n_columns = _MATRIX.unpack_from(data, offset)
-        offset += _MATRIX.size
-        length = n_rows * n_columns * (kind & 0xFF)
-        if offset + length > len(data):
+        matrix_name, matrix_type, n_rows, n_columns = _MATRIX.unpack_from(
+            frame_bytes, matrix_offset
+        )
+        matrix_offset += _MATRIX.size
+        matrix_bytes = n_rows * n_columns * (matrix_type & 0xFF)
+        if matrix_offset + matrix_bytes > len(frame_bytes):
             raise TakeError("the file has a matrix that is longer than its frame", path)
-        if kind in _TYPES and length:
-            values = np.frombuffer(data, _TYPES[kind], n_rows * n_columns, offset)
-            yield name, values.astype(np.float64).reshape(n_rows, n_columns)
+        if matrix_type in _TYPES and matrix_bytes:
+            values = np.frombuffer(
+                frame_bytes, _TYPES[matrix_type], n_rows * n_columns, matrix_offset
+            )
+            yield matrix_name, values.astype(np.float64).reshape(n_rows, n_columns)
         else:
-            skipped[f"matrix {_printed(name)} without numbers"] += 1
-        offset += length + -length % 8  # padded
+            skipped[f"matrix {_printed(matrix_name)} without numbers"] += 1
+        matrix_offset += matrix_bytes + -matrix_bytes % 8  # padded

@@ -45,26 +45,30 @@ def axes(text: str) -> int:
     return 1 if match is None else match[1].count(",") + 1
 
 
-def played(name: str, gesture_names: Container[str]) -> tuple[str, ...]:
+def played(gesture_name: str, gesture_names: Container[str]) -> tuple[str, ...]:
     """The names by which a gesture is played: its own, or, for a path, those of its axes, such as
     `pour.x`.
     """
     return tuple(
         axis_name
-        for axis_name in (name, *(f"{name}.{axis}" for axis in AXES))
+        for axis_name in (gesture_name, *(f"{gesture_name}.{axis}" for axis in AXES))
         if axis_name in gesture_names
     )
 
 
-def parse(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) -> tuple[Notation, ...]:
+def parse(
+    path_text: str, curve: str = "smooth", events_max: int = MAX_EVENTS
+) -> tuple[Notation, ...]:
     """Read a path in space, axis by axis; `curve` and `events_max` are those of `notation.parse`.
 
     Raises TextError with the characters at fault.
     """
-    points = [_brackets(match) for match in _POSITIONS.finditer(text)]
-    n_axes = axes(text)
-    _check(text, points, n_axes)
-    return tuple(_along(text, points, axis, curve, events_max // n_axes) for axis in range(n_axes))
+    points = [_brackets(match) for match in _POSITIONS.finditer(path_text)]
+    n_axes = axes(path_text)
+    _check(path_text, points, n_axes)
+    return tuple(
+        _along(path_text, points, axis, curve, events_max // n_axes) for axis in range(n_axes)
+    )
 
 
 def _brackets(match: re.Match[str]) -> _Brackets:
@@ -75,43 +79,43 @@ def _brackets(match: re.Match[str]) -> _Brackets:
     return _Brackets(match.start(), match.end(), tuple(parts))
 
 
-def _check(text: str, points: Sequence[_Brackets], n_axes: int) -> None:
+def _check(path_text: str, points: Sequence[_Brackets], n_axes: int) -> None:
     """Check that each point has as many positions as the first, two or three, and a time."""
-    for start, stop, parts in points:
-        point_text = text[start:stop]
-        if not 2 <= len(parts) <= len(AXES):
-            message = f"a point in space has two or three positions, not {len(parts)}"
-            raise TextError(message, offset=start, length=stop - start)
-        if len(parts) != n_axes:
-            message = f"this point has {len(parts)} positions, and the first has {n_axes}"
-            raise TextError(message, offset=start, length=stop - start)
-        if text[stop : stop + 1] != "@":
+    for bracket_start, bracket_stop, position_texts in points:
+        point_text = path_text[bracket_start:bracket_stop]
+        if not 2 <= len(position_texts) <= len(AXES):
+            message = f"a point in space has two or three positions, not {len(position_texts)}"
+            raise TextError(message, offset=bracket_start, length=bracket_stop - bracket_start)
+        if len(position_texts) != n_axes:
+            message = f"this point has {len(position_texts)} positions, and the first has {n_axes}"
+            raise TextError(message, offset=bracket_start, length=bracket_stop - bracket_start)
+        if path_text[bracket_stop : bracket_stop + 1] != "@":
             message = f"'{point_text[:40]}' has no time; write {point_text[:40]}@1/4"
-            raise TextError(message, offset=start, length=stop - start)
-    for match in _ALONE.finditer(text):
-        if text[match.start() - 1 : match.start()] != ")" or match[0][0] != "@":
+            raise TextError(message, offset=bracket_start, length=bracket_stop - bracket_start)
+    for match in _ALONE.finditer(path_text):
+        if path_text[match.start() - 1 : match.start()] != ")" or match[0][0] != "@":
             example = ", ".join(("0mm",) * n_axes)
             message = f"this point has one position; write one for each axis: ({example})@…"
             raise TextError(message, offset=match.start(), length=len(match[0]))
 
 
 def _along(
-    text: str, points: Sequence[_Brackets], axis: int, curve: str, events_max: int
+    path_text: str, points: Sequence[_Brackets], axis: int, curve: str, events_max: int
 ) -> Notation:
     """The notation along one axis, with offsets into the text as written."""
     pieces: list[str] = []
-    end = 0
+    piece_end = 0
     # By the offset of a position in the text that is parsed: where it is in the text as written.
     begins: dict[int, _PositionInText] = {}
-    for start, stop, parts in points:
+    for bracket_start, bracket_stop, parts in points:
         part_offset, part = parts[axis]
         # The replacement has the same length, with the position next to its time, so that other
         # offsets stay.
-        pieces += (text[end:start], part.rjust(stop - start))
-        begins[stop - len(part)] = _PositionInText(start, part_offset, len(part))
-        end = stop
+        pieces += (path_text[piece_end:bracket_start], part.rjust(bracket_stop - bracket_start))
+        begins[bracket_stop - len(part)] = _PositionInText(bracket_start, part_offset, len(part))
+        piece_end = bracket_stop
     try:
-        read = notation.parse("".join((*pieces, text[end:])), curve, events_max)
+        axis_notation = notation.parse("".join((*pieces, path_text[piece_end:])), curve, events_max)
     except TextError as error:
         begin = max(
             (begin_offset for begin_offset in begins if begin_offset <= error.offset), default=-1
@@ -120,8 +124,8 @@ def _along(
             error.offset += begins[begin].text_start - begin
         raise
     points_placed = []
-    for point in read.points:
-        start = begins[point.offset].start
-        length = point.offset + point.length - start
-        points_placed.append(replace(point, offset=start, length=length))
-    return replace(read, points=tuple(points_placed))
+    for point in axis_notation.points:
+        bracket_start = begins[point.offset].start
+        length = point.offset + point.length - bracket_start
+        points_placed.append(replace(point, offset=bracket_start, length=length))
+    return replace(axis_notation, points=tuple(points_placed))

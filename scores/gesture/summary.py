@@ -44,15 +44,15 @@ class Column:
 
     def add(self, block: Floats | Sequence[float]) -> None:
         """Include further values."""
-        values = np.asarray(block, np.float64)
-        values = values[np.isfinite(values)]
-        if not values.size:
+        finite_values = np.asarray(block, np.float64)
+        finite_values = finite_values[np.isfinite(finite_values)]
+        if not finite_values.size:
             return
         if math.isnan(self.first):
-            self.first = float(values[0])
-        self.last = float(values[-1])
-        self.low = min(self.low, float(values.min()))
-        self.high = max(self.high, float(values.max()))
+            self.first = float(finite_values[0])
+        self.last = float(finite_values[-1])
+        self.low = min(self.low, float(finite_values.min()))
+        self.high = max(self.high, float(finite_values.max()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,29 +82,31 @@ def summary(path: Path) -> Table:
 def _table(path: Path) -> Table:
     with opened_text(path) as file:
         try:
-            table = sheet(file, path)
-            columns = tuple(Column(name) for name in table.names)
-            if len(columns) > MAX_CHANNELS:
+            take_table = sheet(file, path)
+            table_columns = tuple(Column(name) for name in take_table.names)
+            if len(table_columns) > MAX_CHANNELS:
                 raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path)
-            time = next((i for i, column in enumerate(columns) if column.is_time), None)
-            block: list[list[float]] = []
+            time_index = next((i for i, column in enumerate(table_columns) if column.is_time), None)
+            value_block: list[list[float]] = []
             n_rows, instant_before = 0, -math.inf
-            for number, cells in table.rows:
+            for line_number, line_cells in take_table.rows:
                 try:
-                    block.append([float(cell) for cell in cells])
+                    value_block.append([float(cell) for cell in line_cells])
                 except ValueError:
-                    raise TakeError("this line is not a row of numbers", path, number) from None
-                if time is not None:
-                    instant = number_in(cells[time], path, number)
+                    raise TakeError(
+                        "this line is not a row of numbers", path, line_number
+                    ) from None
+                if time_index is not None:
+                    instant = number_in(line_cells[time_index], path, line_number)
                     if not instant > instant_before:
-                        raise falling_time(instant, instant_before, path, number)
+                        raise falling_time(instant, instant_before, path, line_number)
                     instant_before = instant
-                if len(block) * len(columns) >= _BLOCK:
-                    n_rows += _added(columns, block)
-            n_rows += _added(columns, block)
+                if len(value_block) * len(table_columns) >= _BLOCK:
+                    n_rows += _added(table_columns, value_block)
+            n_rows += _added(table_columns, value_block)
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
-    return Table(n_rows, columns)
+    return Table(n_rows, table_columns)
 
 
 def _added(columns: Sequence[Column], block: list[list[float]]) -> int:
@@ -118,22 +120,24 @@ def _added(columns: Sequence[Column], block: list[list[float]]) -> int:
 
 def _npz(path: Path) -> Table:
     """The number arrays of an npz file; other arrays cannot be played and are left out."""
-    columns, passed_over = [], []
+    table_columns, passed_over = [], []
     n_rows = 0
     with npz(path) as arrays:
         for index in range(len(arrays.names)):
-            row = arrays.row(index)
-            if row is None or not row.length:
+            array_row = arrays.row(index)
+            if array_row is None or not array_row.length:
                 passed_over.append(f"array {arrays.names[index]}, which is not a row of numbers")
                 continue
-            column = Column(row.name)
-            for block in arrays.blocks(row):
+            column = Column(array_row.name)
+            for block in arrays.blocks(array_row):
                 if column.is_time and not np.isfinite(block).all():
-                    raise TakeError(f"'{row.name[:40]}' has an instant that is not finite", path)
+                    raise TakeError(
+                        f"'{array_row.name[:40]}' has an instant that is not finite", path
+                    )
                 column.add(block)
-            columns.append(column)
-            n_rows = max(n_rows, row.length)
-    return Table(n_rows, tuple(columns), None, tuple(passed_over))
+            table_columns.append(column)
+            n_rows = max(n_rows, array_row.length)
+    return Table(n_rows, tuple(table_columns), None, tuple(passed_over))
 
 
 def _tsv(path: Path) -> Table:
@@ -154,15 +158,15 @@ def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
         motion = opening(path)
         unit = " [m]" if motion.metres else ""
         names = [f"{point}.{axis}{unit}" for point in motion.points for axis in AXES[:3]]
-        columns = tuple(Column(name) for name in names)
+        table_columns = tuple(Column(name) for name in names)
         for block in motion.blocks():
             values = block.reshape(len(block), -1).T * (motion.metres or 1.0)
-            for column, values_of_column in zip(columns, values, strict=True):
+            for column, values_of_column in zip(table_columns, values, strict=True):
                 column.add(values_of_column)
         if not motion.rate:
-            return Table(motion.n, columns, motion.note, motion.passed_over)
+            return Table(motion.n, table_columns, motion.note, motion.passed_over)
         time = Column("t [s]", 0.0, (motion.n - 1) / motion.rate, 0.0, (motion.n - 1) / motion.rate)
-        return Table(motion.n, (time, *columns), motion.note, motion.passed_over)
+        return Table(motion.n, (time, *table_columns), motion.note, motion.passed_over)
 
     return points
 
@@ -171,20 +175,20 @@ def _sdif(path: Path) -> Table:
     """Columns of an SDIF file. Each has instants of its own; the row count is that of the
     longest.
     """
-    columns, times = [], Column("t [s]")
+    table_columns, time_column = [], Column("t [s]")
     n_rows = 0
     passed_over = Counter[str]()
     for name, column in sdif_file.columns(path, passed_over).items():
-        columns.append(Column(name))
-        columns[-1].add(np.frombuffer(column.x))
+        table_columns.append(Column(name))
+        table_columns[-1].add(np.frombuffer(column.x))
         if len(column.t) > n_rows:
-            n_rows, times = len(column.t), Column("t [s]")
-            times.add(np.frombuffer(column.t))
+            n_rows, time_column = len(column.t), Column("t [s]")
+            time_column.add(np.frombuffer(column.t))
     passed = (
         f"{matrix_type}, {n} times" if n > 1 else matrix_type
         for matrix_type, n in passed_over.items()
     )
-    return Table(n_rows, (times, *columns), None, tuple(passed))
+    return Table(n_rows, (time_column, *table_columns), None, tuple(passed))
 
 
 _SUMMARIES: dict[str, Callable[[Path], Table]] = {

@@ -39,29 +39,33 @@ class Sheet(NamedTuple):
 def sheet(file: IO[str], path: Path) -> Sheet:
     """The table in a text, row by row. Raises TakeError, here and in the rows."""
     numbered = lines(file, path)
-    line, header = next(numbered, (1, ""))
+    header_number, header = next(numbered, (1, ""))
     separator = None
     if stated := _STATED.fullmatch(header):
         separator = stated[1]
-        line, header = next(numbered, (line, ""))
+        header_number, header = next(numbered, (header_number, ""))
     separator = separator or _separator(header)
-    names = [name.strip() for name in _cells(header, separator, path, line)]
-    while len(names) > 1 and not names[-1]:
-        names.pop()  # each line ends with a separator
-    if all(map(_NUMBER.fullmatch, names)):
+    column_names = [name.strip() for name in _cells(header, separator, path, header_number)]
+    while len(column_names) > 1 and not column_names[-1]:
+        column_names.pop()  # each line ends with a separator
+    if all(map(_NUMBER.fullmatch, column_names)):
         raise TakeError(
             "this line is numbers, but the first line of a table names its columns; write such a "
             "line above it: t [s],x [mm]",
             path,
-            line,
+            header_number,
         )
-    rows = _rows(numbered, len(names), separator, path)
-    first = next(rows, None)
-    if first is not None and (units := _units(names, first[1])) is not None:
-        pairs = zip(names, units, strict=True)
-        names = [f"{name} [{unit}]" if unit else name for name, unit in pairs]
+    table_rows = _rows(numbered, len(column_names), separator, path)
+    first = next(table_rows, None)
+    if first is not None and (units := _units(column_names, first[1])) is not None:
+        pairs = zip(column_names, units, strict=True)
+        column_names = [f"{name} [{unit}]" if unit else name for name, unit in pairs]
         first = None
-    return Sheet(_named(names), line, rows if first is None else itertools.chain([first], rows))
+    return Sheet(
+        _named(column_names),
+        header_number,
+        table_rows if first is None else itertools.chain([first], table_rows),
+    )
 
 
 def _separator(header: str) -> str:
@@ -79,40 +83,42 @@ def _units(names: list[str], cells: list[str]) -> list[str] | None:
 
 def _named(names: list[str]) -> list[str]:
     """The names with their units in brackets, and `t` for a column that is called time."""
-    result = []
+    named_columns = []
     for name in names:
         match = _WITH_UNIT.fullmatch(name)
         word, unit = name, None
         if match and (match[2] is None or match[2].strip() in _UNITS):
             word, unit = match[1], (match[2] or match[3] or "").strip()
-        result.append((word, unit))
-    words = [word.casefold() for word, _ in result]
-    if "t" not in [word for word, _ in result]:
+        named_columns.append((word, unit))
+    words = [word.casefold() for word, _ in named_columns]
+    if "t" not in [word for word, _ in named_columns]:
         times = [i for i, word in enumerate(words) if word in ("t", "time")]
         if len(times) == 1:
-            result[times[0]] = ("t", result[times[0]][1])
-    return [word if unit is None else f"{word} [{unit}]" for word, unit in result]
+            named_columns[times[0]] = ("t", named_columns[times[0]][1])
+    return [word if unit is None else f"{word} [{unit}]" for word, unit in named_columns]
 
 
 def _rows(
-    numbered: Iterator[tuple[int, str]], width: int, separator: str, path: Path
+    numbered: Iterator[tuple[int, str]], column_count: int, separator: str, path: Path
 ) -> Iterator[tuple[int, list[str]]]:
-    for line, text in numbered:
-        cells = _cells(text, separator, path, line)
-        if len(cells) > width and not any(cell.strip() for cell in cells[width:]):
-            del cells[width:]
-        if not any(cell.strip() for cell in cells):
+    for line_number, line_text in numbered:
+        line_cells = _cells(line_text, separator, path, line_number)
+        if len(line_cells) > column_count and not any(
+            cell.strip() for cell in line_cells[column_count:]
+        ):
+            del line_cells[column_count:]
+        if not any(cell.strip() for cell in line_cells):
             continue  # a row that is empty but for its separators
-        if len(cells) != width:
+        if len(line_cells) != column_count:
             raise TakeError(
-                f"the number of values in this line is {len(cells)}, but "
-                f"the file has {width} columns",
+                f"the number of values in this line is {len(line_cells)}, but "
+                f"the file has {column_count} columns",
                 path,
-                line,
+                line_number,
             )
-        if "," in text and (separator != "," or '"' in text):
-            cells = [_with_point(cell, separator, path, line) for cell in cells]
-        yield line, cells
+        if "," in line_text and (separator != "," or '"' in line_text):
+            line_cells = [_with_point(cell, separator, path, line_number) for cell in line_cells]
+        yield line_number, line_cells
 
 
 def _cells(text: str, separator: str, path: Path, line: int) -> list[str]:
@@ -124,14 +130,15 @@ def _cells(text: str, separator: str, path: Path, line: int) -> list[str]:
         raise TakeError("a quotation in this line is not closed", path, line) from None
 
 
-def _with_point(cell: str, separator: str, path: Path, line: int) -> str:
+def _with_point(cell_text: str, separator: str, path: Path, line: int) -> str:
     """A number with a decimal comma as one with a point; other cells as they are."""
-    if cell.count(",") != 1 or "." in cell:
-        return cell
-    if separator == "," and _THOUSANDS.fullmatch(cell.strip()):
+    if cell_text.count(",") != 1 or "." in cell_text:
+        return cell_text
+    if separator == "," and _THOUSANDS.fullmatch(cell_text.strip()):
         message = (
-            f"the comma in '{cell.strip()}' may divide thousands or be a decimal comma; write a "
+            f"the comma in '{cell_text.strip()}' may divide thousands or be a decimal comma; write "
+            "a "
             "point, or no comma"
         )
         raise TakeError(message, path, line)
-    return cell.replace(",", ".")
+    return cell_text.replace(",", ".")

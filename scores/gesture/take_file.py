@@ -69,35 +69,35 @@ def opened_text(path: Path) -> TextIOWrapper:
     """Open a text of a stranger: in UTF-8, in UTF-16 with its mark, else in Latin-1. Raises
     TakeError, OSError.
     """
-    file = opened(path)
+    raw_file = opened(path)
     try:
-        encoding = _encoding(file)
-        file.seek(0)
+        encoding = _encoding(raw_file)
+        raw_file.seek(0)
     except BaseException:
-        file.close()
+        raw_file.close()
         raise
     if encoding is None:
-        file.close()
+        raw_file.close()
         raise TakeError("this is not text", path)
-    return TextIOWrapper(file, encoding=encoding, errors="replace")
+    return TextIOWrapper(raw_file, encoding=encoding, errors="replace")
 
 
-def _encoding(file: BufferedReader) -> str | None:
+def _encoding(raw_file: BufferedReader) -> str | None:
     """How a text is coded; None for bytes that no text has."""
-    block = file.read(_BLOCK)
-    if block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+    byte_block = raw_file.read(_BLOCK)
+    if byte_block.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     decoder: codecs.IncrementalDecoder = codecs.getincrementaldecoder("utf-8")()
     is_utf8 = True
-    while block:
-        if b"\0" in block:
+    while byte_block:
+        if b"\0" in byte_block:
             return None
         try:
-            decoder.decode(block)
+            decoder.decode(byte_block)
         except UnicodeDecodeError:
             is_utf8 = False
             decoder = codecs.getincrementaldecoder("latin-1")()
-        block = file.read(_BLOCK)
+        byte_block = raw_file.read(_BLOCK)
     try:
         decoder.decode(b"", final=True)
     except UnicodeDecodeError:
@@ -109,21 +109,23 @@ def lines(file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
     """The lines of a text file without empty lines and comments, numbered from 1. Raises
     TakeError.
     """
-    number = 0
+    line_number = 0
     while line := file.readline(MAX_LINE):
-        number += 1
+        line_number += 1
         if len(line) == MAX_LINE:
-            raise TakeError(f"this line has more than {MAX_LINE:,} characters", path, number)
+            raise TakeError(f"this line has more than {MAX_LINE:,} characters", path, line_number)
         if (text := line.strip(" \r\n")) and text[0] != "#":
-            yield number, text
+            yield line_number, text
 
 
-def number_in(cell: str, path: Path, line: int) -> float:
+def number_in(cell_text: str, path: Path, line: int) -> float:
     """The number in a cell of a table. Raises TakeError."""
     try:
-        value = float(cell)
+        value = float(cell_text)
     except ValueError:
         value = math.nan
-    if not abs(value) <= 1e15 or "_" in cell:  # also refuses nan
-        raise TakeError(f"'{cell.strip()[:40]}' is not a number that a take can hold", path, line)
+    if not abs(value) <= 1e15 or "_" in cell_text:  # also refuses nan
+        raise TakeError(
+            f"'{cell_text.strip()[:40]}' is not a number that a take can hold", path, line
+        )
     return value

@@ -105,23 +105,25 @@ def read(
 def _read_table(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
     with opened_text(path) as file:
         try:
-            table = sheet(file, path)
-            columns = _columns(table.names, path, table.line)
-            c, x_unit = _chosen(columns, channel, path)
-            divisor = _column_values(table, c, x_unit, unit, path)
+            take_table = sheet(file, path)
+            columns = _columns(take_table.names, path, take_table.line)
+            value_column, x_unit = _chosen(columns, channel, path)
+            divisor = _column_values(take_table, value_column, x_unit, unit, path)
             timed = "t" in columns
-            t, t_unit = columns.get("t", (c, "s"))
+            t, t_unit = columns.get("t", (value_column, "s"))
             _check_rate(timed, rate, path)
             ts, xs = array("d"), array("d")
-            for number, cells in table.rows:
-                x = number_in(cells[c], path, number)
+            for line_number, cells in take_table.rows:
+                x = number_in(cells[value_column], path, line_number)
                 if timed:
-                    instant = number_in(cells[t], path, number)
+                    instant = number_in(cells[t], path, line_number)
                     if ts and not instant > ts[-1]:
-                        raise falling_time(instant, ts[-1], path, number)
+                        raise falling_time(instant, ts[-1], path, line_number)
                     ts.append(instant)
                 if len(xs) == MAX_SAMPLES:
-                    raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path, number)
+                    raise TakeError(
+                        f"the file has more than {MAX_SAMPLES:,} samples", path, line_number
+                    )
                 xs.append(x)
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
@@ -133,63 +135,66 @@ def _read_table(path: Path, channel: str | None, rate: float | None, unit: float
 
 
 def _column_values(
-    table: Sheet, column: int, stated: str | None, unit: float | None, path: Path
+    take_table: Sheet, column: int, stated: str | None, metre_unit: float | None, path: Path
 ) -> float:
-    """How many units of a column are a metre, by its header or by `unit` [m]. Raises TakeError."""
+    """Units of a column in a metre, by its header or by `metre_unit` [m]. Raises TakeError."""
     if stated is not None:
-        _check_unit(unit, path)
+        _check_unit(metre_unit, path)
         return _divisor(stated, UNITS_PER_METRE, "position", path)
-    if unit is None:
+    if metre_unit is None:
         message = (
-            f"'{table.names[column][:40]}' has no unit; write a header such as t [s],x [mm], or "
+            f"'{take_table.names[column][:40]}' has no unit; write a header such as t [s],x [mm], "
+            "or "
             "what 1.0 means, such as unit: 1mm"
         )
-        raise TakeError(message, path, table.line, field="unit")
-    return 1.0 / unit
+        raise TakeError(message, path, take_table.line, field="unit")
+    return 1.0 / metre_unit
 
 
-def _columns(names: list[str], path: Path, line: int | None) -> dict[str, tuple[int, str | None]]:
+def _columns(
+    names: list[str], path: Path, header_number: int | None
+) -> dict[str, tuple[int, str | None]]:
     """Name → (column, unit) of headers such as `x [mm]`; the unit is None where none is stated."""
-    columns: dict[str, tuple[int, str | None]] = {}
+    columns_by_name: dict[str, tuple[int, str | None]] = {}
     for i, name in enumerate(names):
-        word, bracket, unit = name.partition("[")
-        word = word.strip()
-        if not word or (bracket and not unit.endswith("]")):
+        name_text, bracket, unit_text = name.partition("[")
+        name_text = name_text.strip()
+        if not name_text or (bracket and not unit_text.endswith("]")):
             message = (
                 f"'{name[:40]}' is not the name of a column; write a header such as t [s],x [mm]"
             )
-            raise TakeError(message, path, line)
-        if word in columns:
-            raise TakeError(f"two columns are called '{word[:40]}'", path, line)
-        columns[word] = (i, unit[:-1].strip() if bracket else None)
-    if len(columns) > MAX_CHANNELS:
-        raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path, line)
-    return columns
+            raise TakeError(message, path, header_number)
+        if name_text in columns_by_name:
+            raise TakeError(f"two columns are called '{name_text[:40]}'", path, header_number)
+        columns_by_name[name_text] = (i, unit_text[:-1].strip() if bracket else None)
+    if len(columns_by_name) > MAX_CHANNELS:
+        raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path, header_number)
+    return columns_by_name
 
 
 def _chosen(
-    columns: Mapping[str, tuple[int, str | None]], channel: str | None, path: Path
+    columns_by_name: Mapping[str, tuple[int, str | None]], channel_name: str | None, path: Path
 ) -> tuple[int, str | None]:
     """The column and unit of a channel, or of the only one."""
-    channels = [name for name in columns if name != "t"]
-    if channel is None and len(channels) == 1:
-        channel = channels[0]
-    listed = ", ".join(channels[:8])
-    if channel is None:
+    channel_names = [name for name in columns_by_name if name != "t"]
+    if channel_name is None and len(channel_names) == 1:
+        channel_name = channel_names[0]
+    listed = ", ".join(channel_names[:8])
+    if channel_name is None:
         raise TakeError(
             f"the file has several channels; write `channel` as one of {listed}"
             if listed
             else "no channel",
             path,
         )
-    if channel not in channels:
+    if channel_name not in channel_names:
         raise TakeError(
-            f"no channel '{channel[:40]}'; there are {listed}",
+            f"no channel '{channel_name[:40]}'; there are {listed}",
             path,
-            suggestion=nearest(channel, channels),
+            suggestion=nearest(channel_name, channel_names),
             field="channel",
         )
-    return columns[channel]
+    return columns_by_name[channel_name]
 
 
 def _divisor(unit: str, units: dict[str, float], quantity: str, path: Path) -> float:
@@ -236,25 +241,27 @@ def _read_wav(path: Path, channel: str | None, rate: float | None, unit: float |
     try:
         with (
             open_regular(path) as raw,
-            soundfile.SoundFile(_Mended(raw, patches) if patches else path) as file,
+            soundfile.SoundFile(_Mended(raw, patches) if patches else path) as sound_file,
         ):
             _check_rate(True, rate, path)
-            names = {str(i + 1): (i, "m") for i in range(file.channels)}
-            if file.channels > MAX_CHANNELS:
+            names = {str(i + 1): (i, "m") for i in range(sound_file.channels)}
+            if sound_file.channels > MAX_CHANNELS:
                 raise TakeError(f"the file has more than {MAX_CHANNELS:,} channels", path)
-            if file.frames > MAX_SAMPLES:  # as declared; what is read is bounded below
+            if sound_file.frames > MAX_SAMPLES:  # as declared; what is read is bounded below
                 raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
             column, _ = _chosen(names, channel, path)
-            size = max(1, (1 << 20) // file.channels)
-            blocks = []
+            size = max(1, (1 << 20) // sound_file.channels)
+            sample_blocks = []
             n_samples = 0
-            while len(block := file.read(size, dtype="float64", always_2d=True)):
+            while len(block := sound_file.read(size, dtype="float64", always_2d=True)):
                 n_samples += len(block)
                 if n_samples > MAX_SAMPLES:
                     raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
-                blocks.append(block[:, column].copy())
-            x = np.concatenate(blocks) if blocks else np.empty(0)
-            return _checked(np.arange(len(x)) / float(file.samplerate), x * (unit or 1.0), path)
+                sample_blocks.append(block[:, column].copy())
+            x = np.concatenate(sample_blocks) if sample_blocks else np.empty(0)
+            return _checked(
+                np.arange(len(x)) / float(sound_file.samplerate), x * (unit or 1.0), path
+            )
     except soundfile.LibsndfileError as error:
         raise TakeError(
             f"this is not a WAV file that can be read ({error.error_string})", path
@@ -293,31 +300,37 @@ def _judge_wav(path: Path) -> dict[int, bytes]:
     the file's name, such as MP3 within a WAV file, with messages on stdout. It does not know
     the name BW64, and takes a size of 0, which a pipe cannot mend, by its word.
     """
-    with open_regular(path) as file:
-        size = os.fstat(file.fileno()).st_size
-        header = file.read(12)
-        order = _WAV_ORDER.get(header[:4])
-        if order is None or header[8:] != b"WAVE":
+    with open_regular(path) as raw_file:
+        file_size = os.fstat(raw_file.fileno()).st_size
+        header = raw_file.read(12)
+        byte_order = _WAV_ORDER.get(header[:4])
+        if byte_order is None or header[8:] != b"WAVE":
             raise TakeError("this is not a WAV file", path)
         tag = None
-        while len(chunk := file.read(8)) == 8:
-            name, length, start = chunk[:4], int.from_bytes(chunk[4:], order), file.tell()
-            if name == b"fmt ":
-                content = file.read(min(length, 40))
-                tag = int.from_bytes(content[:2], order)
+        while len(chunk := raw_file.read(8)) == 8:
+            chunk_name, chunk_length, chunk_start = (
+                chunk[:4],
+                int.from_bytes(chunk[4:], byte_order),
+                raw_file.tell(),
+            )
+            if chunk_name == b"fmt ":
+                content = raw_file.read(min(chunk_length, 40))
+                tag = int.from_bytes(content[:2], byte_order)
                 if tag == _EXTENSIBLE:
-                    tag = int.from_bytes(content[24:26], order)
+                    tag = int.from_bytes(content[24:26], byte_order)
                 if tag not in (_PCM, _FLOAT):
                     raise TakeError(f"this WAV file is coded (format {tag}); PCM is read", path)
-            elif name == b"data" and tag is not None:
+            elif chunk_name == b"data" and tag is not None:
                 patches = {0: b"RF64"} if header[:4] == b"BW64" else {}
                 # Programs that stream leave 0 or 0xFFFFFFFF as the size.
-                if not length and int.from_bytes(header[4:8], order) + 8 != size:
-                    patches[start - 4] = min(size - start, 0xFFFFFFFE).to_bytes(4, order)
-                if length not in (0, 0xFFFFFFFF) and start + length > size:
+                if not chunk_length and int.from_bytes(header[4:8], byte_order) + 8 != file_size:
+                    patches[chunk_start - 4] = min(file_size - chunk_start, 0xFFFFFFFE).to_bytes(
+                        4, byte_order
+                    )
+                if chunk_length not in (0, 0xFFFFFFFF) and chunk_start + chunk_length > file_size:
                     raise TakeError("the file is shorter than its header says", path)
                 return patches
-            file.seek(start + length + length % 2)
+            raw_file.seek(chunk_start + chunk_length + chunk_length % 2)
     raise TakeError("this is not a WAV file: it holds no samples", path)
 
 
@@ -326,16 +339,16 @@ def _read_npz(path: Path, channel: str | None, rate: float | None, unit: float |
     bare = {"t": "t [s]"}
     with npz(path) as arrays:
         headers = [n if "[" in n else bare.get(n, f"{n} [m]") for n in arrays.names]
-        columns = _columns(headers, path, None)
-        column, x_unit = _chosen(columns, channel, path)
-        timed = "t" in columns
+        columns_by_name = _columns(headers, path, None)
+        column, x_unit = _chosen(columns_by_name, channel, path)
+        timed = "t" in columns_by_name
         _check_rate(timed, rate, path)
         x = _array(arrays, column, path) / _divisor(
             x_unit or "m", UNITS_PER_METRE, "position", path
         )
         if not timed:
             return _checked(np.arange(len(x)) / (rate or 1.0), x, path)
-        t_column, t_unit = columns["t"]
+        t_column, t_unit = columns_by_name["t"]
         t = _array(arrays, t_column, path) / _divisor(t_unit or "s", UNITS_PER_SECOND, "time", path)
     if len(t) != len(x):
         raise TakeError(f"{len(t):,} times and {len(x):,} positions", path)
@@ -350,7 +363,7 @@ def _array(arrays: Npz, column: int, path: Path) -> Floats:
 
 
 def _read_recording(
-    path: Path, channel: str | None, rate: float | None, unit: float | None
+    path: Path, channel_name: str | None, rate: float | None, unit: float | None
 ) -> Samples:
     _check_rate(True, rate, path)
     _check_unit(unit, path)
@@ -358,7 +371,11 @@ def _read_recording(
         recording = _core.read_recording(path)
     except _core.EngineError as error:
         raise TakeError(str(error), path) from None
-    axis = 0 if channel is None and len(recording.axes) == 1 else _axis(recording, channel, path)
+    axis = (
+        0
+        if channel_name is None and len(recording.axes) == 1
+        else _axis(recording, channel_name, path)
+    )
     ticks = recording.ticks()
     # Time counts from the recording's beginning, which may lie in the middle of a piece.
     t = (ticks - ticks[:1]).astype(np.float64) * recording.frames / recording.rate
@@ -366,14 +383,16 @@ def _read_recording(
     return _checked(t, x, path)._replace(damage=recording.damage)
 
 
-def _axis(recording: _core.Recording, channel: str | None, path: Path) -> int:
+def _axis(recording: _core.Recording, channel_name: str | None, path: Path) -> int:
     """The axis with a name: its own, or that of its player or key if they have only one axis."""
     columns = {name: (i, "m") for i, name in enumerate(recording.names)}
-    if channel not in columns:
-        indices = [i for i, axis in enumerate(recording.axes) if channel and channel in axis]
+    if channel_name not in columns:
+        indices = [
+            i for i, axis in enumerate(recording.axes) if channel_name and channel_name in axis
+        ]
         if len(indices) == 1:
             return indices[0]
-    return _chosen(columns, channel, path)[0]
+    return _chosen(columns, channel_name, path)[0]
 
 
 _Reader = Callable[[Path, str | None, float | None, float | None], Samples]

@@ -88,51 +88,61 @@ class _TransformResult(NamedTuple):
     note: str | None = None
 
 
-def parse_do(text: str, start: int = 0, other_verbs: Mapping[str, str] = NO_OTHERS) -> Transform:
+def parse_do(
+    text: str, text_start: int = 0, other_verbs: Mapping[str, str] = NO_OTHERS
+) -> Transform:
     """Read one transformation, such as `scale 0.5` or `jitter 4ms 0.2mm`.
 
     `other_verbs` are words that the caller reads, for messages. Raises TextError with offsets into
-    the text plus `start`.
+    the text plus `text_start`.
     """
-    words = [(w.group(), start + w.start()) for w in re.finditer(r"\S+", text)]
+    placed_words = [(w.group(), text_start + w.start()) for w in re.finditer(r"\S+", text)]
     verb_names = (*_VERBS, *other_verbs)
-    if not words:
-        raise TextError(f"a transformation is one of {', '.join(verb_names)}", offset=start)
-    (word, offset), arguments = words[0], words[1:]
-    verb = _VERBS.get(word)
-    if word in _RHYTHM_VERBS:
-        message = f"'{word}' is of rhythms and phrases; a hand moves: {_RHYTHM_VERBS[word]}"
-    elif word in _ROUND_WORDS:
-        message = f"'{word}' needs rounds, and a gesture by itself has none; write it in `do` of "
+    if not placed_words:
+        raise TextError(f"a transformation is one of {', '.join(verb_names)}", offset=text_start)
+    (verb_word, verb_offset), verb_arguments = placed_words[0], placed_words[1:]
+    verb = _VERBS.get(verb_word)
+    if verb_word in _RHYTHM_VERBS:
+        message = (
+            f"'{verb_word}' is of rhythms and phrases; a hand moves: {_RHYTHM_VERBS[verb_word]}"
+        )
+    elif verb_word in _ROUND_WORDS:
+        message = (
+            f"'{verb_word}' needs rounds, and a gesture by itself has none; write it in `do` of "
+        )
         message += "what plays the gesture"
     else:
         message = ""
     if message:
-        raise TextError(message, offset=offset, length=len(word))
+        raise TextError(message, offset=verb_offset, length=len(verb_word))
     if verb is None:
         raise TextError(
-            f"unknown transformation '{word[:40]}'; known are {', '.join(verb_names)}",
-            offset=offset,
-            length=len(word),
-            suggestion=nearest(word, verb_names),
+            f"unknown transformation '{verb_word[:40]}'; known are {', '.join(verb_names)}",
+            offset=verb_offset,
+            length=len(verb_word),
+            suggestion=nearest(verb_word, verb_names),
         )
-    if len(arguments) != len(verb.arguments):
+    if len(verb_arguments) != len(verb.arguments):
         extra_argument = (
-            arguments[len(verb.arguments)] if len(arguments) > len(verb.arguments) else None
+            verb_arguments[len(verb.arguments)]
+            if len(verb_arguments) > len(verb.arguments)
+            else None
         )
         error_offset, length = (
-            (extra_argument[1], len(extra_argument[0])) if extra_argument else (offset, len(word))
+            (extra_argument[1], len(extra_argument[0]))
+            if extra_argument
+            else (verb_offset, len(verb_word))
         )
         raise TextError(
-            f"'{word}' has another number of values; write for instance {verb.example}",
+            f"'{verb_word}' has another number of values; write for instance {verb.example}",
             offset=error_offset,
             length=length,
         )
     fields: dict[str, float | Time] = {}
-    for (argument, place), (name, read) in zip(arguments, verb.arguments, strict=True):
+    for (argument, place), (name, read) in zip(verb_arguments, verb.arguments, strict=True):
         fields[name] = read(argument, place, verb.example)
-    end = words[-1][1] + len(words[-1][0])
-    return Transform(word, offset=offset, length=end - offset, **fields)  # type: ignore[arg-type]
+    end = placed_words[-1][1] + len(placed_words[-1][0])
+    return Transform(verb_word, offset=verb_offset, length=end - verb_offset, **fields)  # type: ignore[arg-type]
 
 
 def parse_chain(text: str) -> tuple[Transform, ...]:
@@ -166,7 +176,7 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
 
     `beat` is the duration [s] of a beat at the start of the occurrence.
     """
-    scale, stretch, reverse, shift = 1.0, 1.0, False, Time()
+    scale, stretch, reverse, time_shift = 1.0, 1.0, False, Time()
     left_out = [0.0, 0.0]  # in front and at the back
     for transform in transforms:
         if transform.word in ("jitter", "quantise"):
@@ -175,19 +185,25 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
                 offset=transform.offset,
                 length=transform.length,
             )
-        amount, time = transform.amount, transform.time
+        amount, transform_time = transform.amount, transform.time
         scale *= {"scale": amount, "mirror": -1.0}.get(transform.word, 1.0)
         longer = transform.lengthening
         stretch *= longer
-        shift = Time(shift.beats * longer, shift.seconds * longer)
+        time_shift = Time(time_shift.beats * longer, time_shift.seconds * longer)
         reverse ^= transform.word in ("reverse", "rev")
         if transform.word == "from":
-            seconds_into_take = (time.beats - shift.beats) * beat + time.seconds - shift.seconds
+            seconds_into_take = (
+                (transform_time.beats - time_shift.beats) * beat
+                + transform_time.seconds
+                - time_shift.seconds
+            )
             left_out[reverse] += max(0.0, seconds_into_take) / stretch
-            shift = Time(0.0, max(0.0, -seconds_into_take))
+            time_shift = Time(0.0, max(0.0, -seconds_into_take))
             continue
-        shift = Time(shift.beats + time.beats, shift.seconds + time.seconds)
-    return TakeTransform(scale, stretch, reverse, shift, *left_out)
+        time_shift = Time(
+            time_shift.beats + transform_time.beats, time_shift.seconds + transform_time.seconds
+        )
+    return TakeTransform(scale, stretch, reverse, time_shift, *left_out)
 
 
 def _scale(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
@@ -214,89 +230,108 @@ def _shift(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _Tr
     )
 
 
-def _from(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _TransformResult:
+def _from(
+    gesture_points: tuple[Point, ...], t: Transform, _: Chance, beat_seconds: float
+) -> _TransformResult:
     """Leave out the points before an instant, which becomes the start; the last point stays.
 
     The first point that is left gets the curve of the gesture's first point.
     """
-    start = t.time.beats * beat + t.time.seconds
+    start = t.time.beats * beat_seconds + t.time.seconds
     later_indices = (
-        i for i, p in enumerate(points) if p.at.beats * beat + p.at.seconds >= start - SAME
+        i
+        for i, p in enumerate(gesture_points)
+        if p.at.beats * beat_seconds + p.at.seconds >= start - SAME
     )
     first_time = next(later_indices, None)
     if first_time is None:
-        end = _moved(points[-1], NOW, points[-1].x)
+        end = _moved(gesture_points[-1], NOW, gesture_points[-1].x)
         return _TransformResult(
             (end,), "from: the start lies after the last point, so only the last position remains"
         )
     new_times = [
-        Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds) for p in points[first_time:]
+        Time(p.at.beats - t.time.beats, p.at.seconds - t.time.seconds)
+        for p in gesture_points[first_time:]
     ]
     moved = [
-        _moved(p, new_time, p.x) for p, new_time in zip(points[first_time:], new_times, strict=True)
+        _moved(p, new_time, p.x)
+        for p, new_time in zip(gesture_points[first_time:], new_times, strict=True)
     ]
-    return _TransformResult((replace(moved[0], curve=points[0].curve), *moved[1:]))
+    return _TransformResult((replace(moved[0], curve=gesture_points[0].curve), *moved[1:]))
 
 
-def _reverse(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> _TransformResult:
+def _reverse(
+    gesture_points: tuple[Point, ...], _: Transform, __: Chance, ___: float
+) -> _TransformResult:
     """Play the points backward, between the first and the last point's instants.
 
     The curve that led into point i now leads into point i-1.
     """
-    first_time, last_time = points[0].at, points[-1].at
+    first_time, last_time = gesture_points[0].at, gesture_points[-1].at
     beats, seconds = first_time.beats + last_time.beats, first_time.seconds + last_time.seconds
-    curves = [points[0].curve, *(p.curve for p in reversed(points[1:]))]
+    curves = [gesture_points[0].curve, *(p.curve for p in reversed(gesture_points[1:]))]
     return _TransformResult(
         tuple(
             Point(Time(beats - p.at.beats, seconds - p.at.seconds), p.x, curve, p.offset, p.length)
-            for p, curve in zip(reversed(points), curves, strict=True)
+            for p, curve in zip(reversed(gesture_points), curves, strict=True)
         )
     )
 
 
 def _jitter(
-    points: tuple[Point, ...], t: Transform, chance: Chance, beat: float
+    gesture_points: tuple[Point, ...], t: Transform, chance: Chance, beat_seconds: float
 ) -> _TransformResult:
     """Move every point but the first by a draw in time, then one in position.
 
     A point moves at most JITTER_ROOM of the way to a neighbour, so that a tenth of the way stays
     between them. A hold keeps the moved position of the point before it.
     """
-    reach = t.time.beats * beat + t.time.seconds
-    clock = [p.at.beats * beat + p.at.seconds for p in points]
-    moved = list(points[:1])
-    for i in range(1, len(points)):
-        p = points[i]
+    reach = t.time.beats * beat_seconds + t.time.seconds
+    clock = [p.at.beats * beat_seconds + p.at.seconds for p in gesture_points]
+    moved = list(gesture_points[:1])
+    for i in range(1, len(gesture_points)):
+        moved_point = gesture_points[i]
         dt, dx = chance.uniform(-1.0, 1.0) * reach, chance.uniform(-1.0, 1.0) * t.x
         earliest = -JITTER_ROOM * (clock[i] - clock[i - 1])
         dt = max(dt, earliest)
-        if i + 1 < len(points):
+        if i + 1 < len(gesture_points):
             dt = min(dt, JITTER_ROOM * (clock[i + 1] - clock[i]))
-        x = moved[-1].x if p.curve == "hold" else p.x + dx
-        moved.append(_moved(p, Time(p.at.beats, p.at.seconds + dt), x))
+        x = moved[-1].x if moved_point.curve == "hold" else moved_point.x + dx
+        moved.append(
+            _moved(moved_point, Time(moved_point.at.beats, moved_point.at.seconds + dt), x)
+        )
     return _TransformResult(tuple(moved))
 
 
-def _quantise(points: tuple[Point, ...], t: Transform, _: Chance, beat: float) -> _TransformResult:
+def _quantise(
+    gesture_points: tuple[Point, ...], t: Transform, _: Chance, beat: float
+) -> _TransformResult:
     """Move points to the nearest multiple of q beats, halves later; merge those that meet.
 
     The merged point has the position of the last; its curve is the last that is not a hold.
     """
-    q = t.amount
-    result: list[Point] = []
-    for p in points:
-        rounded = Time(floor((p.at.beats + p.at.seconds / beat) / q + 0.5) * q, 0.0)
-        curve = p.curve
-        if result and rounded.beats <= result[-1].at.beats:
-            previous = result.pop()
+    grid_beats = t.amount
+    merged_points: list[Point] = []
+    for moved_point in gesture_points:
+        rounded = Time(
+            floor((moved_point.at.beats + moved_point.at.seconds / beat) / grid_beats + 0.5)
+            * grid_beats,
+            0.0,
+        )
+        curve = moved_point.curve
+        if merged_points and rounded.beats <= merged_points[-1].at.beats:
+            previous = merged_points.pop()
             rounded, curve = previous.at, previous.curve if curve == "hold" else curve
-        result.append(Point(rounded, p.x, curve, p.offset, p.length))
-    n_lost = len(points) - len(result)
+        merged_points.append(
+            Point(rounded, moved_point.x, curve, moved_point.offset, moved_point.length)
+        )
+    n_lost = len(gesture_points) - len(merged_points)
     if not n_lost:
-        return _TransformResult(tuple(result))
+        return _TransformResult(tuple(merged_points))
     plural = "points fall" if n_lost > 1 else "point falls"
     return _TransformResult(
-        tuple(result), f"quantise {q:g}: {n_lost} {plural} on the time of the next point"
+        tuple(merged_points),
+        f"quantise {grid_beats:g}: {n_lost} {plural} on the time of the next point",
     )
 
 
@@ -304,15 +339,17 @@ def _moved(p: Point, at: Time, x: float) -> Point:
     return Point(at, x, p.curve, p.offset, p.length)
 
 
-def _ratio(word: str, offset: int, example: str) -> float:
-    match = _RATIO.fullmatch(word)
-    if match is None:
-        raise _misread(word, offset, "a number", example)
-    divisor = 1.0 if match[3] is None else float(match[3])
-    value = float(match[2]) / divisor if divisor else LARGEST * 2
+def _ratio(ratio_word: str, word_offset: int, example: str) -> float:
+    ratio_match = _RATIO.fullmatch(ratio_word)
+    if ratio_match is None:
+        raise _misread(ratio_word, word_offset, "a number", example)
+    divisor = 1.0 if ratio_match[3] is None else float(ratio_match[3])
+    value = float(ratio_match[2]) / divisor if divisor else LARGEST * 2
     if not value <= LARGEST:
-        raise TextError(f"'{word[:40]}' is too large", offset=offset, length=len(word))
-    return -value if match[1] == "-" else value
+        raise TextError(
+            f"'{ratio_word[:40]}' is too large", offset=word_offset, length=len(ratio_word)
+        )
+    return -value if ratio_match[1] == "-" else value
 
 
 def _positive(word: str, offset: int, example: str) -> float:

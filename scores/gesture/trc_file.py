@@ -63,38 +63,48 @@ def read(path: Path) -> Motion:
 def _head(path: Path) -> _Head:
     with _text(path) as file:
         numbered = lines(file, path)
-        first_number, fields, values, markers, axes = (next(numbered, (0, "")) for _ in range(5))
-    names = [name.strip() for name in markers[1].split("\t")[_LEADING:] if name.strip()]
-    if not first_number[1].startswith(_FIRST) or not markers[1].startswith("Frame#") or not axes[0]:
+        first_number, fields, values, markers, axis_fields = (
+            next(numbered, (0, "")) for _ in range(5)
+        )
+    marker_names = [name.strip() for name in markers[1].split("\t")[_LEADING:] if name.strip()]
+    if (
+        not first_number[1].startswith(_FIRST)
+        or not markers[1].startswith("Frame#")
+        or not axis_fields[0]
+    ):
         raise TakeError(
             "this is not a TRC file: it begins with PathFileType, and its fourth line with Frame#",
             path,
         )
-    if len(names) > MAX_CHANNELS:
+    if len(marker_names) > MAX_CHANNELS:
         raise TakeError(f"the file has more than {MAX_CHANNELS:,} points", path)
     cells = (text.split("\t") for _, text in (fields, values))
     pairs = zip(*cells, strict=False)
-    return _Head({name.strip(): value.strip() for name, value in pairs}, names, axes[0])
+    return _Head(
+        {name.strip(): value.strip() for name, value in pairs}, marker_names, axis_fields[0]
+    )
 
 
 def _rows(header: _Head, path: Path) -> Iterator[tuple[int, list[str]]]:
     """The cells of each frame, with their line. Raises TakeError."""
-    width = _LEADING + 3 * len(header.names)
+    row_width = _LEADING + 3 * len(header.names)
     with _text(path) as file:
-        for line, text in lines(file, path):
-            if line <= header.line:
+        for line_number, text in lines(file, path):
+            if line_number <= header.line:
                 continue
-            cells = [cell.strip() for cell in text.split("\t")]
-            if len(cells) == width + 1 and not cells[-1]:  # a tab may come last
-                cells.pop()
-            if _LEADING <= len(cells) < width and (width - len(cells)) % 3 == 0:
-                cells += [""] * (width - len(cells))  # an editor cut the blanks of hidden markers
-            if len(cells) != width:
+            line_cells = [cell.strip() for cell in text.split("\t")]
+            if len(line_cells) == row_width + 1 and not line_cells[-1]:  # a tab may come last
+                line_cells.pop()
+            if _LEADING <= len(line_cells) < row_width and (row_width - len(line_cells)) % 3 == 0:
+                line_cells += [""] * (
+                    row_width - len(line_cells)
+                )  # an editor cut the blanks of hidden markers
+            if len(line_cells) != row_width:
                 message = (
-                    f"the number of values in this line is {len(cells)}, but the markers need "
+                    f"the number of values in this line is {len(line_cells)}, but the markers need "
                 )
-                raise TakeError(f"{message}{width}", path, line)
-            yield line, cells
+                raise TakeError(f"{message}{row_width}", path, line_number)
+            yield line_number, line_cells
 
 
 def _values(cells: list[str], path: Path, line: int) -> list[float]:

@@ -42,14 +42,14 @@ class ChainParser(ABC, Generic[T]):
         while self.peek() == ",":
             self.place += 1
             transforms.append(self.transform())
-        sign = self.peek()
-        if sign == ")" and opened is not None:
+        next_sign = self.peek()
+        if next_sign == ")" and opened is not None:
             self.place += 1
-        elif sign == ")":
+        elif next_sign == ")":
             raise self.mistake("')' has no '(' before it: every 4 (rev, fast 2)", self.place)
-        elif sign:
+        elif next_sign:
             previous_transform = transforms[-1]
-            extra_word, (word, example) = self.word() or sign, self.example(previous_transform)
+            extra_word, (word, example) = self.word() or next_sign, self.example(previous_transform)
             message = f"{quote(extra_word)} does not belong to '{word}', which is written for "
             message += f"instance {example}; a comma divides transformations"
             raise self.mistake(message, self.place, len(extra_word))
@@ -60,25 +60,27 @@ class ChainParser(ABC, Generic[T]):
 
     def values(self, form: Form, begin: int, word: str) -> tuple[Any, ...]:
         """The values of the arguments of a transformation."""
-        words: list[tuple[str, int]] = []
-        while len(words) < len(form.arguments[-1]):
+        argument_words: list[tuple[str, int]] = []
+        while len(argument_words) < len(form.arguments[-1]):
             self.peek()
-            value = self.word()
+            argument_word = self.word()
             # A word that is not like a value is read as one only where a value must follow.
-            may_end = form.takes_change or any(len(a) == len(words) for a in form.arguments)
-            if not value or (may_end and not _VALUE.fullmatch(value)):
+            may_end = form.takes_change or any(
+                len(a) == len(argument_words) for a in form.arguments
+            )
+            if not argument_word or (may_end and not _VALUE.fullmatch(argument_word)):
                 break
-            words.append((value, self.place))
-            self.place += len(value)
+            argument_words.append((argument_word, self.place))
+            self.place += len(argument_word)
         counts = {len(readers): readers for readers in form.arguments}
-        readers = counts.get(len(words))
+        readers = counts.get(len(argument_words))
         if readers is None:
-            argument_name = form.arguments[0][len(words)].what
+            argument_name = form.arguments[0][len(argument_words)].what
             message = f"'{word}' needs {argument_name}; write for instance {form.example}"
             raise self.mistake(message, begin, len(word))
         return tuple(
             reader.argument(value, self.start + place, form.example)
-            for reader, (value, place) in zip(readers, words, strict=True)
+            for reader, (value, place) in zip(readers, argument_words, strict=True)
         )
 
     def inner(self, form: Form, begin: int, word: str) -> tuple[T, ...]:

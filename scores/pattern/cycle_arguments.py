@@ -51,13 +51,13 @@ class Reader:
     read: Callable[[str], Argument | None]
     known: tuple[str, ...] = ()
 
-    def argument(self, word: str, offset: int, example: str) -> Argument:
+    def argument(self, typed_word: str, offset: int, example: str) -> Argument:
         """Read a word at an offset. Raises TextError."""
-        value = self.read(word)
+        value = self.read(typed_word)
         if value is None:
-            message = f"{quote(word)} is not {self.what}; write for instance {example}"
-            near = nearest(word.strip("\"'"), self.known)
-            raise TextError(message, offset=offset, length=max(1, len(word)), suggestion=near)
+            message = f"{quote(typed_word)} is not {self.what}; write for instance {example}"
+            near = nearest(typed_word.strip("\"'"), self.known)
+            raise TextError(message, offset=offset, length=max(1, len(typed_word)), suggestion=near)
         return value
 
 
@@ -90,17 +90,21 @@ def _count(low: int, high: int) -> Callable[[str], int | None]:
     return read
 
 
-def _semitones(word: str) -> float | None:
+def _semitones(typed_word: str) -> float | None:
     """The semitones of `-5st`, `50cents`, `3/2` or `x1.5`; whole ones of `st` as an integer, for
     they are keys of a scale.
     """
     semitones: float
-    if match := _INTERVAL.fullmatch(word):
+    if match := _INTERVAL.fullmatch(typed_word):
         amount = Fraction(match[1])
         is_whole = match[2] == "st" and amount.denominator == 1
         semitones = int(amount) if is_whole else float(amount / (1 if match[2] == "st" else 100))
     else:
-        factor = ratio(word.removeprefix("x")) if "/" in word or word[:1] == "x" else None
+        factor = (
+            ratio(typed_word.removeprefix("x"))
+            if "/" in typed_word or typed_word[:1] == "x"
+            else None
+        )
         if not factor:
             return None
         semitones = 12.0 * (log2(factor.numerator) - log2(factor.denominator))

@@ -37,25 +37,25 @@ _COPIES = 1 << 40  # between the operators of one copy of a pattern and those of
 # --- which pattern, which events, with which chances ---------------------------------------------
 
 
-def select(pick: Callable[[int], Cycles[V]], parts: Sequence[Cycles[V]]) -> Cycles[V]:
-    """In each cycle the pattern that `pick` returns for it, among `parts`."""
+def select(pick: Callable[[int], Cycles[V]], cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]:
+    """In each cycle the pattern that `pick` returns for it, among `cycle_patterns`."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         pieces = by_cycle(begin, end)
         return [f for cycle, low, high in pieces for f in pick(cycle).query(low, high, chance)]
 
-    return node(query, parts, max(part.cost for part in parts))
+    return node(query, cycle_patterns, max(part.cost for part in cycle_patterns))
 
 
-def renumbered(shift: int, part: Cycles[V]) -> Cycles[V]:
+def renumbered(number_shift: int, changed_pattern: Cycles[V]) -> Cycles[V]:
     """The pattern whose operators have other numbers, and so draw other chances."""
-    if shift == 0:
-        return part
+    if number_shift == 0:
+        return changed_pattern
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return part.query(begin, end, _renumbered(chance, shift))
+        return changed_pattern.query(begin, end, _renumbered(chance, number_shift))
 
-    return node(query, (part,), part.cost)
+    return node(query, (changed_pattern,), changed_pattern.cost)
 
 
 @lru_cache(_WALKS)
@@ -64,27 +64,27 @@ def _renumbered(chance: Chance, shift: int) -> Chance:
     return lambda number, instant: chance(number + shift, instant)
 
 
-def having(test: Callable[[V], bool], part: Cycles[V]) -> Cycles[V]:
+def having(test: Callable[[V], bool], changed_pattern: Cycles[V]) -> Cycles[V]:
     """The events whose value passes a test."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return [f for f in part.query(begin, end, chance) if test(f.what)]
+        return [f for f in changed_pattern.query(begin, end, chance) if test(f.what)]
 
-    leaves = tuple(leaf for leaf in part.leaves if test(leaf))
-    return Cycles(query, part.cost, 1 + part.depth, leaves)
+    leaves = tuple(leaf for leaf in changed_pattern.leaves if test(leaf))
+    return Cycles(query, changed_pattern.cost, 1 + changed_pattern.depth, leaves)
 
 
 # --- order --------------------------------------------------------------------------------------
 
 
-def rev(part: Cycles[V]) -> Cycles[V]:
+def rev(changed_pattern: Cycles[V]) -> Cycles[V]:
     """Each cycle backwards."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        result = []
+        fragments_made = []
         for cycle, low, high in by_cycle(begin, end):
             mirror_sum = 2 * cycle + 1
-            for first, last, start, stop, value in part.query(
+            for first, last, start, stop, value in changed_pattern.query(
                 mirror_sum - high, mirror_sum - low, chance
             ):
                 mirrored = Fragment(
@@ -94,10 +94,10 @@ def rev(part: Cycles[V]) -> Cycles[V]:
                     mirror_sum - start,
                     value,
                 )
-                result.append(mirrored)
-        return result
+                fragments_made.append(mirrored)
+        return fragments_made
 
-    return node(query, (part,), part.cost)
+    return node(query, (changed_pattern,), changed_pattern.cost)
 
 
 def palindrome(part: Cycles[V]) -> Cycles[V]:
@@ -120,27 +120,29 @@ def swing(amount: Fraction, slices: int, part: Cycles[V]) -> Cycles[V]:
 
 
 def ply(
-    count: int,
-    part: Cycles[V],
+    repeat_count: int,
+    changed_pattern: Cycles[V],
     change: Callable[[V, int], V] = lambda played_value, _: played_value,
 ) -> Cycles[V]:
-    """Each event `count` times within its span; `change` returns the value of a repetition."""
+    """Each event `repeat_count` times in its span; `change` returns the value of a repetition."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        result: list[Fragment[V]] = []
-        for fragment in part.query(begin, end, chance):
-            first, last, start, stop, played_value = fragment
-            width = (last - first) / count
-            turn = (start - first) // width
-            low = first + turn * width
-            while low < stop:
+        fragments_made: list[Fragment[V]] = []
+        for fragment in changed_pattern.query(begin, end, chance):
+            first, last, fragment_start, fragment_stop, played_value = fragment
+            width = (last - first) / repeat_count
+            repetition = (fragment_start - first) // width
+            low = first + repetition * width
+            while low < fragment_stop:
                 high = low + width
-                value = change(played_value, int(turn))
-                result.append(Fragment(low, high, max(low, start), min(high, stop), value))
-                low, turn = high, turn + 1
-        return result
+                value = change(played_value, int(repetition))
+                fragments_made.append(
+                    Fragment(low, high, max(low, fragment_start), min(high, fragment_stop), value)
+                )
+                low, repetition = high, repetition + 1
+        return fragments_made
 
-    return node(query, (part,), part.cost * count)
+    return node(query, (changed_pattern,), changed_pattern.cost * repeat_count)
 
 
 # --- some cycles, some parts of them ------------------------------------------------------------
@@ -162,18 +164,20 @@ def when(test: Callable[[int], bool], change: Change[V], part: Cycles[V]) -> Cyc
     return select(lambda cycle: changed if test(cycle) else part, (part, changed))
 
 
-def chunk(count: int, change: Change[V], part: Cycles[V]) -> Cycles[V]:
-    """A change of one of `count` shares of a cycle: the first in the first cycle, and so on."""
-    changed = change(part)
+def chunk(share_count: int, change: Change[V], changed_pattern: Cycles[V]) -> Cycles[V]:
+    """A change of one of `share_count` shares of a cycle: of the first share in the first cycle,
+    of the second in the second.
+    """
+    changed = change(changed_pattern)
 
     def is_share(begin: Fraction) -> bool:
         cycle = begin.numerator // begin.denominator
-        return (begin - cycle) * count // 1 == cycle % count
+        return (begin - cycle) * share_count // 1 == cycle % share_count
 
     return stack(
         [
             filtered(lambda begin, _: is_share(begin), changed),
-            filtered(lambda begin, _: not is_share(begin), part),
+            filtered(lambda begin, _: not is_share(begin), changed_pattern),
         ]
     )
 
@@ -196,23 +200,27 @@ def sometimes(number: int, amount: float, change: Change[V], part: Cycles[V]) ->
     return stack([degrade(number, amount, part), change(undegrade(number, amount, part))])
 
 
-def walk(number: int, parts: Sequence[Cycles[V]]) -> Cycles[V]:
+def walk(walk_number: int, cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]:
     """One of the patterns in each cycle: the first in the first, then the one before, the same or
     the one behind, by chance; a step beyond an end is reflected.
     """
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        path = _path(chance, number, len(parts))
-        result: list[Fragment[V]] = []
+        path = _path(chance, walk_number, len(cycle_patterns))
+        fragments_made: list[Fragment[V]] = []
         for cycle, low, high in by_cycle(begin, end):
             for turn in range(len(path), abs(cycle) + 1):
-                step = int(3 * chance(number, Fraction(turn))) - 1 if len(parts) > 1 else 0
+                step = (
+                    int(3 * chance(walk_number, Fraction(turn))) - 1
+                    if len(cycle_patterns) > 1
+                    else 0
+                )
                 place = path[-1] + step
-                path.append(place if 0 <= place < len(parts) else path[-1] - step)
-            result += parts[path[abs(cycle)]].query(low, high, chance)
-        return result
+                path.append(place if 0 <= place < len(cycle_patterns) else path[-1] - step)
+            fragments_made += cycle_patterns[path[abs(cycle)]].query(low, high, chance)
+        return fragments_made
 
-    return node(query, parts, sum(part.cost for part in parts))
+    return node(query, cycle_patterns, sum(part.cost for part in cycle_patterns))
 
 
 @lru_cache(_WALKS)
@@ -257,31 +265,31 @@ def euclid(rhythm: Euclid, part: Cycles[V], copy: int = _COPIES) -> Cycles[V]:
 # --- two patterns -------------------------------------------------------------------------------
 
 
-def struct(rhythm: Cycles[W], part: Cycles[V]) -> Cycles[V]:
+def struct(rhythm: Cycles[W], changed_pattern: Cycles[V]) -> Cycles[V]:
     """The events of a rhythm with the values that the pattern has there."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         return [
             Fragment(beat.begin, beat.end, value.start, value.stop, value.what)
             for beat in rhythm.query(begin, end, chance)
-            for value in part.query(beat.start, beat.stop, chance)
+            for value in changed_pattern.query(beat.start, beat.stop, chance)
         ]
 
-    return _combined(query, rhythm, part)
+    return _combined(query, rhythm, changed_pattern)
 
 
 def mask(openings: Cycles[W], part: Cycles[V]) -> Cycles[V]:
     """The events of the pattern that begin during the events of another."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        result = []
+        fragments_made = []
         openings_here = openings.query(begin, end, chance)
         for value in part.query(begin, end, chance):
             for opening in openings_here:
                 fragment = cut(value, opening.start, opening.stop)
                 if fragment is not None:
-                    result.append(fragment)
-        return result
+                    fragments_made.append(fragment)
+        return fragments_made
 
     return _combined(query, openings, part)
 

@@ -77,27 +77,35 @@ class _Parser(ChainParser[CycleTransform]):
     def transform(self) -> CycleTransform:
         """One transformation, with what it takes."""
         self.peek()
-        begin, word = self.place, self.word()
-        form = TABLE.get(word)
-        if form is None:
-            raise self.unknown(word)
+        begin_place, typed_word = self.place, self.word()
+        transform_form = TABLE.get(typed_word)
+        if transform_form is None:
+            raise self.unknown(typed_word)
         self.count += 1
         if self.count > MAX_TRANSFORMS:
             message = f"a pattern has at most {MAX_TRANSFORMS} transformations; remove some"
-            raise self.mistake(message, begin, len(word))
-        number = self.count * _NUMBERS
-        self.place += len(word)
-        values = self.values(form, begin, word)
-        if form.takes_rhythm:
-            values = (self.rhythm(form, begin, word, number),)
-        inner: tuple[CycleTransform, ...] = ()
-        if form.takes_change:
-            inner = self.inner(form, begin, word)
-        length = len(self.text[begin : self.place].rstrip())
-        mistake = form.check(*values)
+            raise self.mistake(message, begin_place, len(typed_word))
+        first_number = self.count * _NUMBERS
+        self.place += len(typed_word)
+        transform_values = self.values(transform_form, begin_place, typed_word)
+        if transform_form.takes_rhythm:
+            transform_values = (self.rhythm(transform_form, begin_place, typed_word, first_number),)
+        inner_transforms: tuple[CycleTransform, ...] = ()
+        if transform_form.takes_change:
+            inner_transforms = self.inner(transform_form, begin_place, typed_word)
+        length = len(self.text[begin_place : self.place].rstrip())
+        mistake = transform_form.check(*transform_values)
         if mistake is not None:
-            raise self.mistake(mistake, begin, length)
-        return CycleTransform(word, form, number, values, inner, self.start + begin, length)
+            raise self.mistake(mistake, begin_place, length)
+        return CycleTransform(
+            typed_word,
+            transform_form,
+            first_number,
+            transform_values,
+            inner_transforms,
+            self.start + begin_place,
+            length,
+        )
 
     def rhythm(self, form: Form, begin: int, word: str, number: int) -> Cycles[bool]:
         """The rhythm up to the next comma or parenthesis that is in no brackets of its text."""

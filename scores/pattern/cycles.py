@@ -109,16 +109,20 @@ def node(query: Query[V], parts: Sequence[Cycles[V]], cost: int) -> Cycles[V]:
     return Cycles(query, cost, depth, tuple(leaves))
 
 
-def by_cycle(begin: Fraction, end: Fraction) -> Iterator[tuple[int, Fraction, Fraction]]:
+def by_cycle(
+    begin_instant: Fraction, end_instant: Fraction
+) -> Iterator[tuple[int, Fraction, Fraction]]:
     """The cycles between two instants, each with the part of it that lies between them."""
-    cycle = begin.numerator // begin.denominator
-    if end.denominator == 1 and end.numerator == cycle + 1:  # arithmetic of fractions is slow
-        yield cycle, begin, end
+    cycle = begin_instant.numerator // begin_instant.denominator
+    if (
+        end_instant.denominator == 1 and end_instant.numerator == cycle + 1
+    ):  # arithmetic of fractions is slow
+        yield cycle, begin_instant, end_instant
         return
-    while begin < end:
-        cycle_end = min(end, Fraction(cycle + 1))
-        yield cycle, begin, cycle_end
-        begin, cycle = cycle_end, cycle + 1
+    while begin_instant < end_instant:
+        cycle_end = min(end_instant, Fraction(cycle + 1))
+        yield cycle, begin_instant, cycle_end
+        begin_instant, cycle = cycle_end, cycle + 1
 
 
 def into_cycle(instant: Fraction) -> Fraction:
@@ -127,17 +131,17 @@ def into_cycle(instant: Fraction) -> Fraction:
 
 
 def moved(
-    fragments: Iterable[Fragment[V]], factor: Fraction | int, shift: Fraction | int
+    fragments: Iterable[Fragment[V]], time_factor: Fraction | int, time_shift: Fraction | int
 ) -> list[Fragment[V]]:
     """Fragments with each instant t at t·factor + shift, for a factor above zero."""
-    result = []
+    fragments_made = []
     for begin, end, start, stop, value in fragments:
-        low, high = begin * factor + shift, end * factor + shift
+        low, high = begin * time_factor + time_shift, end * time_factor + time_shift
         # Few fragments are cut.
-        first = low if start is begin else start * factor + shift
-        last = high if stop is end else stop * factor + shift
-        result.append(Fragment(low, high, first, last, value))
-    return result
+        first = low if start is begin else start * time_factor + time_shift
+        last = high if stop is end else stop * time_factor + time_shift
+        fragments_made.append(Fragment(low, high, first, last, value))
+    return fragments_made
 
 
 def cut(fragment: Fragment[V], begin: Fraction, end: Fraction) -> Fragment[V] | None:
@@ -156,7 +160,7 @@ def silence() -> Cycles[V]:
     return Cycles(lambda begin, end, chance: [])
 
 
-def pure(value: V) -> Cycles[V]:
+def pure(pure_value: V) -> Cycles[V]:
     """One event a cycle, which lasts the cycle."""
 
     def query(begin: Fraction, end: Fraction, _: Chance) -> list[Fragment[V]]:
@@ -164,46 +168,50 @@ def pure(value: V) -> Cycles[V]:
         for cycle, start, stop in by_cycle(begin, end):
             low = start if start.denominator == 1 else Fraction(cycle)
             high = stop if stop.denominator == 1 else Fraction(cycle + 1)
-            result.append(Fragment(low, high, start, stop, value))
+            result.append(Fragment(low, high, start, stop, pure_value))
         return result
 
-    return Cycles(query, leaves=(value,))
+    return Cycles(query, leaves=(pure_value,))
 
 
-def sequence(steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
+def sequence(weighted_steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
     """Patterns after one another in each cycle, each with its weight: its share of the cycle.
 
     Each pattern plays its first cycle in the first cycle, its second in the second, and so on.
     """
-    if len(steps) == 1:
-        return steps[0][0]
-    parts = [part for part, _ in steps]
-    total = sum((weight for _, weight in steps), Fraction(0))
-    widths = [weight / total for _, weight in steps]
+    if len(weighted_steps) == 1:
+        return weighted_steps[0][0]
+    cycle_patterns = [part for part, _ in weighted_steps]
+    total = sum((weight for _, weight in weighted_steps), Fraction(0))
+    widths = [weight / total for _, weight in weighted_steps]
     bounds = list(accumulate(widths, initial=Fraction(0)))
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        result: list[Fragment[V]] = []
+        fragments_made: list[Fragment[V]] = []
         for cycle, first, last in by_cycle(begin, end):
             is_cut = first.denominator != 1 or last.denominator != 1
-            low, high = (first - cycle, last - cycle) if is_cut else (bounds[0], bounds[-1])
+            low_bound, high_bound = (
+                (first - cycle, last - cycle) if is_cut else (bounds[0], bounds[-1])
+            )
             cycle_begins, cycle_ends = Fraction(cycle), Fraction(cycle + 1)
-            for step in range(bisect_right(bounds, low) - 1, len(parts)):
-                left_bound, width = bounds[step], widths[step]
-                start, stop = cycle_begins, cycle_ends
+            for step_index in range(bisect_right(bounds, low_bound) - 1, len(cycle_patterns)):
+                left_bound, step_width = bounds[step_index], widths[step_index]
+                part_start, part_stop = cycle_begins, cycle_ends
                 if is_cut:
-                    if left_bound >= high:
+                    if left_bound >= high_bound:
                         break
-                    if low > left_bound:
-                        start += (low - left_bound) / width
-                    if high < bounds[step + 1]:
-                        stop -= (bounds[step + 1] - high) / width
-                inner = parts[step].query(start, stop, chance)
+                    if low_bound > left_bound:
+                        part_start += (low_bound - left_bound) / step_width
+                    if high_bound < bounds[step_index + 1]:
+                        part_stop -= (bounds[step_index + 1] - high_bound) / step_width
+                inner = cycle_patterns[step_index].query(part_start, part_stop, chance)
                 if inner:
-                    result += moved(inner, width, left_bound + cycle * (1 - width))
-        return result
+                    fragments_made += moved(
+                        inner, step_width, left_bound + cycle * (1 - step_width)
+                    )
+        return fragments_made
 
-    return node(query, parts, sum(part.cost for part in parts))
+    return node(query, cycle_patterns, sum(part.cost for part in cycle_patterns))
 
 
 def fast_sequence(parts: Sequence[Cycles[V]]) -> Cycles[V]:
@@ -211,46 +219,50 @@ def fast_sequence(parts: Sequence[Cycles[V]]) -> Cycles[V]:
     return sequence([(part, Fraction(1)) for part in parts])
 
 
-def stack(parts: Sequence[Cycles[V]]) -> Cycles[V]:
+def stack(cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]:
     """Patterns together."""
-    if len(parts) == 1:
-        return parts[0]
+    if len(cycle_patterns) == 1:
+        return cycle_patterns[0]
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return [fragment for part in parts for fragment in part.query(begin, end, chance)]
+        return [fragment for part in cycle_patterns for fragment in part.query(begin, end, chance)]
 
-    return node(query, parts, max(1, sum(part.cost for part in parts)))
+    return node(query, cycle_patterns, max(1, sum(part.cost for part in cycle_patterns)))
 
 
-def choose(number: int, parts: Sequence[Cycles[V]]) -> Cycles[V]:
+def choose(choice_number: int, cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]:
     """One of the patterns in each cycle, by chance."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         result: list[Fragment[V]] = []
         for cycle, first, last in by_cycle(begin, end):
-            draw = int(chance(number, Fraction(cycle)) * len(parts))
-            result += parts[min(draw, len(parts) - 1)].query(first, last, chance)
+            draw = int(chance(choice_number, Fraction(cycle)) * len(cycle_patterns))
+            result += cycle_patterns[min(draw, len(cycle_patterns) - 1)].query(first, last, chance)
         return result
 
     # The sum, though one is played: what is written out in a text is bounded by the cost.
-    return node(query, parts, sum(part.cost for part in parts))
+    return node(query, cycle_patterns, sum(part.cost for part in cycle_patterns))
 
 
 # --- time ---------------------------------------------------------------------------------------
 
 
-def fast(factor: Fraction | int, part: Cycles[V]) -> Cycles[V]:
-    """The pattern `factor` times as fast."""
-    if factor == 1:
-        return part
-    inverse = 1 / Fraction(factor)
+def fast(time_factor: Fraction | int, changed_pattern: Cycles[V]) -> Cycles[V]:
+    """The pattern `time_factor` times as fast."""
+    if time_factor == 1:
+        return changed_pattern
+    inverse = 1 / Fraction(time_factor)
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return moved(part.query(begin * factor, end * factor, chance), inverse, 0)
+        return moved(
+            changed_pattern.query(begin * time_factor, end * time_factor, chance), inverse, 0
+        )
 
     # A slow pattern costs what it did: one cycle may hold all of its events.
-    cost = max(part.cost, -(-part.cost * inverse.denominator // inverse.numerator))
-    return node(query, (part,), cost)
+    cost = max(
+        changed_pattern.cost, -(-changed_pattern.cost * inverse.denominator // inverse.numerator)
+    )
+    return node(query, (changed_pattern,), cost)
 
 
 def slow(factor: Fraction | int, part: Cycles[V]) -> Cycles[V]:
@@ -258,15 +270,17 @@ def slow(factor: Fraction | int, part: Cycles[V]) -> Cycles[V]:
     return fast(1 / Fraction(factor), part)
 
 
-def late(time: Fraction, part: Cycles[V]) -> Cycles[V]:
+def late(delay_time: Fraction, changed_pattern: Cycles[V]) -> Cycles[V]:
     """The pattern, begun some time later."""
-    if time == 0:
-        return part
+    if delay_time == 0:
+        return changed_pattern
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return moved(part.query(begin - time, end - time, chance), 1, time)
+        return moved(
+            changed_pattern.query(begin - delay_time, end - delay_time, chance), 1, delay_time
+        )
 
-    return node(query, (part,), part.cost)
+    return node(query, (changed_pattern,), changed_pattern.cost)
 
 
 def early(time: Fraction, part: Cycles[V]) -> Cycles[V]:
@@ -277,15 +291,15 @@ def early(time: Fraction, part: Cycles[V]) -> Cycles[V]:
 # --- values and choice ---------------------------------------------------------------------------
 
 
-def mapped(change: Callable[[V], W], part: Cycles[V]) -> Cycles[W]:
+def mapped(value_change: Callable[[V], W], changed_pattern: Cycles[V]) -> Cycles[W]:
     """The pattern with each value changed."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[W]]:
-        fragments = part.query(begin, end, chance)
-        return [Fragment(*fragment[:4], change(fragment.what)) for fragment in fragments]
+        fragments = changed_pattern.query(begin, end, chance)
+        return [Fragment(*fragment[:4], value_change(fragment.what)) for fragment in fragments]
 
-    leaves = dict.fromkeys(change(leaf) for leaf in part.leaves)
-    return Cycles(query, part.cost, 1 + part.depth, tuple(leaves))
+    leaves = dict.fromkeys(value_change(leaf) for leaf in changed_pattern.leaves)
+    return Cycles(query, changed_pattern.cost, 1 + changed_pattern.depth, tuple(leaves))
 
 
 def filtered(test: Callable[[Fraction, Chance], bool], part: Cycles[V]) -> Cycles[V]:

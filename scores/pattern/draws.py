@@ -38,19 +38,19 @@ class Draws:
             order[last_index], order[drawn_index] = order[drawn_index], order[last_index]
         return order
 
-    def walk_position(self, site: int, turn: int, count: int) -> int:
-        """The position of a random walk among `count` items: it starts at the first, and each turn
-        moves it by -1, 0 or +1; a step beyond an end is reflected.
+    def walk_position(self, site: int, turn_index: int, item_count: int) -> int:
+        """The position of a random walk among `item_count` items: it starts at the first, and each
+        turn moves it by -1, 0 or +1; a step beyond an end is reflected.
         """
-        if count == 1:
+        if item_count == 1:
             return 0
-        path = _walk(self.seed, self.who, site, count)
+        path = _walk(self.seed, self.who, site, item_count)
         with _WALKING:
-            while len(path) <= turn:
+            while len(path) <= turn_index:
                 step = _drawn_index(self._chance("walk", site, len(path)), 3) - 1
                 position = path[-1] + step
-                path.append(position if 0 <= position < count else path[-1] - step)
-        return path[turn]
+                path.append(position if 0 <= position < item_count else path[-1] - step)
+        return path[turn_index]
 
     def happens(self, probability: float, place: int, member: int = 0) -> bool:
         """Whether an event with a given probability happens."""

@@ -82,50 +82,50 @@ class _Open(NamedTuple):
     items: list[tuple[Leaf | _Open, int | None, int]]  # each with its count, and where it begins
 
 
-def parse(text: str, called: Called | None = None) -> Group:
+def parse(pattern_text: str, called: Called | None = None) -> Group:
     """Read a pattern; `called` returns the name or names that a word at an offset stands for.
 
     Without `called` words are names of gestures and takes. Raises TextError with the characters
     at fault.
     """
     called = called or name_of
-    stripped_text = text.strip()
+    stripped_text = pattern_text.strip()
     if stripped_text in WAYS:  # the name of a gesture
-        called_name = called(stripped_text, text.index(stripped_text))
+        called_name = called(stripped_text, pattern_text.index(stripped_text))
         return plain(called_name if isinstance(called_name, str) else stripped_text)
     stack = [_Open(0, ["in turn"], [])]
-    for token in _TOKEN.finditer(text):
-        opened, word, count, star = token.groups()
-        top = stack[-1]
+    for token_match in _TOKEN.finditer(pattern_text):
+        opened, typed_word, item_count, star = token_match.groups()
+        open_group = stack[-1]
         if star:
             message = "'*' repeats the name or the group before it: knock*2, (knock lean)*2"
-            raise TextError(message, offset=token.start(4))
+            raise TextError(message, offset=token_match.start(4))
         if opened:
             if len(stack) > MAX_DEPTH:
                 message = f"groups are nested more than {MAX_DEPTH} deep"
-                raise TextError(message, offset=token.start())
-            stack.append(_Open(token.start(), ["in turn"], []))
+                raise TextError(message, offset=token_match.start())
+            stack.append(_Open(token_match.start(), ["in turn"], []))
             continue
-        times = None if count is None else _count(count, token.start(3))
-        if word != ")":
-            choice = _choice(word)
-            if choice is not None and not top.items and top.way == ["in turn"]:
-                top.way[:] = [choice]
+        repeat_count = None if item_count is None else _count(item_count, token_match.start(3))
+        if typed_word != ")":
+            choice = _choice(typed_word)
+            if choice is not None and not open_group.items and open_group.way == ["in turn"]:
+                open_group.way[:] = [choice]
                 continue
-            offset = token.start(2)
-            leaves = _leaves(word, offset, called)
-            if (times or 1) * len(leaves) > MAX_PLACES:
-                raise TextError(_TOO_MANY, offset=offset, length=len(word))
-            for _ in range(times or 1):  # several names of one word are repeated together
-                top.items.extend((leaf, None, offset) for leaf in leaves)
+            offset = token_match.start(2)
+            leaves = _leaves(typed_word, offset, called)
+            if (repeat_count or 1) * len(leaves) > MAX_PLACES:
+                raise TextError(_TOO_MANY, offset=offset, length=len(typed_word))
+            for _ in range(repeat_count or 1):  # several names of one word are repeated together
+                open_group.items.extend((leaf, None, offset) for leaf in leaves)
             continue
         if len(stack) == 1:
-            raise TextError("')' has no '(' before it", offset=token.start(2))
+            raise TextError("')' has no '(' before it", offset=token_match.start(2))
         _not_empty(stack.pop())
-        stack[-1].items.append((top, times, top.offset))
+        stack[-1].items.append((open_group, repeat_count, open_group.offset))
     if len(stack) > 1:
         raise TextError("this group is not closed; write ( … )", offset=stack[-1].offset)
-    _not_empty(stack[0], len(text))
+    _not_empty(stack[0], len(pattern_text))
     return _GroupBuilder().group(stack[0], 1)
 
 
@@ -138,13 +138,16 @@ def _choice(word: str) -> Choice | None:
     return next((order_word for order_word in WAYS if order_word == word), None)
 
 
-def _leaves(word: str, offset: int, name_reader: Called) -> list[Leaf]:
-    if word == REST:
+def _leaves(typed_word: str, word_offset: int, name_reader: Called) -> list[Leaf]:
+    if typed_word == REST:
         return [Leaf(None)]
-    if word in WAYS:
-        message = f"'{word}' must be at the beginning of a pattern or a group: ({word} knock lean)"
-        raise TextError(message, offset=offset, length=len(word))
-    leaf = name_reader(word, offset)
+    if typed_word in WAYS:
+        message = (
+            f"'{typed_word}' must be at the beginning of a pattern or a group: ({typed_word} knock "
+            "lean)"
+        )
+        raise TextError(message, offset=word_offset, length=len(typed_word))
+    leaf = name_reader(typed_word, word_offset)
     return [Leaf(leaf)] if isinstance(leaf, str) else [Leaf(name) for name in leaf]
 
 
@@ -164,14 +167,14 @@ def _count(text: str, offset: int) -> int:
     return int(text)
 
 
-def _not_empty(group: _Open, length: int = 1) -> None:
-    if not group.items:
-        choice = group.way[0]
+def _not_empty(empty_group: _Open, length: int = 1) -> None:
+    if not empty_group.items:
+        choice = empty_group.way[0]
         subject = "this group" if choice == "in turn" else f"'{choice}'"
         message = f"{subject} has no names; write for instance {choice} knock lean"
         if choice == "in turn":
             message = f"{subject} has no names; write for instance (knock lean)"
-        raise TextError(message, offset=group.offset, length=max(1, length))
+        raise TextError(message, offset=empty_group.offset, length=max(1, length))
 
 
 class _GroupBuilder:
@@ -185,19 +188,19 @@ class _GroupBuilder:
         """A group that takes `span` steps; None: as many as it has."""
         choice, site = open_group.way[0], self.sites
         self.sites += 1
-        items: list[Leaf | Group] = []
-        for item, count, offset in open_group.items:
-            for _ in range(count or 1):
-                if isinstance(item, Leaf):
-                    items.append(item)
+        group_items: list[Leaf | Group] = []
+        for open_item, item_count, offset in open_group.items:
+            for _ in range(item_count or 1):
+                if isinstance(open_item, Leaf):
+                    group_items.append(open_item)
                     self.places += 1
                 else:
-                    items.append(self.group(item, None if count else 1))
+                    group_items.append(self.group(open_item, None if item_count else 1))
                 if self.places > MAX_PLACES:
                     raise TextError(_TOO_MANY, offset=offset)
         if choice in ("choose", "walk"):
-            steps, places = 1, max(item.places for item in items)
+            steps, places = 1, max(item.places for item in group_items)
         else:
-            steps = sum(item.span for item in items)
-            places = sum(item.places for item in items)
-        return Group(choice, tuple(items), site, span or steps, steps, places)
+            steps = sum(item.span for item in group_items)
+            places = sum(item.places for item in group_items)
+        return Group(choice, tuple(group_items), site, span or steps, steps, places)

@@ -47,17 +47,22 @@ class Pattern:
 
 def iteration_mistake(pattern: Pattern) -> str | None:
     """What is wrong with `iter` of a pattern; None if nothing is, or it is not written."""
-    order = pattern.order
-    for shares in iterations(pattern.turns):
+    pattern_order = pattern.order
+    for round_shares in iterations(pattern.turns):
         if pattern.euclid is not None:
             return "with `euclid` names go on from pulse to pulse by themselves; remove `iter`"
-        if order.way != "in turn" or any(isinstance(item, Group) for item in order.items):
+        if pattern_order.way != "in turn" or any(
+            isinstance(item, Group) for item in pattern_order.items
+        ):
             return "`iter` takes names and rests one after another, without groups and choices"
-        if order.places == 1:
+        if pattern_order.places == 1:
             return "`iter` needs several names, such as knock lean"
-        if order.places % shares:
-            message = f"`iter {shares}` divides the names into {shares} equal shares, and there "
-            return f"{message}are {order.places}; write iter {order.places}"
+        if pattern_order.places % round_shares:
+            message = (
+                f"`iter {round_shares}` divides the names into {round_shares} equal shares, and "
+                "there "
+            )
+            return f"{message}are {pattern_order.places}; write iter {pattern_order.places}"
     return None
 
 
@@ -114,14 +119,14 @@ class PlaceSequence:
 
     def places_of(self, rounds: int) -> int:
         """The number of places in so many rounds, without those that are skipped."""
-        order, euclid = self.pattern.order, self.pattern.euclid
+        pattern_order, euclid = self.pattern.order, self.pattern.euclid
         if euclid is None:
-            return rounds * order.places - self.pattern.skip
-        turns, further_steps = divmod(rounds * euclid.pulses, order.steps)
+            return rounds * pattern_order.places - self.pattern.skip
+        turns, further_steps = divmod(rounds * euclid.pulses, pattern_order.steps)
         partial = (
             sum(place.at < further_steps for place in self._round(turns)) if further_steps else 0
         )
-        return turns * order.places + partial - self.pattern.skip
+        return turns * pattern_order.places + partial - self.pattern.skip
 
     def played(self, place: int) -> str | None:
         """The name that is played in a place; None for a rest."""
@@ -174,21 +179,25 @@ def _split(places: Iterable[Place]) -> Sequence[tuple[int, float]]:
     return tuple((int(place.at), float(place.at - int(place.at))) for place in places)
 
 
-def _names(item: Leaf | Group, draws: Draws, turn: int) -> Iterator[str | None]:
+def _names(order_item: Leaf | Group, draws: Draws, turn_index: int) -> Iterator[str | None]:
     """The names of a round, in the order of its places."""
-    if isinstance(item, Leaf):
-        yield item.name
+    if isinstance(order_item, Leaf):
+        yield order_item.name
         return
-    count = len(item.items)
-    if item.way in ("choose", "walk"):
-        draw = draws.choose if item.way == "choose" else draws.walk_position
-        chosen = item.items[draw(item.site, turn, count)]
-        yield from _names(chosen, draws, turn)
-        yield from (None for _ in range(item.places - chosen.places))
+    choice_count = len(order_item.items)
+    if order_item.way in ("choose", "walk"):
+        draw = draws.choose if order_item.way == "choose" else draws.walk_position
+        chosen = order_item.items[draw(order_item.site, turn_index, choice_count)]
+        yield from _names(chosen, draws, turn_index)
+        yield from (None for _ in range(order_item.places - chosen.places))
         return
-    is_drawn = item.way == "shuffle"
-    for index in draws.shuffle(item.site, turn, count) if is_drawn else range(count):
-        yield from _names(item.items[index], draws, turn)
+    is_drawn = order_item.way == "shuffle"
+    for index in (
+        draws.shuffle(order_item.site, turn_index, choice_count)
+        if is_drawn
+        else range(choice_count)
+    ):
+        yield from _names(order_item.items[index], draws, turn_index)
 
 
 def _places(order: Group, draws: Draws | None, turn: int) -> Iterator[Place]:
@@ -197,32 +206,36 @@ def _places(order: Group, draws: Draws | None, turn: int) -> Iterator[Place]:
 
 
 def _places_of(
-    item: Leaf | Group, begin: Fraction, width: Fraction, draws: Draws | None, turn: int
+    order_item: Leaf | Group,
+    begin_step: Fraction,
+    width: Fraction,
+    draws: Draws | None,
+    turn_index: int,
 ) -> Iterator[Place]:
-    """The places of an item that begins at step `begin` and lasts for `width` steps."""
-    if isinstance(item, Leaf):
-        yield Place(begin, item.name)
+    """The places of an item that begins at step `begin_step` and lasts for `width` steps."""
+    if isinstance(order_item, Leaf):
+        yield Place(begin_step, order_item.name)
         return
-    if item.way in ("choose", "walk"):
-        index = 0
+    if order_item.way in ("choose", "walk"):
+        choice_index = 0
         if draws is not None:
-            draw = draws.choose if item.way == "choose" else draws.walk_position
-            index = draw(item.site, turn, len(item.items))
-        last_start = begin
-        chosen = item.items[index]
-        for place in _places_of(chosen, begin, width, draws, turn):
+            draw = draws.choose if order_item.way == "choose" else draws.walk_position
+            choice_index = draw(order_item.site, turn_index, len(order_item.items))
+        last_start = begin_step
+        chosen = order_item.items[choice_index]
+        for place in _places_of(chosen, begin_step, width, draws, turn_index):
             last_start = place.at
             yield place
         # Every round has the same number of places: those that a longer item would need are rests.
-        yield from (Place(last_start, None) for _ in range(item.places - chosen.places))
+        yield from (Place(last_start, None) for _ in range(order_item.places - chosen.places))
         return
-    members = range(len(item.items))
-    if item.way == "shuffle" and draws is not None:
-        order: Sequence[int] = draws.shuffle(item.site, turn, len(item.items))
+    members = range(len(order_item.items))
+    if order_item.way == "shuffle" and draws is not None:
+        order: Sequence[int] = draws.shuffle(order_item.site, turn_index, len(order_item.items))
     else:
         order = members
-    step_width = width / item.steps
-    for index in order:
-        child = item.items[index]
-        yield from _places_of(child, begin, step_width * child.span, draws, turn)
-        begin += step_width * child.span
+    step_width = width / order_item.steps
+    for choice_index in order:
+        child = order_item.items[choice_index]
+        yield from _places_of(child, begin_step, step_width * child.span, draws, turn_index)
+        begin_step += step_width * child.span

@@ -32,7 +32,7 @@ _INSTANT = Fraction(1, 64)  # of a cycle: which strokes begin at an instant is s
 # --- length -------------------------------------------------------------------------------------
 
 
-def legato(factor: Fraction, part: Pattern) -> Pattern:
+def legato(length_factor: Fraction, changed_pattern: Pattern) -> Pattern:
     """Each stroke sounds for so much of the time until the next stroke of its line begins.
 
     Of a note that is repeated at a rate each stroke does until the next one of the note.
@@ -40,11 +40,11 @@ def legato(factor: Fraction, part: Pattern) -> Pattern:
 
     @lru_cache(_REMEMBERED)
     def onsets(cycle: int, chance: Chance) -> Mapping[int, Sequence[Fraction]]:
-        return _onsets(part, cycle, chance)
+        return _onsets(changed_pattern, cycle, chance)
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
-        result = []
-        for fragment in part.query(begin, end, chance):
+        fragments_made = []
+        for fragment in changed_pattern.query(begin, end, chance):
             first_begin, last_end, line = fragment.begin, fragment.end, fragment.what.line
             following = first_begin + FARTHEST
             for cycle in range(first_begin // 1, first_begin // 1 + FARTHEST + 1):
@@ -53,13 +53,13 @@ def legato(factor: Fraction, part: Pattern) -> Pattern:
                 if number < len(instants):
                     following = min(following, instants[number])
                     break
-            length = factor * (following - first_begin) / (last_end - first_begin)
+            length = length_factor * (following - first_begin) / (last_end - first_begin)
             if fragment.what.repeats is not None:
-                length = factor
-            result.append(fragment._replace(what=replace(fragment.what, length=length)))
-        return result
+                length = length_factor
+            fragments_made.append(fragment._replace(what=replace(fragment.what, length=length)))
+        return fragments_made
 
-    return node(query, (part,), part.cost * _ASKED)
+    return node(query, (changed_pattern,), changed_pattern.cost * _ASKED)
 
 
 def _onsets(part: Pattern, cycle: int, chance: Chance) -> Mapping[int, Sequence[Fraction]]:
@@ -73,18 +73,18 @@ def _onsets(part: Pattern, cycle: int, chance: Chance) -> Mapping[int, Sequence[
 # --- strokes that are repeated ------------------------------------------------------------------
 
 
-def tremolo(count: int, part: Pattern, first: float = 1.0, last: float = 1.0) -> Pattern:
+def tremolo(stroke_count: int, part: Pattern, first: float = 1.0, last: float = 1.0) -> Pattern:
     """Each stroke so many times within its span, from one factor of its impulse to another.
 
     Factors are geometric: even steps of strength.
     """
 
     def change(struck: Struck, turn: int) -> Struck:
-        share = turn / (count - 1) if count > 1 else 1.0
+        share = turn / (stroke_count - 1) if stroke_count > 1 else 1.0
         factor = struck.factor * swell(first, last, share)
         return replace(struck, factor=factor, part_of="before" if turn else struck.part_of)
 
-    return ply(count, part, change)
+    return ply(stroke_count, part, change)
 
 
 def repeated(repeats: Repeats, part: Pattern) -> Pattern:
@@ -97,7 +97,9 @@ def swell(first: float, last: float, share: float) -> float:
     return first if first == last else first * _core.pow(last / first, share)
 
 
-def grace(time: Fraction, semitones: float, factor: float, part: Pattern) -> Pattern:
+def grace(
+    grace_time: Fraction, semitones: float, factor: float, changed_pattern: Pattern
+) -> Pattern:
     """The pattern, with a short stroke before each stroke, which ends where that begins."""
 
     def short(struck: Struck) -> Struck:
@@ -112,16 +114,23 @@ def grace(time: Fraction, semitones: float, factor: float, part: Pattern) -> Pat
         )
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
-        result = []
-        for fragment in part.query(begin, end + time, chance):
+        fragments_made = []
+        for fragment in changed_pattern.query(begin, end + grace_time, chance):
             main = fragment.begin
             if main > begin and fragment.start == main and fragment.what.part_of is None:
-                start, stop = max(main - time, begin), min(main, end)
-                result.append(Fragment(main - time, main, start, stop, short(fragment.what)))
-        return result
+                start, stop = max(main - grace_time, begin), min(main, end)
+                fragments_made.append(
+                    Fragment(main - grace_time, main, start, stop, short(fragment.what))
+                )
+        return fragments_made
 
-    leaves = tuple(dict.fromkeys(map(short, part.leaves)))
-    return stack([part, Cycles(query, 2 * part.cost, 1 + part.depth, leaves)])
+    leaves = tuple(dict.fromkeys(map(short, changed_pattern.leaves)))
+    return stack(
+        [
+            changed_pattern,
+            Cycles(query, 2 * changed_pattern.cost, 1 + changed_pattern.depth, leaves),
+        ]
+    )
 
 
 # --- chords -------------------------------------------------------------------------------------
@@ -134,26 +143,38 @@ Spread = Callable[
 and end, and the begin and end of what is seen of it."""
 
 
-def _chords(spread: Spread, part: Pattern, cost: int, leaves: Iterable[Struck]) -> Pattern:
+def _chords(
+    spread: Spread, changed_pattern: Pattern, cost: int, leaves: Iterable[Struck]
+) -> Pattern:
     """The pattern with each chord spread; a single note is a chord too."""
 
-    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
+    def query(query_begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
         chords: dict[tuple[Fraction, Fraction], list[Fragment[Struck]]] = {}
-        for fragment in part.query(begin, end, chance):
+        for fragment in changed_pattern.query(query_begin, end, chance):
             chords.setdefault((fragment.begin, fragment.end), []).append(fragment)
-        result = []
-        for (first, last), parts in chords.items():
+        fragments_made = []
+        for (first_instant, last_instant), parts in chords.items():
             # Of a chord that another pattern cuts only this much is seen.
-            start, stop = min(f.start for f in parts), max(f.stop for f in parts)
-            if first < begin:
-                parts = part.query(first, min(last, first + _INSTANT), chance)
-            notes = [f.what for f in parts if f.start == f.begin == first and f.end == last]
-            for low, high, struck in spread(by_pitch(notes), first, last, start, stop):
-                if low < stop and high > start:
-                    result.append(Fragment(low, high, max(low, start), min(high, stop), struck))
-        return result
+            chord_start, chord_stop = min(f.start for f in parts), max(f.stop for f in parts)
+            if first_instant < query_begin:
+                parts = changed_pattern.query(
+                    first_instant, min(last_instant, first_instant + _INSTANT), chance
+                )
+            notes = [
+                f.what
+                for f in parts
+                if f.start == f.begin == first_instant and f.end == last_instant
+            ]
+            for low, high, struck in spread(
+                by_pitch(notes), first_instant, last_instant, chord_start, chord_stop
+            ):
+                if low < chord_stop and high > chord_start:
+                    fragments_made.append(
+                        Fragment(low, high, max(low, chord_start), min(high, chord_stop), struck)
+                    )
+        return fragments_made
 
-    return Cycles(query, cost, 1 + part.depth, tuple(dict.fromkeys(leaves)))
+    return Cycles(query, cost, 1 + changed_pattern.depth, tuple(dict.fromkeys(leaves)))
 
 
 def _notes(part: Pattern) -> Iterator[Struck]:
@@ -165,32 +186,42 @@ def _largest(part: Pattern) -> int:
     return max((len(single_notes(leaf)) for leaf in part.leaves), default=1)
 
 
-def arp(order: str, step: Fraction | None, part: Pattern) -> Pattern:
+def arp(note_order: str, step_length: Fraction | None, changed_pattern: Pattern) -> Pattern:
     """The notes of each chord one after another, in an order, within its span.
 
-    They share it evenly, or last a `step` each and begin again until it ends.
+    They share it evenly, or last a `step_length` each and begin again until it ends.
     """
 
     def spread(
-        chord: Sequence[Struck], first: Fraction, last: Fraction, begin: Fraction, end: Fraction
+        chord: Sequence[Struck],
+        first_instant: Fraction,
+        last_instant: Fraction,
+        begin: Fraction,
+        end: Fraction,
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
-        notes = ORDERS[order](chord) if len(chord) > 1 else chord
-        if not notes:
+        ordered_notes = ORDERS[note_order](chord) if len(chord) > 1 else chord
+        if not ordered_notes:
             return
-        width = (last - first) / len(notes) if step is None else step
-        turn = max(0, (begin - first) // width)
-        low = first + turn * width
+        note_width = (
+            (last_instant - first_instant) / len(ordered_notes)
+            if step_length is None
+            else step_length
+        )
+        turn = max(0, (begin - first_instant) // note_width)
+        low = first_instant + turn * note_width
         while low < end:
-            high = min(low + width, last)
-            yield low, high, notes[turn % len(notes)]
-            turn, low = turn + 1, low + width
+            high = min(low + note_width, last_instant)
+            yield low, high, ordered_notes[turn % len(ordered_notes)]
+            turn, low = turn + 1, low + note_width
 
-    times = ceil(len(ORDERS[order](range(_MANY))) / _MANY)  # for which an order has each note
-    many = times * _largest(part) if step is None else ceil(1 / step)
-    return _chords(spread, part, part.cost * (1 + many), _notes(part))
+    times = ceil(len(ORDERS[note_order](range(_MANY))) / _MANY)  # for which an order has each note
+    many = times * _largest(changed_pattern) if step_length is None else ceil(1 / step_length)
+    return _chords(
+        spread, changed_pattern, changed_pattern.cost * (1 + many), _notes(changed_pattern)
+    )
 
 
-def rolled(share: Fraction, part: Pattern) -> Pattern:
+def rolled(span_share: Fraction, changed_pattern: Pattern) -> Pattern:
     """The notes of each chord one after another in the first share of its span, all until its end.
 
     A share below zero begins with the highest note.
@@ -199,28 +230,37 @@ def rolled(share: Fraction, part: Pattern) -> Pattern:
     def spread(
         chord: Sequence[Struck], first: Fraction, last: Fraction, *_: Fraction
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
-        notes = chord if share > 0 else chord[::-1]
+        notes = chord if span_share > 0 else chord[::-1]
         for turn, note in enumerate(notes):
-            low = first + turn * abs(share) * (last - first) / len(notes)
+            low = first + turn * abs(span_share) * (last - first) / len(notes)
             yield low, last, _joined(note, turn)
 
-    return _chords(spread, part, part.cost * (1 + _largest(part)), _notes(part))
+    return _chords(
+        spread,
+        changed_pattern,
+        changed_pattern.cost * (1 + _largest(changed_pattern)),
+        _notes(changed_pattern),
+    )
 
 
-def strum(step: float, part: Pattern) -> Pattern:
-    """The notes of each chord a `step` [s] after one another; below zero from the highest."""
+def strum(step_seconds: float, changed_pattern: Pattern) -> Pattern:
+    """The notes of each chord, `step_seconds` [s] apart; below zero from the highest note down."""
 
     def spread(
         chord: Sequence[Struck], first: Fraction, last: Fraction, *_: Fraction
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
-        for turn, note in enumerate(chord if step > 0 else chord[::-1]):
-            late = note.delay + turn * abs(step)
+        for turn, note in enumerate(chord if step_seconds > 0 else chord[::-1]):
+            late = note.delay + turn * abs(step_seconds)
             yield first, last, _joined(replace(note, delay=late), turn)
 
-    leaves = [*_notes(part)]
-    latest = max((leaf.delay for leaf in leaves), default=0.0) + abs(step) * (len(leaves) - 1)
+    leaves = [*_notes(changed_pattern)]
+    latest = max((leaf.delay for leaf in leaves), default=0.0) + abs(step_seconds) * (
+        len(leaves) - 1
+    )
     delayed = [replace(leaf, delay=latest) for leaf in leaves]  # a bound of what chords will have
-    return _chords(spread, part, part.cost * (1 + _largest(part)), delayed)
+    return _chords(
+        spread, changed_pattern, changed_pattern.cost * (1 + _largest(changed_pattern)), delayed
+    )
 
 
 def _joined(note: Struck, turn: int) -> Struck:

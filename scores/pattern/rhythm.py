@@ -31,47 +31,47 @@ class Euclid:
 
 def parse_euclid(text: str) -> Euclid:
     """Read `3 8` or `3 8 rotate 2`. Raises TextError."""
-    word, start = stripped(text)
-    match = _EUCLID.fullmatch(word)
-    if match is None:
+    word, text_start = stripped(text)
+    sign_match = _EUCLID.fullmatch(word)
+    if sign_match is None:
         message = f"'{word[:40]}' is not a Euclidean rhythm such as 3 8 or 3 8 rotate 2"
-        raise TextError(message, offset=start, length=max(1, len(word)))
-    pulses, steps, rotate = int(match[1]), int(match[2]), int(match[3] or 0)
-    if not 1 <= steps <= MAX_STEPS:
+        raise TextError(message, offset=text_start, length=max(1, len(word)))
+    pulses, step_count, rotate = int(sign_match[1]), int(sign_match[2]), int(sign_match[3] or 0)
+    if not 1 <= step_count <= MAX_STEPS:
         message = f"a Euclidean rhythm has 1 to {MAX_STEPS} steps"
-        raise TextError(message, offset=start + match.start(2), length=len(match[2]))
-    if not 1 <= pulses <= steps:
-        message = f"a rhythm of {steps} steps has 1 to {steps} pulses"
-        raise TextError(message, offset=start, length=len(match[1]))
-    return Euclid(pulses, steps, rotate % steps)
+        raise TextError(message, offset=text_start + sign_match.start(2), length=len(sign_match[2]))
+    if not 1 <= pulses <= step_count:
+        message = f"a rhythm of {step_count} steps has 1 to {step_count} pulses"
+        raise TextError(message, offset=text_start, length=len(sign_match[1]))
+    return Euclid(pulses, step_count, rotate % step_count)
 
 
-def parse_swing(text: str) -> float:
+def parse_swing(swing_text: str) -> float:
     """Read the share of two steps that the first one takes: `0.6`, `2/3`, `60%`.
 
     Raises TextError.
     """
-    share = q.quantity(text, q.CHANCE)
-    if not _LOW <= share <= _HIGH:
+    swing_share = q.quantity(swing_text, q.CHANCE)
+    if not _LOW <= swing_share <= _HIGH:
         message = (
-            f"'{text.strip()}' is not a swing: the first of two steps takes "
+            f"'{swing_text.strip()}' is not a swing: the first of two steps takes "
             f"from {_LOW:g} to {_HIGH:g}"
             " of both, 0.5 is even, 2/3 is a triplet"
         )
-        raise TextError(message, length=max(1, len(text)), code="E202")
-    return share
+        raise TextError(message, length=max(1, len(swing_text)), code="E202")
+    return swing_share
 
 
-def swung(step: int, share_into: float, share: float) -> float:
-    """Where a point of a step is, if the first of every two steps takes the share `share` of
+def swung(step_index: int, share_into: float, swing_share: float) -> float:
+    """Where a point of a step is, if the first of every two steps takes the share `swing_share` of
     both.
     """
-    if share == EVEN:
-        return step + share_into
-    pair_start = step - step % 2
-    if step % 2:
-        return pair_start + 2.0 * share + share_into * (2.0 - 2.0 * share)
-    return pair_start + share_into * 2.0 * share
+    if swing_share == EVEN:
+        return step_index + share_into
+    pair_start = step_index - step_index % 2
+    if step_index % 2:
+        return pair_start + 2.0 * swing_share + share_into * (2.0 - 2.0 * swing_share)
+    return pair_start + share_into * 2.0 * swing_share
 
 
 @lru_cache(maxsize=64)
@@ -79,9 +79,9 @@ def _positions(rhythm: Euclid) -> tuple[int, ...]:
     """Bjorklund's algorithm: append the left-over groups to the others, one each, until at most one
     is left over.
     """
-    pulses, steps = rhythm.pulses, rhythm.steps
+    pulses, step_count = rhythm.pulses, rhythm.steps
     heads: list[list[bool]] = [[True] for _ in range(pulses)]
-    tails: list[list[bool]] = [[False] for _ in range(steps - pulses)]
+    tails: list[list[bool]] = [[False] for _ in range(step_count - pulses)]
     is_first = True
     while len(tails) > 1 or (tails and is_first):
         is_first = False
@@ -90,4 +90,4 @@ def _positions(rhythm: Euclid) -> tuple[int, ...]:
         heads, tails = [heads[i] + tails[i] for i in range(n_pairs)], unpaired
     beats = [beat for group in (*heads, *tails) for beat in group]
     indices = (index for index, beat in enumerate(beats) if beat)
-    return tuple(sorted((index - rhythm.rotate) % steps for index in indices))
+    return tuple(sorted((index - rhythm.rotate) % step_count for index in indices))

@@ -42,43 +42,45 @@ class Scanner:
 
     def amount(self, sign: str) -> Fraction:
         """Read the number after a sign."""
-        begin = self.place
-        match = NUMBER.match(self.text, begin)
-        if match is None:
+        number_begin = self.place
+        sign_match = NUMBER.match(self.text, number_begin)
+        if sign_match is None:
             message = f"'{sign}' needs a plain number directly after it: {_EXAMPLES[sign]}"
-            raise self.mistake(message, begin - 1)
-        self.place = match.end()
-        length = self.place - begin
+            raise self.mistake(message, number_begin - 1)
+        self.place = sign_match.end()
+        sign_length = self.place - number_begin
         if re.match(r"[\w.]", self.text[self.place : self.place + 1]):
-            message = f"a space must follow the number {quote(match.group())}: {_EXAMPLES[sign]}"
+            message = (
+                f"a space must follow the number {quote(sign_match.group())}: {_EXAMPLES[sign]}"
+            )
             raise self.mistake(message, self.place)
-        value = Fraction(match.group())
-        if length > MAX_DIGITS:
+        sign_value = Fraction(sign_match.group())
+        if sign_length > MAX_DIGITS:
             message = f"this number is too long; it has at most {MAX_DIGITS} characters"
-        elif sign == "?" and value > 1:
+        elif sign == "?" and sign_value > 1:
             message = "'?' is followed by a probability from 0 to 1: kick?0.3"
-        elif value == 0 and sign != "?":
+        elif sign_value == 0 and sign != "?":
             message = f"'{sign}' needs a number above 0: {_EXAMPLES[sign]}; a rest is written ~"
-        elif value > MAX_NUMBER:
+        elif sign_value > MAX_NUMBER:
             message = f"numbers of a rhythm are at most {MAX_NUMBER:,}"
         else:
-            return value
-        raise self.mistake(message, begin, length)
+            return sign_value
+        raise self.mistake(message, number_begin, sign_length)
 
     def euclid(self) -> Euclid:
         """Read `(3,8)` or `(3,8,2)`."""
-        begin = self.place
-        match = _EUCLID.match(self.text, begin)
-        if match is None:
-            stop = self.text.find(")", begin) + 1 or len(self.text)
+        begin_place = self.place
+        sign_match = _EUCLID.match(self.text, begin_place)
+        if sign_match is None:
+            stop = self.text.find(")", begin_place) + 1 or len(self.text)
             message = "'(' needs plain numbers of pulses and steps: kick(3,8), kick(3,8,2)"
-            raise self.mistake(message, begin, stop - begin)
-        self.place = match.end()
-        pulses, steps, turn = match.groups("0")
+            raise self.mistake(message, begin_place, stop - begin_place)
+        self.place = sign_match.end()
+        pulses, steps, turn = sign_match.groups("0")
         try:
             return parse_euclid(f"{pulses} {steps} rotate {turn}")
         except TextError as error:
-            raise self.mistake(error.message, begin, self.place - begin) from error
+            raise self.mistake(error.message, begin_place, self.place - begin_place) from error
 
     def unknown(self, sign: str) -> TextError:
         """The mistake of a sign that does not begin a step."""

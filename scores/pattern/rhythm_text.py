@@ -49,21 +49,21 @@ _OPENING = {close: opened for opened, close in _CLOSING.items()}
 
 
 def parse(
-    text: str, read: Callable[[str, int], V], start: int = 0, first_number: int = 0
+    rhythm_text: str, read: Callable[[str, int], V], text_start: int = 0, first_number: int = 0
 ) -> Cycles[V]:
     """Read a rhythm; `read` returns what a word at an offset stands for, and may raise TextError.
 
-    `read` and TextError get offsets into the text plus `start`. Operators that draw chances are
-    numbered in the order of writing from `first_number`. The values of all words, in the order of
-    writing, are the `leaves` of the result.
+    `read` and TextError get offsets into the text plus `text_start`. Operators that draw chances
+    are numbered in the order of writing from `first_number`. The values of all words, in the order
+    of writing, are the `leaves` of the result.
     """
-    if len(text) > MAX_TEXT:
+    if len(rhythm_text) > MAX_TEXT:
         message = f"a rhythm has at most {MAX_TEXT:,} characters; divide it among several lines"
-        raise TextError(message, offset=start + MAX_TEXT, length=len(text) - MAX_TEXT)
-    if not text.strip():
+        raise TextError(message, offset=text_start + MAX_TEXT, length=len(rhythm_text) - MAX_TEXT)
+    if not rhythm_text.strip():
         message = "this rhythm has no steps; write for instance kick ~ snare ~"
-        raise TextError(message, offset=start, length=max(1, len(text)))
-    return _Parser(text, read, start, first_number).text_in("")
+        raise TextError(message, offset=text_start, length=max(1, len(rhythm_text)))
+    return _Parser(rhythm_text, read, text_start, first_number).text_in("")
 
 
 def line_begins(text: str) -> list[int]:
@@ -101,32 +101,37 @@ class _Parser(Scanner, Generic[V]):
 
     # --- brackets -------------------------------------------------------------------------------
 
-    def text_in(self, sign: str) -> Cycles[V]:
-        """What is between brackets that begin with `sign`, or all of the text; its end is read."""
-        begin = max(0, self.place - 1)
-        lines = [self.line()]
+    def text_in(self, open_sign: str) -> Cycles[V]:
+        """Read the text in brackets that begin with `open_sign`, or all of it, and its end."""
+        bracket_begin = max(0, self.place - 1)
+        step_lines = [self.line()]
         separator = ""
         while self.peek() in (",", "|"):
-            self.check_separator(separator, sign)
+            self.check_separator(separator, open_sign)
             separator = self.text[self.place]
             self.place += 1
-            lines.append(self.line())
+            step_lines.append(self.line())
         self.close()
-        lengths = [sum((step.weight for step in line), Fraction(0)) for line in lines]
-        parts = [_sequence(line) for line in lines]
-        if sign == "<" and separator != "|":
-            parts = [slow(length, part) for length, part in zip(lengths, parts, strict=True)]
-        elif sign == "{":
-            steps = lengths[0]
+        line_lengths = [sum((step.weight for step in line), Fraction(0)) for line in step_lines]
+        line_patterns = [_sequence(line) for line in step_lines]
+        if open_sign == "<" and separator != "|":
+            line_patterns = [
+                slow(length, part) for length, part in zip(line_lengths, line_patterns, strict=True)
+            ]
+        elif open_sign == "{":
+            steps = line_lengths[0]
             if self.peek(skips=False) == "%":
                 self.place += 1
                 steps = self.amount("%")
-            parts = [fast(steps / length, p) for length, p in zip(lengths, parts, strict=True)]
+            line_patterns = [
+                fast(steps / length, p)
+                for length, p in zip(line_lengths, line_patterns, strict=True)
+            ]
         if separator != "|":
-            return self.checked(stack(parts), begin)
+            return self.checked(stack(line_patterns), bracket_begin)
         self.number += 1
-        draw = walk if sign == "<" else choose
-        return self.checked(draw(self.number - 1, parts), begin)
+        draw = walk if open_sign == "<" else choose
+        return self.checked(draw(self.number - 1, line_patterns), bracket_begin)
 
     def check_separator(self, text_before: str, sign: str) -> None:
         """Refuse a separator that is not the one before it, or not of these brackets."""
@@ -140,18 +145,20 @@ class _Parser(Scanner, Generic[V]):
 
     def close(self) -> None:
         """Read the end of the last bracket that is open, or of the text."""
-        sign = self.peek()
+        end_sign = self.peek()
         opened = self.text[self.open[-1]] if self.open else ""
-        if not sign and not opened:
+        if not end_sign and not opened:
             return
-        if not sign:
+        if not end_sign:
             message = f"this '{opened}' is not closed; write {opened} … {_CLOSING[opened]}"
             raise self.mistake(message, self.open[-1])
         if not opened:
-            message = f"'{sign}' has no '{_OPENING[sign]}' before it; "
-            raise self.mistake(f"{message}write {_OPENING[sign]} … {sign}", self.place)
-        if sign != _CLOSING[opened]:
-            message = f"'{sign}' does not close the '{opened}' before it; write {_CLOSING[opened]}"
+            message = f"'{end_sign}' has no '{_OPENING[end_sign]}' before it; "
+            raise self.mistake(f"{message}write {_OPENING[end_sign]} … {end_sign}", self.place)
+        if end_sign != _CLOSING[opened]:
+            message = (
+                f"'{end_sign}' does not close the '{opened}' before it; write {_CLOSING[opened]}"
+            )
             raise self.mistake(message, self.place, suggestion=_CLOSING[opened])
         self.open.pop()
         self.place += 1
@@ -160,30 +167,30 @@ class _Parser(Scanner, Generic[V]):
 
     def line(self) -> list[_Step[V]]:
         """The steps up to a comma, a bar or the end of brackets; a group of dots is a step."""
-        groups: list[list[_Step[V]]] = [[]]
+        step_groups: list[list[_Step[V]]] = [[]]
         cost = 0
-        while (sign := self.peek()) and sign not in ",|]>}":
-            steps, place = groups[-1], self.place
-            if sign == ".":
-                self.dot(steps)
-                groups.append([])
-            elif sign == "_" and not WORD.match(self.text, place + 1):
-                self.last(steps).weight += 1
+        while (next_sign := self.peek()) and next_sign not in ",|]>}":
+            line_steps, end_place = step_groups[-1], self.place
+            if next_sign == ".":
+                self.dot(line_steps)
+                step_groups.append([])
+            elif next_sign == "_" and not WORD.match(self.text, end_place + 1):
+                self.last(line_steps).weight += 1
                 self.place += 1
-            elif sign == "!":
-                cost += self.repeat(steps, cost)
+            elif next_sign == "!":
+                cost += self.repeat(line_steps, cost)
             else:
-                steps.append(self.step())
-                cost += steps[-1].base.cost
-        if not groups[-1]:
+                line_steps.append(self.step())
+                cost += line_steps[-1].base.cost
+        if not step_groups[-1]:
             if not self.peek() and self.open:
                 self.close()
-            place = len(self.text[: self.place].rstrip())
+            end_place = len(self.text[: self.place].rstrip())
             message = "there is no step here; a rest is written ~"
-            raise self.mistake(message, max(0, place - 1))
-        if len(groups) == 1:
-            return groups[0]
-        return [_grouped(steps) for steps in groups]
+            raise self.mistake(message, max(0, end_place - 1))
+        if len(step_groups) == 1:
+            return step_groups[0]
+        return [_grouped(steps) for steps in step_groups]
 
     def dot(self, steps: list[_Step[V]]) -> None:
         """Read a dot that groups steps."""
@@ -195,57 +202,57 @@ class _Parser(Scanner, Generic[V]):
             raise self.mistake(message, self.place)
         self.place += 1
 
-    def last(self, steps: list[_Step[V]]) -> _Step[V]:
+    def last(self, line_steps: list[_Step[V]]) -> _Step[V]:
         """The step that the next sign repeats or lengthens."""
-        if not steps:
+        if not line_steps:
             message = "'_' lengthens the step before it, and there is none here: kick _ snare"
             if self.text[self.place] == "!":
                 message = "'!' repeats the step before it, and there is none here: kick ! snare"
             raise self.mistake(message, self.place)
-        return steps[-1]
+        return line_steps[-1]
 
     def repeat(self, steps: list[_Step[V]], cost: int) -> int:
         """Read `!` or `!3`, and return what the repetitions cost; `cost` is that of the line."""
-        begin = self.place
-        step = self.last(steps)
+        sign_begin = self.place
+        last_step = self.last(steps)
         self.place += 1
-        count = Fraction(2)
+        repeat_count = Fraction(2)
         if NUMBER.match(self.text, self.place):
-            if self.text[begin - 1].isspace():
-                raise self.mistake("'!' follows its step without a space: kick!3", begin)
-            count = self.amount("!")
-        if count.denominator != 1:
+            if self.text[sign_begin - 1].isspace():
+                raise self.mistake("'!' follows its step without a space: kick!3", sign_begin)
+            repeat_count = self.amount("!")
+        if repeat_count.denominator != 1:
             message = "'!' repeats a step as often as a number without a fraction says: kick!3"
-            raise self.mistake(message, begin, self.place - begin)
-        added_cost = (int(count) - 1) * step.base.cost
+            raise self.mistake(message, sign_begin, self.place - sign_begin)
+        added_cost = (int(repeat_count) - 1) * last_step.base.cost
         if cost + added_cost > MAX_EVENTS:
             message = f"these steps would be more than {MAX_EVENTS:,} in a cycle; repeat less often"
-            raise self.mistake(message, begin, self.place - begin)
-        for _ in range(int(count) - 1):
-            steps.append(replace(step, shift=self.number - step.first))
-            self.number += step.stop - step.first
+            raise self.mistake(message, sign_begin, self.place - sign_begin)
+        for _ in range(int(repeat_count) - 1):
+            steps.append(replace(last_step, shift=self.number - last_step.first))
+            self.number += last_step.stop - last_step.first
         return added_cost
 
     def step(self) -> _Step[V]:
         """Read a word, a rest or brackets, with what changes them."""
-        first_number, begin = self.number, self.place
-        sign = self.text[begin]
-        word = WORD.match(self.text, begin)
+        first_number, step_begin = self.number, self.place
+        first_sign = self.text[step_begin]
+        word = WORD.match(self.text, step_begin)
         cycles: Cycles[V] = silence()
         if word:
             self.place = word.end()
-            cycles = pure(self.read(word.group(), self.start + begin))
-        elif sign == "~":
+            cycles = pure(self.read(word.group(), self.start + step_begin))
+        elif first_sign == "~":
             self.place += 1
-        elif sign in _CLOSING:
+        elif first_sign in _CLOSING:
             if len(self.open) == MAX_BRACKETS:
                 message = f"at most {MAX_BRACKETS} brackets are inside one another; remove some"
-                raise self.mistake(message, begin)
-            self.open.append(begin)
+                raise self.mistake(message, step_begin)
+            self.open.append(step_begin)
             self.place += 1
-            cycles = self.text_in(sign)
+            cycles = self.text_in(first_sign)
         else:
-            raise self.unknown(sign)
+            raise self.unknown(first_sign)
         step = _Step(cycles, first_number, first_number)
         while (change := self.peek(skips=False)) and change in "*/?@(":
             self.change(step, change)

@@ -65,7 +65,7 @@ class Steps(Sequence[float]):
         `position_text` writes a beat.
         """
         pattern = self.course.pattern
-        fields = {
+        part_fields = {
             "at": position_text(self[first_place]),
             "until": position_text(self.beat(stop_place)),
             "times": None,
@@ -73,26 +73,26 @@ class Steps(Sequence[float]):
         skipped, euclid = pattern.skip + first_place, pattern.euclid
         if not skipped and euclid is not None:  # its first pulse may be later than its beginning
             rotate = (euclid.rotate + euclid.positions()[0]) % euclid.steps
-            fields["euclid"] = f"{euclid.pulses} {euclid.steps} rotate {rotate}"
-        return {**fields, "skip": str(skipped) if skipped else None}
+            part_fields["euclid"] = f"{euclid.pulses} {euclid.steps} rotate {rotate}"
+        return {**part_fields, "skip": str(skipped) if skipped else None}
 
     @overload
     def __getitem__(self, index: int) -> float: ...
     @overload
     def __getitem__(self, index: slice) -> list[float]: ...
-    def __getitem__(self, index: int | slice) -> float | list[float]:
+    def __getitem__(self, place_index: int | slice) -> float | list[float]:
         """The beat of a place."""
-        if isinstance(index, slice):
-            return [self.beat(place) for place in range(*index.indices(self._count))]
-        place = index + self._count if index < 0 else index
+        if isinstance(place_index, slice):
+            return [self.beat(place) for place in range(*place_index.indices(self._count))]
+        place = place_index + self._count if place_index < 0 else place_index
         if not 0 <= place < self._count:
-            raise IndexError(index)
+            raise IndexError(place_index)
         return self.beat(place)
 
 
 def steps(
     tempo: TempoMap,
-    begin: float,
+    begin_beat: float,
     course: PlaceSequence,
     *,
     every: Length | None = None,
@@ -101,7 +101,7 @@ def steps(
     length: Callable[[str], Length | None] = lambda name: None,
     room: int = MAX_OCCURRENCES,
 ) -> Steps:
-    """The places of a line that begins on beat `begin`, with one step per `every`.
+    """The places of a line that begins on beat `begin_beat`, with one step per `every`.
 
     Without `every` a Euclidean rhythm lasts a bar, and plain names follow each other after their
     own `length`. Without `times` (rounds) and `until` there is one round. `room` is how many
@@ -117,19 +117,21 @@ def steps(
     if every is not None:
         if not every.is_some:
             raise TextError("'every' must be above 0")
-        beat = _even(tempo, begin, course, every)
+        beat_of_place = _even(tempo, begin_beat, course, every)
     else:
-        beat = _end_to_end(tempo, begin, course, length, min(count_max, room + 1), until)
+        beat_of_place = _end_to_end(
+            tempo, begin_beat, course, length, min(count_max, room + 1), until
+        )
     if until is not None:
         stop = until - SAME
-        count_max = first_from(beat, min(count_max, room + 1), stop)
+        count_max = first_from(beat_of_place, min(count_max, room + 1), stop)
     if count_max > room:
         raise TextError(_TOO_MANY)
 
     def again(other_course: PlaceSequence) -> Steps:
         return steps(
             tempo,
-            begin,
+            begin_beat,
             other_course,
             every=every,
             times=times,
@@ -138,7 +140,7 @@ def steps(
             room=room,
         )
 
-    return Steps(course, beat, count_max, again)
+    return Steps(course, beat_of_place, count_max, again)
 
 
 def _even(
@@ -161,16 +163,16 @@ def _end_to_end(
     course: PlaceSequence,
     length: Callable[[str], Length | None],
     count_max: int,
-    until: float | None,
+    until_beat: float | None,
 ) -> Callable[[int], float]:
     """Each place begins when the gesture of the place before has ended."""
-    order = course.pattern.order
+    pattern_order = course.pattern.order
     lasting = []
-    for item in order.items:
+    for item in pattern_order.items:
         length_found = (
             length(item.name) if isinstance(item, Leaf) and item.name is not None else None
         )
-        is_mixed = order.way != "in turn" or course.later or course.pattern.swing != EVEN
+        is_mixed = pattern_order.way != "in turn" or course.later or course.pattern.swing != EVEN
         if is_mixed or length_found is None:
             raise TextError(
                 "the length of a step is missing; write `every`, for instance every 1",
@@ -179,12 +181,12 @@ def _end_to_end(
         lasting.append(length_found)
     if not any(length.is_some for length in lasting):
         raise TextError("the gestures have no duration; write `every`, for instance every 1")
-    beats = [begin]
+    place_beats = [begin]
     for place in range(count_max):
-        if until is not None and beats[-1] >= until:
+        if until_beat is not None and place_beats[-1] >= until_beat:
             break
         if not place % 1024:
             poll()
         number = (place + course.pattern.skip) % len(lasting)
-        beats.append(tempo.after(beats[-1], lasting[number]))
-    return lambda place: beats[place] if place < len(beats) else inf
+        place_beats.append(tempo.after(place_beats[-1], lasting[number]))
+    return lambda place: place_beats[place] if place < len(place_beats) else inf

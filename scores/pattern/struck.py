@@ -59,34 +59,34 @@ def note_of(word: str) -> str | None:
     return notes.word_of(word[:1].upper() + word[1:])
 
 
-def notes_of(word: str) -> tuple[str, ...]:
+def notes_of(note_word: str) -> tuple[str, ...]:
     """The notes that a word means: of `c4` one, of `c4.min7` those of a chord or a scale, all
     together; none of a name. Raises TextError for a chord that has no name.
     """
-    root, dot, chord = tuning.spelled(word).partition(".")
-    low = note_of(root)
-    if low is None:
+    root, dot, chord = tuning.spelled(note_word).partition(".")
+    low_note = note_of(root)
+    if low_note is None:
         return ()
     if not dot:
-        return (low,)
+        return (low_note,)
     if chord not in notes.SCALES:
         message = f"{quote(chord)} is not the name of a chord or a scale"
         near = nearest(chord, notes.SCALES)
-        offset = len(word) - len(chord)
+        offset = len(note_word) - len(chord)
         raise TextError(message, offset=offset, length=len(chord), suggestion=near)
-    return tuple(notes.chord(low, chord))
+    return tuple(notes.chord(low_note, chord))
 
 
-def single_notes(struck: Struck) -> tuple[Struck, ...]:
+def single_notes(struck_word: Struck) -> tuple[Struck, ...]:
     """The notes of a word one by one, each as a word with the same level; a name is one of them.
 
     Raises TextError.
     """
-    chord = notes_of(name_of(struck))
+    chord = notes_of(name_of(struck_word))
     if len(chord) < 2:
-        return (struck,)
-    _, colon, level = struck.word.partition(":")
-    return tuple(replace(struck, word=f"{note}{colon}{level}") for note in chord)
+        return (struck_word,)
+    _, colon, level = struck_word.word.partition(":")
+    return tuple(replace(struck_word, word=f"{note}{colon}{level}") for note in chord)
 
 
 def by_pitch(chord: Sequence[Struck]) -> list[Struck]:

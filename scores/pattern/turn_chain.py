@@ -105,14 +105,14 @@ def parse_change(text: str) -> Change:
 
 
 def parse_first(
-    text: str, place: int, start: int, other_words: Container[str]
+    pattern_text: str, place: int, start: int, other_words: Container[str]
 ) -> tuple[Change, int]:
     """Read the transformation at a place of a text, and where it ends: at the latest at one of
     `other_words`, which are no values. Raises TextError.
     """
-    parser = _Parser(text, start, place, other_words)
+    parser = _Parser(pattern_text, start, place, other_words)
     change = parser.transform()
-    return change, len(text[: parser.place].rstrip())
+    return change, len(pattern_text[: parser.place].rstrip())
 
 
 def is_turn(text: str) -> bool:
@@ -125,13 +125,13 @@ def as_turns(chain: Iterable[Change]) -> tuple[tuple[Transform, ...], tuple[Turn
     turns.
     """
     always: list[Transform] = []
-    turns: list[Turn] = []
+    later_turns: list[Turn] = []
     for change in chain:
-        if turns or isinstance(change, Turn):
-            turns.append(as_turn(change))
+        if later_turns or isinstance(change, Turn):
+            later_turns.append(as_turn(change))
         else:
             always.append(change)
-    return tuple(always), tuple(turns)
+    return tuple(always), tuple(later_turns)
 
 
 def as_turn(change: Change) -> Turn:
@@ -141,14 +141,14 @@ def as_turn(change: Change) -> Turn:
 
 def split_chain(text: str) -> tuple[str, ...]:
     """The texts of transformations, parted by the commas that are in no parentheses."""
-    depth, parts = 0, [""]
+    depth, chain_parts = 0, [""]
     for sign in text:
         depth += (sign == "(") - (sign == ")")
         if sign == "," and depth == 0:
-            parts.append("")
+            chain_parts.append("")
         else:
-            parts[-1] += sign
-    return tuple(part.strip() for part in parts)
+            chain_parts[-1] += sign
+    return tuple(part.strip() for part in chain_parts)
 
 
 class _Parser(ChainParser[Change]):
@@ -167,38 +167,44 @@ class _Parser(ChainParser[Change]):
     def transform(self) -> Change:
         """One transformation, with what it takes."""
         self.peek()
-        begin, word = self.place, self.word()
-        form = FORMS.get(word)
-        if form is None:
+        begin_place, typed_word = self.place, self.word()
+        change_form = FORMS.get(typed_word)
+        if change_form is None:
             return self.gesture_transform()
         self.count += 1
         if self.count > MAX_TRANSFORMS:
             message = f"a line has at most {MAX_TRANSFORMS} transformations of rounds; remove some"
-            raise self.mistake(message, begin, len(word))
-        form_with_example = replace(TABLE[word], example=form.example)
-        self.place += len(word)
-        rule = form.rule(*self.values(form_with_example, begin, word))
-        inner = _DONE[word] if word in _DONE else self.inner(form_with_example, begin, word)
-        if any(True for _ in iterations(turn for turn in inner if isinstance(turn, Turn))):
-            message = f"'iter' changes the order of all rounds; write it before '{word}': "
-            raise self.mistake(f"{message}iter 4, {form.example}", begin, len(word))
-        length = len(self.text[begin : self.place].rstrip())
-        is_rest = word == "degrade"
-        return Turn(1, inner, rule, is_rest, self.start + begin, length)
+            raise self.mistake(message, begin_place, len(typed_word))
+        form_with_example = replace(TABLE[typed_word], example=change_form.example)
+        self.place += len(typed_word)
+        rule = change_form.rule(*self.values(form_with_example, begin_place, typed_word))
+        inner_change = (
+            _DONE[typed_word]
+            if typed_word in _DONE
+            else self.inner(form_with_example, begin_place, typed_word)
+        )
+        if any(True for _ in iterations(turn for turn in inner_change if isinstance(turn, Turn))):
+            message = f"'iter' changes the order of all rounds; write it before '{typed_word}': "
+            raise self.mistake(
+                f"{message}iter 4, {change_form.example}", begin_place, len(typed_word)
+            )
+        length = len(self.text[begin_place : self.place].rstrip())
+        is_rest = typed_word == "degrade"
+        return Turn(1, inner_change, rule, is_rest, self.start + begin_place, length)
 
     def gesture_transform(self) -> Transform:
         """A transformation of a gesture itself."""
         match = _SEGMENT.match(self.text, self.place)
-        text = match.group() if match else ""
+        transform_text = match.group() if match else ""
         if self.others is not None:
-            words = [*_WORD.finditer(text)]
+            words = [*_WORD.finditer(transform_text)]
             count = 1 + ARGUMENTS.get(words[0].group(), 0) if words else 0
             value_words = takewhile(self.is_value, words[1:count])
             words_taken = [*words[:1], *value_words]
-            text = text[: words_taken[-1].end()] if words_taken else ""
+            transform_text = transform_text[: words_taken[-1].end()] if words_taken else ""
         begin = self.place
-        self.place += len(text)
-        return parse_do(text, self.start + begin, _KNOWN)
+        self.place += len(transform_text)
+        return parse_do(transform_text, self.start + begin, _KNOWN)
 
     def is_value(self, word: re.Match[str]) -> bool:
         """Whether a word may be a value of a transformation."""

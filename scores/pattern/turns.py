@@ -81,15 +81,15 @@ _ROUNDING = 1e-9
 
 def due(turns: Iterable[Turn], occasion: Occasion) -> Iterator[Transform | None]:
     """The transformations of a place, left to right; None where one leaves the place out."""
-    for turn in turns:
-        rule = turn.rule
-        if (occasion.round + 1) % turn.nth or not (
+    for place_turn in turns:
+        rule = place_turn.rule
+        if (occasion.round + 1) % place_turn.nth or not (
             rule is None or _RULES[rule.word](rule, occasion)
         ):
             continue
-        if turn.leaves_out:
+        if place_turn.leaves_out:
             yield None
-        for inner in turn.do:
+        for inner in place_turn.do:
             if isinstance(inner, Turn):
                 yield from due((inner,), occasion)
             else:
@@ -118,28 +118,30 @@ def _numbered(turn: Turn, numbers: Iterator[int]) -> Turn:
     return replace(turn, do=tuple(do), rule=rule)
 
 
-def parse(text: str, start: int = 0) -> tuple[Turn, ...]:
+def parse(pattern_text: str, start: int = 0) -> tuple[Turn, ...]:
     """Read `4th do mirror`, and further clauses that begin with `every`.
 
     Raises TextError with offsets into the text plus `start`.
     """
-    turns = []
+    parsed_turns = []
     offset = 0
-    for next_match in (*_NEXT.finditer(text), None):
-        clause = text[offset : next_match.start() if next_match else len(text)]
-        turns.append(_clause(clause, start + offset))
+    for next_match in (*_NEXT.finditer(pattern_text), None):
+        clause = pattern_text[offset : next_match.start() if next_match else len(pattern_text)]
+        parsed_turns.append(_clause(clause, start + offset))
         offset = next_match.end() if next_match else 0
-    return tuple(turns)
+    return tuple(parsed_turns)
 
 
-def _clause(text: str, start: int) -> Turn:
-    match = _CLAUSE.match(text)
-    if match is None or int(match[1]) == 0:
-        message = f"'{text.strip()[:40]}' is not written like 4th do mirror"
-        raise TextError(message, offset=start, length=max(1, len(text.strip())))
+def _clause(pattern_text: str, text_start: int) -> Turn:
+    sign_match = _CLAUSE.match(pattern_text)
+    if sign_match is None or int(sign_match[1]) == 0:
+        message = f"'{pattern_text.strip()[:40]}' is not written like 4th do mirror"
+        raise TextError(message, offset=text_start, length=max(1, len(pattern_text.strip())))
     chain = []
-    for verb_match in _TRANSFORM.finditer(text, match.end()):
-        chain.append(parse_do(verb_match.group(), start + verb_match.start()))
-    if not chain or text.rstrip().endswith(","):
-        raise TextError("'do' needs a transformation: 4th do mirror", offset=start + len(text) - 1)
-    return Turn(int(match[1]), tuple(chain))
+    for verb_match in _TRANSFORM.finditer(pattern_text, sign_match.end()):
+        chain.append(parse_do(verb_match.group(), text_start + verb_match.start()))
+    if not chain or pattern_text.rstrip().endswith(","):
+        raise TextError(
+            "'do' needs a transformation: 4th do mirror", offset=text_start + len(pattern_text) - 1
+        )
+    return Turn(int(sign_match[1]), tuple(chain))

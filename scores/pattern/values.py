@@ -39,35 +39,41 @@ def parse_values(
     """
     amounts: dict[str, Amount] = {}
 
-    def called(word: str, offset: int) -> str | tuple[str, ...]:
+    def called(typed_word: str, offset: int) -> str | tuple[str, ...]:
         try:
-            is_root = word[:1].isalpha() and "." in tuning.spelled(word)
-            if is_pitch and is_root and not word.startswith("x"):
-                scale_values = _scale(word)
+            is_root = typed_word[:1].isalpha() and "." in tuning.spelled(typed_word)
+            if is_pitch and is_root and not typed_word.startswith("x"):
+                scale_values = _scale(typed_word)
                 amounts.update(scale_values)
                 return tuple(scale_values)
-            amounts[word] = read(word)
+            amounts[typed_word] = read(typed_word)
         except TextError as error:
             error.offset += offset
             raise
-        return word
+        return typed_word
 
     order = parse(text, called)
     return order, amounts
 
 
-def _scale(word: str) -> dict[str, Amount]:
-    root, _, name = tuning.spelled(word).partition(".")
-    base = q.frequency(root)
-    if name not in SCALES:
-        message = f"{quote(name)} is not the name of a scale or a chord"
-        near = nearest(name, SCALES)
+def _scale(scale_word: str) -> dict[str, Amount]:
+    root_note, _, scale_name = tuning.spelled(scale_word).partition(".")
+    base_frequency = q.frequency(root_note)
+    if scale_name not in SCALES:
+        message = f"{quote(scale_name)} is not the name of a scale or a chord"
+        near = nearest(scale_name, SCALES)
         raise TextError(
-            message, offset=len(word) - len(name), length=max(1, len(name)), suggestion=near
+            message,
+            offset=len(scale_word) - len(scale_name),
+            length=max(1, len(scale_name)),
+            suggestion=near,
         )
     if not tuning.current().is_plain:
-        words = zip(SCALES[name], chord(root, name), strict=True)
-        return {f"{word}.{n}": Amount(q.frequency(note)) for n, note in words}
+        words = zip(SCALES[scale_name], chord(root_note, scale_name), strict=True)
+        return {f"{scale_word}.{n}": Amount(q.frequency(note)) for n, note in words}
     return {
-        f"{word}.{n}": Amount(base * _core.pow(2.0, n / 12.0) if n else base) for n in SCALES[name]
+        f"{scale_word}.{n}": Amount(
+            base_frequency * _core.pow(2.0, n / 12.0) if n else base_frequency
+        )
+        for n in SCALES[scale_name]
     }

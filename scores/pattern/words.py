@@ -78,80 +78,92 @@ class Row:
     play: PlayWords
 
 
-def parse(text: str, start: int = 0, called: Called | None = None) -> PlayWords:
+def parse(pattern_text: str, text_start: int = 0, called: Called | None = None) -> PlayWords:
     """Read a play; `called` returns the name that a word at an offset stands for.
 
-    Raises TextError with offsets into the text plus `start`.
+    Raises TextError with offsets into the text plus `text_start`.
     """
-    words = [Word(w.group(), w.start()) for w in _WORD.finditer(text)]
-    if not words or (
-        words[0].text in (*OPTIONS, "do", ",") and words[0].text not in _PATTERN_WORDS
+    placed_words = [Word(w.group(), w.start()) for w in _WORD.finditer(pattern_text)]
+    if not placed_words or (
+        placed_words[0].text in (*OPTIONS, "do", ",") and placed_words[0].text not in _PATTERN_WORDS
     ):
         raise TextError(
             "the gesture or take is missing; write for instance knock every 1",
-            offset=start + (words[0].offset if words else 0),
-            length=len(words[0].text) if words else 1,
+            offset=text_start + (placed_words[0].offset if placed_words else 0),
+            length=len(placed_words[0].text) if placed_words else 1,
         )
-    options: dict[str, Word] = {}
-    if len(words) == 1 and words[0].text.isidentifier():  # most plays
-        return PlayWords(Word(words[0].text, start + words[0].offset), options)
-    stop = 1
-    while stop < len(words) and words[stop].text not in (*_KNOWN, ","):
-        stop += 1
-    what_word, order = _order(text, words[:stop], start, called)
+    placed_options: dict[str, Word] = {}
+    if len(placed_words) == 1 and placed_words[0].text.isidentifier():  # most plays
+        return PlayWords(
+            Word(placed_words[0].text, text_start + placed_words[0].offset), placed_options
+        )
+    words_stop = 1
+    while words_stop < len(placed_words) and placed_words[words_stop].text not in (*_KNOWN, ","):
+        words_stop += 1
+    what_word, order = _order(pattern_text, placed_words[:words_stop], text_start, called)
     chain: list[Change] = []
     wanting: str | None = None  # a `do` or a comma that a transformation must follow
-    i = stop
-    while i < len(words):
-        word, offset = words[i]
-        place = start + offset
-        if word in ARITY or wanting is not None:
-            change, end = parse_first(text, offset, start, _KNOWN)
+    i = words_stop
+    while i < len(placed_words):
+        option_word, offset = placed_words[i]
+        option_place = text_start + offset
+        if option_word in ARITY or wanting is not None:
+            change, end = parse_first(pattern_text, offset, text_start, _KNOWN)
             chain.append(change)
             wanting, i = (
                 None,
-                next((n for n in range(i, len(words)) if words[n].offset >= end), len(words)),
+                next(
+                    (n for n in range(i, len(placed_words)) if placed_words[n].offset >= end),
+                    len(placed_words),
+                ),
             )
-        elif word == "do" or (word == "," and chain and words[i - 1].text not in OPTIONS):
-            wanting, i = word, i + 1
-        elif word in OPTIONS:
-            name, i, value = _value(text, words, i, start, OPTIONS, word)
-            if name in options:
-                raise TextError(f"'{word}' is written twice", offset=place, length=len(word))
-            options[name] = Word(value.text, start + value.offset)
-        elif OPTIONS.get(words[i - 1].text, "") is None:
-            flag = words[i - 1].text
+        elif option_word == "do" or (
+            option_word == "," and chain and placed_words[i - 1].text not in OPTIONS
+        ):
+            wanting, i = option_word, i + 1
+        elif option_word in OPTIONS:
+            name, i, value = _value(pattern_text, placed_words, i, text_start, OPTIONS, option_word)
+            if name in placed_options:
+                raise TextError(
+                    f"'{option_word}' is written twice",
+                    offset=option_place,
+                    length=len(option_word),
+                )
+            placed_options[name] = Word(value.text, text_start + value.offset)
+        elif OPTIONS.get(placed_words[i - 1].text, "") is None:
+            flag = placed_words[i - 1].text
             raise TextError(
-                f"'{flag}' takes no value; remove '{word[:40]}'",
-                offset=place,
-                length=len(word),
+                f"'{flag}' takes no value; remove '{option_word[:40]}'",
+                offset=option_place,
+                length=len(option_word),
             )
         else:
-            raise _unknown(words[i], start)
+            raise _unknown(placed_words[i], text_start)
     if wanting is not None:
-        last_word = words[-1]
+        last_word = placed_words[-1]
         raise TextError(
             f"'{wanting}' needs a transformation: do scale 0.5, mirror",
-            offset=start + last_word.offset,
+            offset=text_start + last_word.offset,
             length=len(last_word.text),
         )
-    if NTH in options:
-        parse_turns(options[NTH].text, options[NTH].offset)
-    return PlayWords(what_word, options, tuple(chain), order)
+    if NTH in placed_options:
+        parse_turns(placed_options[NTH].text, placed_options[NTH].offset)
+    return PlayWords(what_word, placed_options, tuple(chain), order)
 
 
 def _order(
-    text: str, words: list[Word], start: int, name_reader: Called | None
+    text: str, placed_words: list[Word], text_start: int, name_reader: Called | None
 ) -> tuple[Word, Group | None]:
     """What is played, and its pattern unless it is one name."""
-    for word_before, word in pairwise(words):
+    for word_before, word in pairwise(placed_words):
         if word.text[0].isdigit():  # a value: the word before it is a misspelt option
-            raise _unknown(word if word_before is words[0] else word_before, start)
-    first_word, last_word = words[0], words[-1]
+            raise _unknown(word if word_before is placed_words[0] else word_before, text_start)
+    first_word, last_word = placed_words[0], placed_words[-1]
     order_word = Word(
-        text[first_word.offset : last_word.offset + len(last_word.text)], start + first_word.offset
+        text[first_word.offset : last_word.offset + len(last_word.text)],
+        text_start + first_word.offset,
     )
-    if len(words) == 1 and not _SIGNS & set(order_word.text):
+    if len(placed_words) == 1 and not _SIGNS & set(order_word.text):
         return order_word, None
     make: Called = name_reader or (lambda word, _: word)
 
@@ -166,34 +178,45 @@ def _order(
 
 
 def parse_strikes(
-    text: str, examples_by_word: Mapping[str, str]
+    pattern_text: str, examples_by_word: Mapping[str, str]
 ) -> tuple[list[Word], dict[str, Word]]:
     """Read modules, and the options of strikes; `examples_by_word` has an example of each option's
     value.
 
     Raises TextError.
     """
-    words = [Word(w.group(), w.start()) for w in _WORD.finditer(text)]
-    stop = next((i for i, word in enumerate(words) if word.text in examples_by_word), len(words))
-    options: dict[str, Word] = {}
-    i = stop
-    while i < len(words):
-        word, offset = words[i]
-        if word not in examples_by_word:
-            if "impulse" not in examples_by_word or not _is_worded_level(word):
-                raise _unknown(words[i], 0, examples_by_word)
+    placed_words = [Word(w.group(), w.start()) for w in _WORD.finditer(pattern_text)]
+    options_start = next(
+        (i for i, word in enumerate(placed_words) if word.text in examples_by_word),
+        len(placed_words),
+    )
+    placed_options: dict[str, Word] = {}
+    i = options_start
+    while i < len(placed_words):
+        option_word, word_offset = placed_words[i]
+        if option_word not in examples_by_word:
+            if "impulse" not in examples_by_word or not _is_worded_level(option_word):
+                raise _unknown(placed_words[i], 0, examples_by_word)
             # A level may stand behind the options, without its keyword.
-            name, i, value = _value(text, words, i - 1, 0, examples_by_word, "impulse")
+            option_name, i, option_value = _value(
+                pattern_text, placed_words, i - 1, 0, examples_by_word, "impulse"
+            )
         else:
-            name, i, value = _value(text, words, i, 0, examples_by_word, word)
-        if name == NTH:
-            message = f"'every {value.text.split()[0]}' changes every so many plays of a gesture; "
+            option_name, i, option_value = _value(
+                pattern_text, placed_words, i, 0, examples_by_word, option_word
+            )
+        if option_name == NTH:
+            message = (
+                f"'every {option_value.text.split()[0]}' changes every so many plays of a gesture; "
+            )
             message += "strikes of modules have no points to change"
-            raise TextError(message, offset=offset, length=len(word))
-        if name in options:
-            raise TextError(f"'{word}' is written twice", offset=offset, length=len(word))
-        options[name] = value
-    return words[:stop], options
+            raise TextError(message, offset=word_offset, length=len(option_word))
+        if option_name in placed_options:
+            raise TextError(
+                f"'{option_word}' is written twice", offset=word_offset, length=len(option_word)
+            )
+        placed_options[option_name] = option_value
+    return placed_words[:options_start], placed_options
 
 
 def _is_worded_level(word: str) -> bool:
@@ -204,44 +227,57 @@ def _is_worded_level(word: str) -> bool:
 
 
 def _value(
-    text: str,
-    words: list[Word],
+    pattern_text: str,
+    placed_words: list[Word],
     i: int,
     start: int,
     examples_by_word: Mapping[str, str | None],
-    word: str,
+    option_word: str,
 ) -> tuple[str, int, Word]:
-    """The option `word`, whose value follows word `i`, the index after its value, and the value
-    (`true` for a flag).
+    """The option `option_word`, whose value follows word `i`, the index after its value, and the
+    value (`true` for a flag).
     """
-    offset = words[i].offset
-    if examples_by_word[word] is None:
-        return word, i + 1, Word("true", offset)
-    values = words[i + 1 :]
-    if word == "every" and values and ORDINAL.fullmatch(values[0].text):
-        stop = _end_of_turns(words, i)
-        first, last = values[0], words[stop - 1]
-        return NTH, stop, Word(text[first.offset : last.offset + len(last.text)], first.offset)
-    count = 1
-    if word == "euclid":
-        count = 4 if [value.text for value in values[2:3]] == ["rotate"] else 2
-    elif word == "impulse":
-        other_numbers = (number for number, value in enumerate(values) if not is_level(value.text))
-        count = max(1, next(other_numbers, len(values)))
-    elif word == "path":
-        count = 2
-        while [value.text for value in values[count : count + 1]] == ["->"]:
-            count += 3
-    values = values[:count]
-    misplaced = next((v for v in values if v.text in (*examples_by_word, *_KNOWN, ",")), None)
-    if len(values) < count or misplaced is not None:
-        example = f"{word} {examples_by_word[word]}"
-        example += " rotate 2" if word == "euclid" and count == 4 else ""
-        message = f"'{word}' needs a value: {example}"
-        raise TextError(message, offset=start + offset, length=len(word))
-    first, last = values[0], values[-1]
-    stop = last.offset + len(last.text)
-    return word, i + 1 + count, Word(text[first.offset : stop], first.offset)
+    option_offset = placed_words[i].offset
+    if examples_by_word[option_word] is None:
+        return option_word, i + 1, Word("true", option_offset)
+    value_words = placed_words[i + 1 :]
+    if option_word == "every" and value_words and ORDINAL.fullmatch(value_words[0].text):
+        value_stop = _end_of_turns(placed_words, i)
+        first_word, last_word = value_words[0], placed_words[value_stop - 1]
+        return (
+            NTH,
+            value_stop,
+            Word(
+                pattern_text[first_word.offset : last_word.offset + len(last_word.text)],
+                first_word.offset,
+            ),
+        )
+    value_count = 1
+    if option_word == "euclid":
+        value_count = 4 if [value.text for value in value_words[2:3]] == ["rotate"] else 2
+    elif option_word == "impulse":
+        other_numbers = (
+            number for number, value in enumerate(value_words) if not is_level(value.text)
+        )
+        value_count = max(1, next(other_numbers, len(value_words)))
+    elif option_word == "path":
+        value_count = 2
+        while [value.text for value in value_words[value_count : value_count + 1]] == ["->"]:
+            value_count += 3
+    value_words = value_words[:value_count]
+    misplaced = next((v for v in value_words if v.text in (*examples_by_word, *_KNOWN, ",")), None)
+    if len(value_words) < value_count or misplaced is not None:
+        example = f"{option_word} {examples_by_word[option_word]}"
+        example += " rotate 2" if option_word == "euclid" and value_count == 4 else ""
+        message = f"'{option_word}' needs a value: {example}"
+        raise TextError(message, offset=start + option_offset, length=len(option_word))
+    first_word, last_word = value_words[0], value_words[-1]
+    value_stop = last_word.offset + len(last_word.text)
+    return (
+        option_word,
+        i + 1 + value_count,
+        Word(pattern_text[first_word.offset : value_stop], first_word.offset),
+    )
 
 
 def _unknown(word: Word, start: int, known_words: Iterable[str] = _KNOWN) -> TextError:
@@ -263,48 +299,55 @@ def rows(text: str) -> Iterator[tuple[str, int]]:
         offset += len(line) + 1
 
 
-def parse_row(row: str, offset: int = 0, name_reader: Called | None = None) -> Row:
-    """Read `first_cell` and the words of a play. Raises TextError with offsets plus `offset`."""
-    cells = row.split()
-    first_cell = cells[0]
-    lead = row.index(first_cell)
-    if len(cells) == 1:
+def parse_row(row_text: str, row_offset: int = 0, name_reader: Called | None = None) -> Row:
+    """Read the first cell and the words of a play. Raises TextError, at places + `row_offset`."""
+    row_cells = row_text.split()
+    first_cell = row_cells[0]
+    lead = row_text.index(first_cell)
+    if len(row_cells) == 1:
         example = f"{first_cell} knock" if first_cell[0].isdigit() else f"1|1 {first_cell}"
         raise TextError(
             f"a row has a position and a gesture or take; write {example[:40]}",
-            offset=offset + lead,
+            offset=row_offset + lead,
             length=len(first_cell),
         )
     if (
-        len(cells) == 2 and not _SIGNS & set(cells[1]) and cells[1] not in _KNOWN
+        len(row_cells) == 2 and not _SIGNS & set(row_cells[1]) and row_cells[1] not in _KNOWN
     ):  # most rows of most tables
-        name = Word(cells[1], offset + row.index(cells[1], lead + len(first_cell)))
-        return Row(Word(first_cell, offset + lead), PlayWords(name, {}))
-    play = parse(row[lead + len(first_cell) :], offset + lead + len(first_cell), name_reader)
-    if "at" in play.options:
+        name = Word(row_cells[1], row_offset + row_text.index(row_cells[1], lead + len(first_cell)))
+        return Row(Word(first_cell, row_offset + lead), PlayWords(name, {}))
+    play_words = parse(
+        row_text[lead + len(first_cell) :], row_offset + lead + len(first_cell), name_reader
+    )
+    if "at" in play_words.options:
         raise TextError(
             "a row begins with a position, such as 3|1 or B",
-            offset=play.options["at"].offset,
+            offset=play_words.options["at"].offset,
             length=1,
         )
-    return Row(Word(first_cell, offset + lead), play)
+    return Row(Word(first_cell, row_offset + lead), play_words)
 
 
-def _end_of_turns(words: list[Word], first_turn: int) -> int:
+def _end_of_turns(placed_words: list[Word], first_turn: int) -> int:
     """The index after `every 4th do mirror` and all further clauses of that form."""
-    stop = first_turn
-    while len(words) > stop + 1 and words[stop].text == "every":
-        if not ORDINAL.fullmatch(words[stop + 1].text):
+    words_stop = first_turn
+    while len(placed_words) > words_stop + 1 and placed_words[words_stop].text == "every":
+        if not ORDINAL.fullmatch(placed_words[words_stop + 1].text):
             break
-        stop += 2
-        if stop == len(words) or words[stop].text != "do":
+        words_stop += 2
+        if words_stop == len(placed_words) or placed_words[words_stop].text != "do":
             break
-        stop += 1
-        while stop < len(words) and (
-            words[stop].text in (*ARITY, ",") or words[stop - 1].text in ("do", ",")
+        words_stop += 1
+        while words_stop < len(placed_words) and (
+            placed_words[words_stop].text in (*ARITY, ",")
+            or placed_words[words_stop - 1].text in ("do", ",")
         ):
-            stop = stop + 1 if words[stop].text == "," else _end_of_transform(words, stop)
-    return stop
+            words_stop = (
+                words_stop + 1
+                if placed_words[words_stop].text == ","
+                else _end_of_transform(placed_words, words_stop)
+            )
+    return words_stop
 
 
 def _end_of_transform(words: list[Word], first_word: int) -> int:

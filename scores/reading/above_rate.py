@@ -34,24 +34,30 @@ def without_modes_above(
     by the engine.
     """
     too_high: dict[str, dict[str, float]] = {}
-    for name in transposed:
-        pitched = instruments.get(name)
+    for instrument_name in transposed:
+        pitched = instruments.get(instrument_name)
         if pitched is not None and pitched.ca_rate is None and not pitched.space:
-            high = {m.name: f for m in pitched.modules if (f := _frequency(m)) > rate / 2.0}
-            too_high |= {name: high} if high else {}
+            high_modes = {m.name: f for m in pitched.modules if (f := _frequency(m)) > rate / 2.0}
+            too_high |= {instrument_name: high_modes} if high_modes else {}
     if not too_high:
         return instruments
     joined = {*used, *_joined(instruments)}
-    result, reported = dict(instruments), dict[str, list[tuple[str, float]]]()
-    for name, high in too_high.items():
-        names = frozenset(module for module in high if (name, module) not in joined)
-        if names and (thinner := _without(instruments[name], names, memory)) is not None:
-            result[name] = thinner
-            rows = ((f"{name}.{module}", high[module]) for module in high if module in names)
-            reported.setdefault(transposed[name], []).extend(rows)
-    for name, modes in reported.items():
-        _report(name, modes, instruments, rate, collector)
-    return result
+    thinned_instruments, reported = dict(instruments), dict[str, list[tuple[str, float]]]()
+    for instrument_name, high_modes in too_high.items():
+        names = frozenset(
+            module for module in high_modes if (instrument_name, module) not in joined
+        )
+        if names and (thinner := _without(instruments[instrument_name], names, memory)) is not None:
+            thinned_instruments[instrument_name] = thinner
+            rows = (
+                (f"{instrument_name}.{module}", high_modes[module])
+                for module in high_modes
+                if module in names
+            )
+            reported.setdefault(transposed[instrument_name], []).extend(rows)
+    for instrument_name, modes in reported.items():
+        _report(instrument_name, modes, instruments, rate, collector)
+    return thinned_instruments
 
 
 def _frequency(module: Module) -> float:
@@ -75,47 +81,47 @@ def _ends(module: Module) -> list[Target]:
 
 
 def _without(
-    instrument: Instrument, names: Collection[str], memory: Memory | None
+    instrument: Instrument, removed_names: Collection[str], memory: Memory | None
 ) -> Instrument | None:
     """An instrument without some modules; None if an output would have nothing left to hear."""
-    place = f"thinner {instrument.name}"
-    module_before = None if memory is None else memory.held(place, names)
+    memory_key = f"thinner {instrument.name}"
+    module_before = None if memory is None else memory.held(memory_key, removed_names)
     if module_before is not None and module_before[0] is instrument:
         return module_before[1]  # type: ignore[no-any-return]
 
     def is_there(target: Target) -> bool:
-        return target.part != instrument.name or target.module not in names
+        return target.part != instrument.name or target.module not in removed_names
 
     modules = tuple(
         module
         for module in instrument.modules
-        if module.name not in names and all(map(is_there, _ends(module)))
+        if module.name not in removed_names and all(map(is_there, _ends(module)))
     )
-    outputs = tuple(
+    outputs_left = tuple(
         replace(output, targets=tuple(filter(is_there, output.targets)))
         for output in instrument.outputs
     )
-    if not all(output.targets for output in outputs):
+    if not all(output.targets for output in outputs_left):
         return None
-    thinner = replace(instrument, modules=modules, outputs=outputs)
+    thinner = replace(instrument, modules=modules, outputs=outputs_left)
     if memory is not None:
-        memory.hold(place, names, (instrument, thinner))
+        memory.hold(memory_key, removed_names, (instrument, thinner))
     return thinner
 
 
 def _report(
     name: str,
-    modes: list[tuple[str, float]],
+    removed_modes: list[tuple[str, float]],
     instruments: Mapping[str, Instrument],
     rate: float,
     collector: Collector,
 ) -> None:
-    lowest, frequency = min(modes, key=lambda mode: mode[1])
+    lowest, frequency = min(removed_modes, key=lambda mode: mode[1])
     part = lowest.rpartition(".")[0]
-    count_text = "1 mode lies" if len(modes) == 1 else f"{len(modes)} modes lie"
+    count_text = "1 mode lies" if len(removed_modes) == 1 else f"{len(removed_modes)} modes lie"
     message = (
         f"instrument {quote(name)}: {count_text} above half the rate of {rate:g} Hz and "
-        f"{'is' if len(modes) == 1 else 'are'} left out, the lowest of them {lowest} at "
+        f"{'is' if len(removed_modes) == 1 else 'are'} left out, the lowest of them {lowest} at "
         f"{frequency / 1e3:.3g} kHz"
     )
     collector.error("N405", message, instruments[part].place)

@@ -41,24 +41,24 @@ def named_module(
     name: str, keys: Mapping[str, Any], instruments: Mapping[str, Any]
 ) -> Automatable | None:
     """The module of a name such as `bell.s`; None if there is no such module."""
-    words = name.split(".")
-    for count in range(len(words), 0, -1):  # names that a file brings in have dots themselves
-        part = ".".join(words[:count])
-        owner = keys.get(part) or instruments.get(part)
-        if owner is None:
+    name_words = name.split(".")
+    for count in range(len(name_words), 0, -1):  # names that a file brings in have dots themselves
+        part_name = ".".join(name_words[:count])
+        part_owner = keys.get(part_name) or instruments.get(part_name)
+        if part_owner is None:
             continue
-        module_name = ".".join(words[count:])
-        is_ca = isinstance(owner, Instrument) and owner.ca_rate is not None
-        for module in owner.modules:
+        module_name = ".".join(name_words[count:])
+        is_ca = isinstance(part_owner, Instrument) and part_owner.ca_rate is not None
+        for module in part_owner.modules:
             if module.name == module_name:
-                return Automatable(part, module, is_ca)
-        if not module_name and (all_of_it := pitched_module(owner)) is not None:
-            return Automatable(part, all_of_it, is_ca)
+                return Automatable(part_name, module, is_ca)
+        if not module_name and (all_of_it := pitched_module(part_owner)) is not None:
+            return Automatable(part_name, all_of_it, is_ca)
     return None
 
 
 def named_modules(
-    name: str,
+    module_path: str,
     keys: Mapping[str, Any],
     instruments: Mapping[str, Any],
     families: Mapping[str, Sequence[str]],
@@ -67,9 +67,9 @@ def named_modules(
 
     `families` are the instruments with notes, each with the names of its notes.
     """
-    if (automatable := named_module(name, keys, instruments)) is not None:
+    if (automatable := named_module(module_path, keys, instruments)) is not None:
         return [automatable]
-    words = name.split(".")
+    words = module_path.split(".")
     for count in range(len(words), 0, -1):
         notes = families.get(".".join(words[:count]), ())
         names = (".".join((note, *words[count:])) for note in notes)
@@ -97,65 +97,76 @@ def moved(owner: Instrument) -> list[Module]:
     ]
 
 
-def _stays(module: Module) -> str | None:
+def _stays(part_module: Module) -> str | None:
     """Why an instrument with this module cannot glide as a whole; None if it can."""
-    if module.kind == "LNL" and (module.fields["law"] or module.fields["points"]):
-        return f"the law of its {module.shown_kind} {module.name} does not change while it plays"
-    if module.kind == "MODES":
-        return f"its MODES {module.name} do not change while they play"
-    if module.fields.get("contact") == "magic":
-        return f"the magic contact {module.name} chooses its own K and Z"
+    if part_module.kind == "LNL" and (part_module.fields["law"] or part_module.fields["points"]):
+        return (
+            f"the law of its {part_module.shown_kind} {part_module.name} does not change while it "
+            "plays"
+        )
+    if part_module.kind == "MODES":
+        return f"its MODES {part_module.name} do not change while they play"
+    if part_module.fields.get("contact") == "magic":
+        return f"the magic contact {part_module.name} chooses its own K and Z"
     for name in _STIFFENING:
-        if module.fields.get(name):
-            return f"`{name}` of its {module.kind} {module.name} does not change while it plays"
+        if part_module.fields.get(name):
+            return (
+                f"`{name}` of its {part_module.kind} {part_module.name} does not change while it "
+                "plays"
+            )
     return None
 
 
-def refusal(module: Module, parameter: str, *, is_ca: bool) -> str | None:
+def refusal(part_module: Module, parameter_name: str, *, is_ca: bool) -> str | None:
     """Why a parameter of a module cannot change while it plays; None if it can."""
-    parameters = PARAMETERS.get(module.kind, ())
-    if module.kind == "INSTRUMENT" and not is_ca and parameter == "f":
-        reason = next(filter(None, map(_stays, module.fields["modules"])), None)
+    known_parameters = PARAMETERS.get(part_module.kind, ())
+    if part_module.kind == "INSTRUMENT" and not is_ca and parameter_name == "f":
+        reason = next(filter(None, map(_stays, part_module.fields["modules"])), None)
         return reason and f"cannot glide as a whole: {reason}; glide its modules"
     if is_ca:
         return "has algorithmic values, which stay as they are; only values in SI units change"
-    if not parameters:
+    if not known_parameters:
         able = ", ".join(kind for kind in PARAMETERS if kind != "INSTRUMENT")
         return (
-            f"is {with_article(module.shown_kind)}, which does not change while it plays; {able} do"
+            f"is {with_article(part_module.shown_kind)}, which does not change while it plays; "
+            f"{able} do"
         )
-    if module.kind == "INSTRUMENT" and parameter not in parameters:
-        return f"has several modules: of the whole only f changes; name a module for {parameter}"
-    if parameter not in parameters:
-        word = " and ".join(parameters)
-        return f"is a {module.kind}, of which only {word} change while it plays"
-    if module.kind == "BUT" and module.fields.get("contact") == "magic":
+    if part_module.kind == "INSTRUMENT" and parameter_name not in known_parameters:
+        return (
+            f"has several modules: of the whole only f changes; name a module for {parameter_name}"
+        )
+    if parameter_name not in known_parameters:
+        word = " and ".join(known_parameters)
+        return f"is a {part_module.kind}, of which only {word} change while it plays"
+    if part_module.kind == "BUT" and part_module.fields.get("contact") == "magic":
         return "is a magic contact, which chooses its own K and Z"
-    if module.kind in ("STRING", "PLATE") and parameter == "t60":
-        t60 = module.fields.get("t60")
+    if part_module.kind in ("STRING", "PLATE") and parameter_name == "t60":
+        t60 = part_module.fields.get("t60")
         if t60 is None:
             return "has no t60 of its own, so it has no dampers; write one"
         if not isinstance(t60, float):
             several = "has a t60 for each of several frequencies, which stay as they are"
             return f"{several}; a single t60 may change"
-    if module.kind in LINKS and not module.fields.get(parameter):
-        return f"has no {parameter} of its own that could change; write one above 0"
+    if part_module.kind in LINKS and not part_module.fields.get(parameter_name):
+        return f"has no {parameter_name} of its own that could change; write one above 0"
     return None
 
 
-def reader(module: Module, parameter: str, *, is_one_of_many: bool = False) -> ReadAmount:
+def reader(part_module: Module, parameter_name: str, *, is_one_of_many: bool = False) -> ReadAmount:
     """The function that reads an amount of a parameter; `is_one_of_many` if all notes of an
     instrument have that module.
     """
-    if is_one_of_many and parameter == "f":
-        return amount_reader(_only_interval, parameter)
-    if module.kind == "BANK":
-        return amount_reader(_only_factor, parameter)
-    if parameter in ("f", "t60"):
-        return amount_reader((k.PITCH if parameter == "f" else k.DURATION).parse, parameter)
-    shape = KINDS[module.kind].table.by_name[parameter].shape
+    if is_one_of_many and parameter_name == "f":
+        return amount_reader(_only_interval, parameter_name)
+    if part_module.kind == "BANK":
+        return amount_reader(_only_factor, parameter_name)
+    if parameter_name in ("f", "t60"):
+        return amount_reader(
+            (k.PITCH if parameter_name == "f" else k.DURATION).parse, parameter_name
+        )
+    shape = KINDS[part_module.kind].table.by_name[parameter_name].shape
     assert isinstance(shape, Text)
-    return amount_reader(shape.parse, parameter)
+    return amount_reader(shape.parse, parameter_name)
 
 
 def amount_reader(read: Callable[[str], float], parameter: str) -> ReadAmount:

@@ -154,123 +154,163 @@ _FIELDS = {
 }
 
 
-def check(values: Values) -> bool:
+def check(automation_values: Values) -> bool:
     """Whether the fields of the written kind (`set` or `lfo`) are there, and no others; reports an
     error if not.
     """
-    kinds = values.written("set", "lfo")
-    if len(kinds) != 1:
-        values.error("E103", "automation needs either `set` or `lfo`, and a parameter")
+    written_kinds = automation_values.written("set", "lfo")
+    if len(written_kinds) != 1:
+        automation_values.error("E103", "automation needs either `set` or `lfo`, and a parameter")
         return False
-    is_file = kinds[0] == "set" and bool(values.written("from"))
-    kind = "from" if is_file else kinds[0]
-    needs, contrary_fields = _FIELDS[kind]
-    for name in needs:
-        if not values.written(name):
-            values.error("E103", f"automation: `{name}` is missing beside `{kind}`", kind)
+    is_file = written_kinds[0] == "set" and bool(automation_values.written("from"))
+    written_kind = "from" if is_file else written_kinds[0]
+    needs, contrary_fields = _FIELDS[written_kind]
+    for field_name in needs:
+        if not automation_values.written(field_name):
+            automation_values.error(
+                "E103",
+                f"automation: `{field_name}` is missing beside `{written_kind}`",
+                written_kind,
+            )
             return False
-    for name in values.written(*contrary_fields):
-        values.error("E111", f"automation: `{name}` does not belong to `{kind}`", name)
+    for field_name in automation_values.written(*contrary_fields):
+        automation_values.error(
+            "E111", f"automation: `{field_name}` does not belong to `{written_kind}`", field_name
+        )
         return False
-    glides = values.written("over") or is_curve(str(values["to"] or ""))
-    for name in values.written(*_PATTERN_NAMES) if glides else values.written("curve"):
+    glides = automation_values.written("over") or is_curve(str(automation_values["to"] or ""))
+    for field_name in (
+        automation_values.written(*_PATTERN_NAMES) if glides else automation_values.written("curve")
+    ):
         refusal_text = (
             "a glide has no steps" if glides else "only a glide `over` a length has a way"
         )
-        values.error("E111", f"automation: {refusal_text}; remove `{name}`", name)
+        automation_values.error(
+            "E111", f"automation: {refusal_text}; remove `{field_name}`", field_name
+        )
         return False
-    if values.written("over") and is_curve(str(values["to"] or "")):
-        values.error("E111", "automation: a curve has times of its own; remove `over`", "over")
+    if automation_values.written("over") and is_curve(str(automation_values["to"] or "")):
+        automation_values.error(
+            "E111", "automation: a curve has times of its own; remove `over`", "over"
+        )
         return False
-    return all(name in values.by_name for name in (*kinds, *needs))
+    return all(name in automation_values.by_name for name in (*written_kinds, *needs))
 
 
 def build_automation(
-    values: Values, target: Target, parameter: str, read: ReadAmount, midi: MidiUses
+    values: Values, target: Target, parameter_name: str, read_amount: ReadAmount, midi: MidiUses
 ) -> Automation | None:
-    """The automation of a known parameter, whose amounts `read` reads; None if an error was
+    """The automation of a known parameter, whose amounts `read_amount` reads; None if an error was
     reported. A file that it follows is noted in `midi`.
     """
-    v, pattern, swing = values, None, None
+    automation_values, pattern, swing = values, None, None
     moves: tuple[tuple[Length, Amount], ...] = ()
     amounts: Mapping[str, Amount] = {}
-    points: tuple[CurvePoint, ...] = ()
-    name = "range" if v.written("range") else "to"
+    curve_points: tuple[CurvePoint, ...] = ()
+    range_name = "range" if automation_values.written("range") else "to"
     try:
-        if v.written("from"):
-            range_ends = parse_with_names(_node(v, "range"), lambda text: parse_range(text, read))
-            moves = _moves(range_ends, parameter, midi.course(v), v)
+        if automation_values.written("from"):
+            range_ends = parse_with_names(
+                _node(automation_values, "range"), lambda text: parse_range(text, read_amount)
+            )
+            moves = _moves(
+                range_ends, parameter_name, midi.course(automation_values), automation_values
+            )
             if not moves:  # a mistake of the file was reported
                 return None
-        elif v.written("set") and is_curve(v["to"]):
-            points = parse_with_names(_node(v, "to"), lambda text: parse_curve(text, read))
-        elif v["over"] is not None:
-            node = v.nodes["to"]
-            value = (literal(node) if isinstance(node, Scalar) else None) or v["to"]
-            points = (CurvePoint(Time(), _final_amount(value, read), v["curve"]),)
-            if not v["over"].is_some:
-                v.error("E202", "automation: a glide takes a time above 0", "over")
-                return None
-        elif v.written("set"):
-            is_pitch = parameter == "f"
-            order, amounts = parse_with_names(
-                _node(v, "to"), lambda text: parse_values(text, read, is_pitch=is_pitch)
+        elif automation_values.written("set") and is_curve(automation_values["to"]):
+            curve_points = parse_with_names(
+                _node(automation_values, "to"), lambda text: parse_curve(text, read_amount)
             )
-            pattern = pattern_of(cast("PatternValues", v.by_name), order)
-            if v["every"] is None and pattern.euclid is None:
+        elif automation_values["over"] is not None:
+            node = automation_values.nodes["to"]
+            value = (literal(node) if isinstance(node, Scalar) else None) or automation_values["to"]
+            curve_points = (
+                CurvePoint(Time(), _final_amount(value, read_amount), automation_values["curve"]),
+            )
+            if not automation_values["over"].is_some:
+                automation_values.error("E202", "automation: a glide takes a time above 0", "over")
+                return None
+        elif automation_values.written("set"):
+            is_pitch = parameter_name == "f"
+            value_order, amounts = parse_with_names(
+                _node(automation_values, "to"),
+                lambda text: parse_values(text, read_amount, is_pitch=is_pitch),
+            )
+            pattern = pattern_of(cast("PatternValues", automation_values.by_name), value_order)
+            if automation_values["every"] is None and pattern.euclid is None:
                 message = (
                     "automation: one value needs `over`, the length of the glide"
-                    if order.places == 1
+                    if value_order.places == 1
                     else "automation: the length of a step is missing; write `every`"
                 )
-                v.error("E103", message, "to")
+                automation_values.error("E103", message, "to")
                 return None
         else:
-            low, high = parse_with_names(_node(v, "range"), lambda text: parse_range(text, read))
-            swing = Swing(low, high, v["period"], v["shape"], v["phase"])
+            low, high = parse_with_names(
+                _node(automation_values, "range"), lambda text: parse_range(text, read_amount)
+            )
+            swing = Swing(
+                low,
+                high,
+                automation_values["period"],
+                automation_values["shape"],
+                automation_values["phase"],
+            )
             if not swing.period.is_some:
-                v.error("E202", "automation: the period must be above 0", "period")
+                automation_values.error("E202", "automation: the period must be above 0", "period")
                 return None
     except TextError as error:
-        v.context.text_error(error, _node(v, name), name)
+        automation_values.context.text_error(
+            error, _node(automation_values, range_name), range_name
+        )
         return None
     return Automation(
         target,
-        parameter,
-        v["at"],
-        v["until"],
-        v["every"],
-        v["times"],
+        parameter_name,
+        automation_values["at"],
+        automation_values["until"],
+        automation_values["every"],
+        automation_values["times"],
         pattern,
         amounts,
         swing,
-        v.node.place,
-        v.place_of("at"),
-        points=points,
-        over=v["over"],
+        automation_values.node.place,
+        automation_values.place_of("at"),
+        points=curve_points,
+        over=automation_values["over"],
         moves=moves,
     )
 
 
 def _moves(
-    range_ends: tuple[Amount, Amount], parameter: str, course: Course, values: Values
+    range_ends: tuple[Amount, Amount], parameter_name: str, course: Course, section_values: Values
 ) -> tuple[tuple[Length, Amount], ...]:
     """The values of a parameter whose ends are those of a controller, from a place of its file on.
 
     Raises TextError for ends between which there is no way.
     """
-    (low, high), start, length = range_ends, values["start"], len(str(values["range"]))
-    if low.is_factor != high.is_factor:
+    (low_amount, high_amount), text_start, length = (
+        range_ends,
+        section_values["start"],
+        len(str(section_values["range"])),
+    )
+    if low_amount.is_factor != high_amount.is_factor:
         message = "write two values or two factors: there is no way from a value to a factor"
         raise TextError(message, length=length, code="E202")
-    if parameter in ("f", "t60") and not min(low.value, high.value) > 0.0:
-        raise TextError(f"{parameter} must stay above 0", length=length, code="E202")
-    shares_before = [share for quarter, share in course if quarter <= start][-1:]
-    shares_after = [(quarter - start, share) for quarter, share in course if quarter > start]
+    if parameter_name in ("f", "t60") and not min(low_amount.value, high_amount.value) > 0.0:
+        raise TextError(f"{parameter_name} must stay above 0", length=length, code="E202")
+    shares_before = [share for quarter, share in course if quarter <= text_start][-1:]
+    shares_after = [
+        (quarter - text_start, share) for quarter, share in course if quarter > text_start
+    ]
     return tuple(
         (
             Length(quarters=quarters_later),
-            Amount(low.value + (high.value - low.value) * share, low.is_factor),
+            Amount(
+                low_amount.value + (high_amount.value - low_amount.value) * share,
+                low_amount.is_factor,
+            ),
         )
         for quarters_later, share in (*((0.0, share) for share in shares_before), *shares_after)
     )
@@ -282,13 +322,13 @@ def _node(values: Values, name: str) -> Scalar:
     return node
 
 
-def _final_amount(text: str, read: ReadAmount) -> Amount:
+def _final_amount(glide_text: str, read: ReadAmount) -> Amount:
     """The value that a glide ends with. Raises TextError."""
-    words = text.split()
+    words = glide_text.split()
     if len(words) > 1:
         message = "a glide goes to one value; several values need the length of a step: every 1"
-        raise TextError(message, length=len(text), code="E201")
-    word = text.strip()
+        raise TextError(message, length=len(glide_text), code="E201")
+    word = glide_text.strip()
     amount = read(word)
     if not amount.value > 0.0:
         message = f"{quote(word)}: a glide must end above 0, because no factor leads away from 0"
@@ -296,23 +336,25 @@ def _final_amount(text: str, read: ReadAmount) -> Amount:
     return amount
 
 
-def parse_range(text: str, read: ReadAmount) -> tuple[Amount, Amount]:
+def parse_range(range_text: str, read: ReadAmount) -> tuple[Amount, Amount]:
     """Read `0.8..1.2` (factors of the parameter's own value) or `1kN/m..3kN/m`, both ends by
     `read`. Raises TextError.
     """
-    low, dots, high = (part.strip() for part in text.partition(".."))
-    if not dots or not low or not high:
-        message = f"{quote(text.strip())} is not a range such as 0.8..1.2 or 1kN/m..3kN/m"
-        raise TextError(message, length=max(1, len(text)), code="E201")
+    low_text, dots, high_text = (part.strip() for part in range_text.partition(".."))
+    if not dots or not low_text or not high_text:
+        message = f"{quote(range_text.strip())} is not a range such as 0.8..1.2 or 1kN/m..3kN/m"
+        raise TextError(message, length=max(1, len(range_text)), code="E201")
     range_ends = []
-    for word in (low, high):
+    for end_text in (low_text, high_text):
         try:
-            is_ratio = _is_bare(low) and _is_bare(high)
+            is_ratio = _is_bare(low_text) and _is_bare(high_text)
             range_ends.append(
-                Amount(q.quantity(word, q.RATIO), is_factor=True) if is_ratio else read(word)
+                Amount(q.quantity(end_text, q.RATIO), is_factor=True)
+                if is_ratio
+                else read(end_text)
             )
         except TextError as error:
-            error.offset += text.index(word)
+            error.offset += range_text.index(end_text)
             raise
     return range_ends[0], range_ends[1]
 

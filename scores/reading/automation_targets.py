@@ -35,23 +35,28 @@ class AutomationTargets:
         """What an entry means; None if an error was reported."""
         if not isinstance(values, Values) or not automation.check(values):
             return None
-        name = values["set"] or values["lfo"]
-        module_path, _, parameter = str(name).rpartition(".")
-        is_family = parameter in automatable.ALL and self.part_names.family(module_path) is not None
+        target_name = values["set"] or values["lfo"]
+        module_path, _, parameter_name = str(target_name).rpartition(".")
+        is_family = (
+            parameter_name in automatable.ALL and self.part_names.family(module_path) is not None
+        )
         if is_family:
-            notes = self._played_notes(Name(module_path, name.place))
+            note_modules = self._played_notes(Name(module_path, target_name.place))
         else:
-            known = self._changed(name, module_path, parameter)
-            notes = [] if known is None else [known]
-        if not notes or not self._may_change(notes[0], name, module_path, parameter):
+            known = self._changed(target_name, module_path, parameter_name)
+            note_modules = [] if known is None else [known]
+        if not note_modules or not self._may_change(
+            note_modules[0], target_name, module_path, parameter_name
+        ):
             return None
-        read = automatable.reader(notes[0].module, parameter, is_one_of_many=is_family)
+        read = automatable.reader(note_modules[0].module, parameter_name, is_one_of_many=is_family)
         first_target, *other_targets = (
-            Target(n.part, n.module.name, 0, 1, module_path, name.place) for n in notes
+            Target(n.part, n.module.name, 0, 1, module_path, target_name.place)
+            for n in note_modules
         )
         with tuning.used(self.part_names.tuning_of(first_target.part)):
             automated = automation.build_automation(
-                values, first_target, parameter, read, self.midi
+                values, first_target, parameter_name, read, self.midi
             )
         return automated and replace(automated, other_notes=tuple(other_targets))
 
@@ -63,11 +68,11 @@ class AutomationTargets:
             return None
         return change.modules
 
-    def check_glides(self, struck: Strikes) -> None:
+    def check_glides(self, glided_strikes: Strikes) -> None:
         """Report an instrument whose pitch a wheel cannot move."""
-        for glide in struck.glides:
-            part = glide.target.part
-            automatable_module = automatable.named_module(part, {}, self.matter.instruments)
+        for glide in glided_strikes.glides:
+            glided_part = glide.target.part
+            automatable_module = automatable.named_module(glided_part, {}, self.matter.instruments)
             refusal_text = "has no pitch of its own; write its `f`"
             if automatable_module is not None:
                 refusal_text = (
@@ -77,7 +82,10 @@ class AutomationTargets:
                     or ""
                 )
             if refusal_text:
-                message = f"strikes {quote(struck.name)}: the pitch wheel cannot move {part}: it "
+                message = (
+                    f"strikes {quote(glided_strikes.name)}: the pitch wheel cannot move "
+                    f"{glided_part}: it "
+                )
                 message += f"{refusal_text}; or remove `bend` of the take"
                 self.collector.error("E304", message, glide.target.place)
                 return
@@ -104,15 +112,15 @@ class AutomationTargets:
 
     def _changed(self, name: Name, module_path: str, parameter: str) -> Automatable | None:
         """The module of a name; reports a name without one."""
-        keys, instruments = self.matter.keys, self.matter.instruments
-        automatable_module = automatable.named_module(module_path, keys, instruments)
+        keys_by_name, instruments = self.matter.keys, self.matter.instruments
+        automatable_module = automatable.named_module(module_path, keys_by_name, instruments)
         if automatable_module is None and module_path and parameter in automatable.ALL:
             # Find the target of `module_path`, or report what is wrong with it.
             target = self.part_names.target(Name(module_path, name.place), "mat", "automation")
             if target is None:
                 return None
             path = f"{target.part}.{target.module}".rstrip(".")
-            automatable_module = automatable.named_module(path, keys, instruments)
+            automatable_module = automatable.named_module(path, keys_by_name, instruments)
             if (
                 automatable_module is not None
                 and KINDS[automatable_module.module.kind].family == "generator"
@@ -129,7 +137,7 @@ class AutomationTargets:
         return automatable_module
 
     def _may_change(
-        self, automatable_module: Automatable, name: Name, module_path: str, parameter: str
+        self, automatable_module: Automatable, target_name: Name, module_path: str, parameter: str
     ) -> bool:
         """Whether a parameter of a module may change; reports why not."""
         refusal_text = automatable.refusal(
@@ -137,7 +145,7 @@ class AutomationTargets:
         )
         if refusal_text:
             message = f"automation: {quote(module_path)} {refusal_text}"
-            self.collector.error("E304", message, name.place, help=_level_help(name))
+            self.collector.error("E304", message, target_name.place, help=_level_help(target_name))
         return not refusal_text
 
 

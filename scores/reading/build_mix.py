@@ -26,27 +26,33 @@ def layout(name: str, folder: Path, asked_place: Place, files: Files) -> Layout 
     document = files.required(name, folder, asked_place)
     if document is None or document.root is None:
         return None
-    values = LAYOUT.read(document.root, "", Context(files.collector, "a layout"))
-    if values is MISSING:
+    layout_values = LAYOUT.read(document.root, "", Context(files.collector, "a layout"))
+    if layout_values is MISSING:
         return None
-    speakers = tuple(_speaker(speaker) for speaker in values["speakers"] if speaker is not MISSING)
-    is_equidistant = values["project"] == "equidistant"
-    outputs = _outputs(values, len(values["speakers"]))
-    return Layout(Path(document.file), speakers, is_equidistant, values["title"] or "", outputs)
+    speakers = tuple(
+        _speaker(speaker) for speaker in layout_values["speakers"] if speaker is not MISSING
+    )
+    is_equidistant = layout_values["project"] == "equidistant"
+    outputs = _outputs(layout_values, len(layout_values["speakers"]))
+    return Layout(
+        Path(document.file), speakers, is_equidistant, layout_values["title"] or "", outputs
+    )
 
 
-def _outputs(values: Values, n_speakers: int) -> tuple[int, ...]:
+def _outputs(layout_values: Values, n_speakers: int) -> tuple[int, ...]:
     """The output of each loudspeaker; empty where they follow one another."""
-    outputs = tuple(output for output in values["outputs"] or () if output is not MISSING)
-    doubled = sorted({output for output in outputs if outputs.count(output) > 1})
-    if outputs and len(outputs) != n_speakers:
-        message = f"there are {len(outputs)} outputs for {n_speakers} loudspeakers"
-        values.error("E104", message, "outputs")
+    output_numbers = tuple(
+        output for output in layout_values["outputs"] or () if output is not MISSING
+    )
+    doubled = sorted({output for output in output_numbers if output_numbers.count(output) > 1})
+    if output_numbers and len(output_numbers) != n_speakers:
+        message = f"there are {len(output_numbers)} outputs for {n_speakers} loudspeakers"
+        layout_values.error("E104", message, "outputs")
         return ()
     if doubled:
-        values.error("E111", f"two loudspeakers are at the output {doubled[0]}", "outputs")
+        layout_values.error("E111", f"two loudspeakers are at the output {doubled[0]}", "outputs")
         return ()
-    return () if outputs == tuple(range(1, n_speakers + 1)) else outputs
+    return () if output_numbers == tuple(range(1, n_speakers + 1)) else output_numbers
 
 
 def _speaker(speaker_values: Values | tuple[float, ...]) -> tuple[float, float, float]:
@@ -56,61 +62,67 @@ def _speaker(speaker_values: Values | tuple[float, ...]) -> tuple[float, float, 
     return x, y, z[0] if z else 0.0
 
 
-def mix(values: Values | None, files: Files) -> Mix:
+def mix(section_values: Values | None, files: Files) -> Mix:
     """The mix; without a `mix` section every output has a channel of its own."""
-    if values is None:
+    if section_values is None:
         return Mix(0, None, (), None, None)
-    folder = values.node.document.folder
+    folder = section_values.node.document.folder
     room = None
-    if values["layout"] is not None:
-        room = layout(values["layout"], folder, values.place_of("layout"), files)
-    routes = tuple(_route(route) for route in values["route"] or ())
-    rooms = mixing.rooms(values["rooms"])
-    refused = {*(values["rooms"] or {})} - {mix_room.name for mix_room in rooms}
+    if section_values["layout"] is not None:
+        room = layout(section_values["layout"], folder, section_values.place_of("layout"), files)
+    routes = tuple(_route(route) for route in section_values["route"] or ())
+    rooms = mixing.rooms(section_values["rooms"])
+    refused = {*(section_values["rooms"] or {})} - {mix_room.name for mix_room in rooms}
     routes = tuple(_without_sends(route, refused) for route in routes)
     route_channels = [*(r.to for r in routes if r.to != "nearest"), *(r.to for r in rooms if r.to)]
     highest = max(map(max, route_channels), default=0)
-    outputs = room.n_channels if room else 0
-    channels = values["channels"] or max(highest, outputs)
+    output_count = room.n_channels if room else 0
+    channel_count = section_values["channels"] or max(highest, output_count)
     for route in routes:
         if route.to == "nearest":
             if room is None:
                 message = f"{route.part}: `nearest` needs a layout in the mix"
-                values.context.error("E103", message, route.place)
-        elif max(route.to) > channels:
-            message = f"channel {max(route.to)} does not exist; the mix has {channels}"
-            values.context.error("E202", message, route.place)
+                section_values.context.error("E103", message, route.place)
+        elif max(route.to) > channel_count:
+            message = f"channel {max(route.to)} does not exist; the mix has {channel_count}"
+            section_values.context.error("E202", message, route.place)
         if route.is_panned and (route.to == "nearest" or len(set(route.to)) != 2):
             message = f"{route.part}: `pan` lies between two channels, such as `to: [1, 2]`"
-            values.context.error("E103", message, route.place)
+            section_values.context.error("E103", message, route.place)
     for room_entry in rooms:
         last_channel = max(room_entry.to, default=0)
-        if last_channel > channels:
-            message = f"channel {last_channel} does not exist; the mix has {channels}"
-            values.context.error("E202", message, room_entry.place)
-    if room is not None and values.written("channels") and outputs > channels:
-        message = f"the layout has {outputs} loudspeakers, but the mix has {channels} channels"
+        if last_channel > channel_count:
+            message = f"channel {last_channel} does not exist; the mix has {channel_count}"
+            section_values.context.error("E202", message, room_entry.place)
+    if room is not None and section_values.written("channels") and output_count > channel_count:
+        message = (
+            f"the layout has {output_count} loudspeakers, but the mix has {channel_count} channels"
+        )
         if room.outputs:
-            message = f"the layout has output {outputs}, but the mix has {channels} channels"
-        values.error("E202", message, "channels")
-    master = values["master"]
+            message = (
+                f"the layout has output {output_count}, but the mix has {channel_count} channels"
+            )
+        section_values.error("E202", message, "channels")
+    master = section_values["master"]
     master_of_mix = None
     if isinstance(master, Values):
-        m = master
-        fade = mixing.fade(m["fade"])
+        master_values = master
+        fade = mixing.fade(master_values["fade"])
         master_of_mix = Master(
-            m["normalise"],
-            m["limit"],
-            m["gain"],
-            m.node.place,
+            master_values["normalise"],
+            master_values["limit"],
+            master_values["gain"],
+            master_values.node.place,
             fade,
-            m["reference"],
-            m["loudness"],
+            master_values["reference"],
+            master_values["loudness"],
         )
-        if m["loudness"] is not None and m["normalise"] is not None:
-            message = f"{m.context.label('loudness')}: the level of the sum is said twice; "
-            m.error("E111", message + "remove `normalise` or `loudness`", "loudness")
-    return Mix(channels, room, routes, master_of_mix, values.place, rooms)
+        if master_values["loudness"] is not None and master_values["normalise"] is not None:
+            message = (
+                f"{master_values.context.label('loudness')}: the level of the sum is said twice; "
+            )
+            master_values.error("E111", message + "remove `normalise` or `loudness`", "loudness")
+    return Mix(channel_count, room, routes, master_of_mix, section_values.place, rooms)
 
 
 def _without_sends(route: Route, refused: set[str]) -> Route:
@@ -119,55 +131,72 @@ def _without_sends(route: Route, refused: set[str]) -> Route:
 
 
 def _route(values: Values) -> Route:
-    name = values["from"]
-    v = values
+    route_source = values["from"]
+    route_values = values
     return Route(
-        name,
+        route_source,
         None,
-        v["to"],
-        v["gain"],
-        v["highpass"],
-        name.place,
-        mixing.pan(v["pan"]),
-        mixing.sends(v["send"], v.nodes.get("send")),
-        mixing.fade(v["fade"]),
-        v["radiate"],
-        v["level"],
+        route_values["to"],
+        route_values["gain"],
+        route_values["highpass"],
+        route_source.place,
+        mixing.pan(route_values["pan"]),
+        mixing.sends(route_values["send"], route_values.nodes.get("send")),
+        mixing.fade(route_values["fade"]),
+        route_values["radiate"],
+        route_values["level"],
         None,
-        mixing.pan_path(v["pan"]),
-        tones.tones(v),
-        tones.echo(v),
+        mixing.pan_path(route_values["pan"]),
+        tones.tones(route_values),
+        tones.echo(route_values),
     )
 
 
-def accuracy(values: Values | None) -> Accuracy:
+def accuracy(accuracy_values: Values | None) -> Accuracy:
     """The limits of the planner: one measure of exactness, and work."""
-    if values is None:
+    if accuracy_values is None:
         return Accuracy()
-    if values.written("method") or values.written("error") or values.written("cents"):
-        has_single(values, ("method",), ("error",), ("cents",))
-    if values.written("upto") and not values.written("cents"):
-        values.error("E103", f"{values.context.label('upto')} needs `cents`", "upto")
-    if values["guard"] == "off" and values["method"] != "ca":
-        message = f"{values.context.label('guard')}: only `method: ca` steps without a guard"
-        values.error("E111", message, "guard")
+    if (
+        accuracy_values.written("method")
+        or accuracy_values.written("error")
+        or accuracy_values.written("cents")
+    ):
+        has_single(accuracy_values, ("method",), ("error",), ("cents",))
+    if accuracy_values.written("upto") and not accuracy_values.written("cents"):
+        accuracy_values.error(
+            "E103", f"{accuracy_values.context.label('upto')} needs `cents`", "upto"
+        )
+    if accuracy_values["guard"] == "off" and accuracy_values["method"] != "ca":
+        message = (
+            f"{accuracy_values.context.label('guard')}: only `method: ca` steps without a guard"
+        )
+        accuracy_values.error("E111", message, "guard")
     asked_accuracy = Accuracy(
-        *(values[name] for name in ("method", "error", "cents", "upto", "cpu"))
+        *(accuracy_values[name] for name in ("method", "error", "cents", "upto", "cpu"))
     )
-    return replace(asked_accuracy, is_unguarded=values["guard"] == "off")
+    return replace(asked_accuracy, is_unguarded=accuracy_values["guard"] == "off")
 
 
-def render(values: Values | None, files: Files) -> RenderSpec:
+def render(render_values: Values | None, files: Files) -> RenderSpec:
     """The file to write; a file outside the folder of the score is reported."""
-    if values is None:
+    if render_values is None:
         return RenderSpec(None, 24, "auto", None, None)
-    if values["file"] is not None:
-        folder, place = values.nodes["file"].document.folder, values.place_of("file")
-        label = f"{values.context.label('file')}: "
-        files.target(values["file"], folder, place, label)
-        if (ending_mistake := wrong_ending(values["file"])) is not None:
-            values.error(
-                "E201", f"{label}{ending_mistake}", "file", suggestion=with_ending(values["file"])
+    if render_values["file"] is not None:
+        folder, place = render_values.nodes["file"].document.folder, render_values.place_of("file")
+        label = f"{render_values.context.label('file')}: "
+        files.target(render_values["file"], folder, place, label)
+        if (ending_mistake := wrong_ending(render_values["file"])) is not None:
+            render_values.error(
+                "E201",
+                f"{label}{ending_mistake}",
+                "file",
+                suggestion=with_ending(render_values["file"]),
             )
-    bits = _BITS[values["bits"]]
-    return RenderSpec(values["file"], bits, values["tail"], values["channels"], values.place)
+    bits = _BITS[render_values["bits"]]
+    return RenderSpec(
+        render_values["file"],
+        bits,
+        render_values["tail"],
+        render_values["channels"],
+        render_values.place,
+    )

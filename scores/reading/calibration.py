@@ -20,21 +20,21 @@ _DECAY = 3.0 * log(10.0)  # σ·T60
 _END_STIFFNESS, _END_YIELDS = 20e3, 20e-6
 
 
-def measured_values(values: Values, files: Files) -> Values | None:
+def measured_values(key_values: Values, files: Files) -> Values | None:
     """The measured values of the key; None without `calib`, or if an error was reported."""
-    if values["calib"] is None:
+    if key_values["calib"] is None:
         return None
-    folder = values.nodes["calib"].document.folder
-    document = files.required(values["calib"], folder, values.place_of("calib"))
+    folder = key_values.nodes["calib"].document.folder
+    document = files.required(key_values["calib"], folder, key_values.place_of("calib"))
     if document is None or document.root is None:
         return None
     measured = CALIBRATION.read(
-        document.root, "", Context(values.context.collector, "a calibration")
+        document.root, "", Context(key_values.context.collector, "a calibration")
     )
     return None if measured is MISSING else measured
 
 
-def with_measured_fields(values: Values, measured: Values) -> Values:
+def with_measured_fields(key_values: Values, measured: Values) -> Values:
     """The fields of a key, with measured ones where the key itself writes none.
 
     A key begins at its measured rest position, unless it says otherwise. Without it the spring
@@ -43,40 +43,56 @@ def with_measured_fields(values: Values, measured: Values) -> Values:
     if measured.written("weight") and measured.written("rest"):
         message = f"{measured.context.label('weight')}: `rest` is written too, where spring and "
         measured.error("E111", f"{message}weight balance; keep one of the two", "weight")
-    fields, nodes = dict(values.by_name), dict(values.nodes)
-    has_place = values.context.place is not None
+    module_fields, module_nodes = dict(key_values.by_name), dict(key_values.nodes)
+    has_place = key_values.context.place is not None
     names = {name: name for name in ("M", "K", "Z", "travel")}
-    if not values["simple"]:
+    if not key_values["simple"]:
         names |= {"rest": "rest", "X0": "rest"}
-    for name, source in names.items():
-        node = values.nodes.get(name)
-        is_own = node is not None and has_place and _inside(node.place, values)
+    for field_name, source in names.items():
+        node = key_values.nodes.get(field_name)
+        is_own = node is not None and has_place and _inside(node.place, key_values)
         if source in measured.by_name and not is_own:
-            fields[name], nodes[name] = measured.by_name[source], measured.nodes[source]
-    complete = Values(values.record, values.node, values.context, fields, nodes, values.free)
+            module_fields[field_name], module_nodes[field_name] = (
+                measured.by_name[source],
+                measured.nodes[source],
+            )
+    complete = Values(
+        key_values.record,
+        key_values.node,
+        key_values.context,
+        module_fields,
+        module_nodes,
+        key_values.free,
+    )
     if _has_weight(complete, measured):
-        end, stiffness = resting_end(complete, measured), complete["K"]
-        balance = -measured["weight"] / stiffness if end is None and stiffness else end
+        travel_end, stiffness = resting_end(complete, measured), complete["K"]
+        balance = (
+            -measured["weight"] / stiffness if travel_end is None and stiffness else travel_end
+        )
         if balance is None:
             message = (
-                f"{values.context.label('')}: no spring carries the weight of the measured key; "
+                f"{key_values.context.label('')}: no spring carries the weight of the measured "
+                "key; "
             )
-            values.error("E103", f"{message}write `travel`, on whose end it lies")
-        for name in ("X0",) if end is not None else ("rest", "X0"):
-            if name not in fields and balance is not None:
-                fields[name], nodes[name] = balance, measured.nodes["weight"]
+            key_values.error("E103", f"{message}write `travel`, on whose end it lies")
+        for field_name in ("X0",) if travel_end is not None else ("rest", "X0"):
+            if field_name not in module_fields and balance is not None:
+                module_fields[field_name], module_nodes[field_name] = (
+                    balance,
+                    measured.nodes["weight"],
+                )
     return complete
 
 
 def resting_end(values: Values, measured: Values) -> float | None:
     """The end of travel [m] on which the weight of a key lies; None if its spring carries it."""
-    weight, stiffness, travel = measured["weight"], values["K"], values["travel"]
+    key_weight, stiffness, travel = measured["weight"], values["K"], values["travel"]
     if travel is None or not _has_weight(values, measured):
         return None
     low, high = travel
-    if stiffness and low <= -weight / stiffness <= high:
+    if stiffness and low <= -key_weight / stiffness <= high:
         return None
-    return float(low if weight > 0.0 else high)
+    return float(low if key_weight > 0.0 else high)
 
 
 def _has_weight(values: Values, measured: Values) -> bool:
@@ -84,28 +100,30 @@ def _has_weight(values: Values, measured: Values) -> bool:
     return bool(measured["weight"]) and not values["simple"] and not values.written("rest")
 
 
-def key_modules(cel: Module, measured: Values, end: float | None = None) -> tuple[Module, ...]:
+def key_modules(
+    cel: Module, measured: Values, travel_end: float | None = None
+) -> tuple[Module, ...]:
     """The modules of a key: its CEL, the modes that swing on it, its dry friction, and its weight
-    if it lies on the `end` of its travel [m].
+    if it lies on the `travel_end` of its travel [m].
     """
-    modes = [mode for mode in measured["modes"] or () if mode is not MISSING]
-    mass = cel.fields["M"]
-    if isinstance(mass, float) and modes:
-        mass -= sum(mode["M"] for mode in modes)
-        if mass <= 0.0:
+    key_modes = [mode for mode in measured["modes"] or () if mode is not MISSING]
+    moving_mass = cel.fields["M"]
+    if isinstance(moving_mass, float) and key_modes:
+        moving_mass -= sum(mode["M"] for mode in key_modes)
+        if moving_mass <= 0.0:
             message = (
                 f"{measured.context.label('modes')}: the modes are as heavy as the key, of whose "
             )
             message += "mass they are a part"
             measured.error("E202", message, "modes")
             return (cel,)
-    modules = [replace(cel, fields={**cel.fields, "M": mass})]
-    for number, mode in enumerate(modes, 1):
-        modules += _mode(f"mode {number}", mode, cel)
-    modules += _dry(measured)
-    if end is not None:
-        modules += _weight(measured, end, cel)
-    return tuple(modules)
+    built_modules = [replace(cel, fields={**cel.fields, "M": moving_mass})]
+    for number, mode in enumerate(key_modes, 1):
+        built_modules += _mode(f"mode {number}", mode, cel)
+    built_modules += _dry(measured)
+    if travel_end is not None:
+        built_modules += _weight(measured, travel_end, cel)
+    return tuple(built_modules)
 
 
 def key_constants(measured: Values) -> tuple[float, float, float | None] | None:
@@ -117,65 +135,65 @@ def key_constants(measured: Values) -> tuple[float, float, float | None] | None:
     return max(0.0, mass - sum(mode["M"] for mode in modes)), damping, measured["delay"]
 
 
-def _mode(name: str, mode: Values, cel: Module) -> tuple[Module, Module]:
-    omega, sigma = 2.0 * pi * mode["f"], _DECAY / mode["t60"]
-    mass = mode["M"]
+def _mode(mode_name: str, mode_values: Values, cel: Module) -> tuple[Module, Module]:
+    omega, sigma = 2.0 * pi * mode_values["f"], _DECAY / mode_values["t60"]
+    mass = mode_values["M"]
     point = {"M": mass, "X0": cel.fields["X0"], "V0": cel.fields["V0"]}
     spring = {"K": mass * omega * omega, "Z": 2.0 * mass * sigma, "rest": 0.0}
-    end_names = (Name("", mode.place), Name(name, mode.place))
+    end_names = (Name("", mode_values.place), Name(mode_name, mode_values.place))
     return (
-        Module(name, "MAS", point, mode.place),
-        Module(f"{name} spring", "REF", {"between": end_names, **spring}, mode.place),
+        Module(mode_name, "MAS", point, mode_values.place),
+        Module(f"{mode_name} spring", "REF", {"between": end_names, **spring}, mode_values.place),
     )
 
 
 def _dry(measured: Values) -> tuple[Module, ...]:
-    level, static, stiffness = (measured[name] for name in ("dry", "static", "presliding"))
-    if not level:
+    friction_level, static, stiffness = (measured[name] for name in ("dry", "static", "presliding"))
+    if not friction_level:
         return ()
-    if stiffness and static is not None and static < level:
+    if stiffness and static is not None and static < friction_level:
         message = f"{measured.context.label('static')}: static is below dry; with presliding the "
         message += "friction falls from static to dry"
         measured.error("E111", message, "static")
         return ()
-    place = measured.place_of("dry")
+    friction_place = measured.place_of("dry")
     fields = {
-        "to": Name("", place),
+        "to": Name("", friction_place),
         "between": None,
-        "F": level,
+        "F": friction_level,
         "K": stiffness or None,
         "static": static or None,
         "speed": measured["static_speed"] or 0.001,
     }
-    return with_ground_point(Module("dry", "DRY", fields, place))
+    return with_ground_point(Module("dry", "DRY", fields, friction_place))
 
 
-def _weight(measured: Values, end: float, cel: Module) -> tuple[Module, ...]:
+def _weight(measured: Values, travel_end: float, cel: Module) -> tuple[Module, ...]:
     """The weight of a key, and the end of travel on which it rests still: a critically damped
     contact.
     """
-    weight, place = measured["weight"], measured.place_of("weight")
-    contact_force = abs(weight + (cel.fields["K"] or 0.0) * end)
+    key_weight, weight_place = measured["weight"], measured.place_of("weight")
+    contact_force = abs(key_weight + (cel.fields["K"] or 0.0) * travel_end)
     stiffness = max(_END_STIFFNESS, contact_force / _END_YIELDS)
-    contact_position = end + math.copysign(contact_force / stiffness, weight)
-    key, stop = Name("", place), Name("end of travel", place)
+    contact_position = travel_end + math.copysign(contact_force / stiffness, key_weight)
+    key_name, stop_name = Name("", weight_place), Name("end of travel", weight_place)
     contact = {
-        "between": (key, stop),
+        "between": (key_name, stop_name),
         "K": stiffness,
         "Z": 2.0 * math.sqrt(stiffness * cel.fields["M"]),
         "gap": 0.0,
-        "side": "above" if weight > 0.0 else "below",
+        "side": "above" if key_weight > 0.0 else "below",
         "contact": "plain",
         "restitution": 1.0,
         "exponent": 1.0,
         "clamp": True,
         "steps": 2,
     }
-    push = {"to": key, "from": -weight, "at": None, "scale": 1.0}
+    push = {"to": key_name, "from": -key_weight, "at": None, "scale": 1.0}
     return (
-        Module(stop, "SOL", {"X0": contact_position}, place),
-        Module("end of travel contact", "BUT", contact, place),
-        Module("weight", "ENF", push, place),
+        Module(stop_name, "SOL", {"X0": contact_position}, weight_place),
+        Module("end of travel contact", "BUT", contact, weight_place),
+        Module("weight", "ENF", push, weight_place),
     )
 
 

@@ -59,13 +59,13 @@ class Checker:
         if not score.written("ergon"):
             message = "the format version is missing; write `ergon: 1` in the first line"
             score.error("W101", message)
-        memory, file = self.uses.files.memory, score.node.document.file
-        times = Times(score, self.collector, memory, self.uses.midi)
-        self._has_quarters = times.map.bars.has_quarters
+        memory, score_file = self.uses.files.memory, score.node.document.file
+        score_times = Times(score, self.collector, memory, self.uses.midi)
+        self._has_quarters = score_times.map.bars.has_quarters
         self.gestures_and_takes.has_quarters = self._has_quarters
         self.gestures_and_takes.add_defined(score.place)
         self.matter.read()
-        strikes = KnownEntries(memory, "strikes", file).read(
+        strikes = KnownEntries(memory, "strikes", score_file).read(
             score["strikes"] or (),
             self._strikes,
             self._struck_modules,
@@ -76,17 +76,19 @@ class Checker:
         written_mix = build_mix.mix(score["mix"], self.uses.files)
         mix = routed(written_mix, self.matter.by_name, self.part_names)
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
-        self._reach_led(memory, file)
-        included = self._included(times, len(duet))
-        for struck in chain(strikes, *(included_piece.strikes for _, included_piece in included)):
-            for target in struck.to:
+        self._reach_led(memory, score_file)
+        included = self._included(score_times, len(duet))
+        for struck_strikes in chain(
+            strikes, *(included_piece.strikes for _, included_piece in included)
+        ):
+            for target in struck_strikes.to:
                 self.part_names.bring(target)
         self.matter.look_up()
         automation_targets = AutomationTargets(self.matter, self.part_names, self.uses.midi)
-        for struck in strikes:
-            automation_targets.check_glides(struck)
-        plays = self._plays(times.known)
-        changes = KnownEntries(memory, "automation", file).read(
+        for struck_strikes in strikes:
+            automation_targets.check_glides(struck_strikes)
+        plays = self._plays(score_times.known)
+        automation_changes = KnownEntries(memory, "automation", score_file).read(
             self.score["automation"] or (),
             automation_targets.read,
             automation_targets.modules,
@@ -96,7 +98,7 @@ class Checker:
         for _, included_piece in included:
             plays = *plays, *included_piece.parts
             strikes += included_piece.strikes
-            changes += included_piece.automation
+            automation_changes += included_piece.automation
             duet += included_piece.duet
             players |= included_piece.players
         piece = Piece(
@@ -104,10 +106,10 @@ class Checker:
             seed=score["seed"],
             rate=self.matter.rate,
             motion=self.matter.motion,
-            tempo=times.entries,
-            marks=times.marks,
+            tempo=score_times.entries,
+            marks=score_times.marks,
             keys=self.matter.keys,
-            instruments=self._computable(strikes, changes, duet, memory),
+            instruments=self._computable(strikes, automation_changes, duet, memory),
             gestures=self.gestures_and_takes.gestures,
             takes=self.gestures_and_takes.takes,
             strikes=strikes,
@@ -118,21 +120,21 @@ class Checker:
             render=build_mix.render(score["render"], self.uses.files),
             accuracy=build_mix.accuracy(score["accuracy"]),
             place=score.place,
-            tempo_map=times.map,
-            automation=changes,
+            tempo_map=score_times.map,
+            automation=automation_changes,
             blocks={n: text for n, text in (score["blocks"] or {}).items() if text is not MISSING},
             phrases=tuple(self._phrases()),
             available=self._available(),
-            file_meters=times.file.meters,
+            file_meters=score_times.file.meters,
             used=tuple(self.names.families),
             tuning=self.names.tuning,
             tunings=self.part_names.tunings,
             families={n: (*notes.parts.values(),) for n, notes in self.part_names.families.items()},
         )
-        begins = times.check(score, piece)
+        begins = score_times.check(score, piece)
         if self.collector.has_errors():
             return piece
-        return replace(piece, starts=schedule(piece, begins, times.known, self.collector))
+        return replace(piece, starts=schedule(piece, begins, score_times.known, self.collector))
 
     def _computable(
         self,
@@ -189,14 +191,14 @@ class Checker:
         owners: dict[str, Player | None] = {
             v.context.name: None for v in self._section_values("players")
         }
-        for include_entry, names in self.names.included:
+        for include_entry, file_names in self.names.included:
             if not times.exists(include_entry.at, include_entry.values.place_of("at")):
                 continue
-            file = names.document.file
-            if file not in self.uses.pieces:
-                with tuning.used(names.tuning):
-                    self.uses.pieces[file] = Checker(names, self.uses).piece()
-            piece = self.uses.pieces[file]
+            file_name = file_names.document.file
+            if file_name not in self.uses.pieces:
+                with tuning.used(file_names.tuning):
+                    self.uses.pieces[file_name] = Checker(file_names, self.uses).piece()
+            piece = self.uses.pieces[file_name]
             if self.collector.has_errors():
                 continue
             played_include = played(piece, include_entry, n_links, self.collector)
@@ -215,7 +217,7 @@ class Checker:
                 if owners.get(name, player) != player
             ]
             for clash in clashes:
-                message = f"{clash} of {file} is already defined; give its names a prefix"
+                message = f"{clash} of {file_name} is already defined; give its names a prefix"
                 self.collector.error(
                     "E303", message, include_entry.place, help="include: {file: x, as: v2}"
                 )
@@ -238,16 +240,16 @@ class Checker:
 
     # --- who plays what, and where it goes ------------------------------------------------------
 
-    def _player(self, values: Values) -> Player:
-        player = build.player(values)
-        label = values.context.label("key")
+    def _player(self, player_values: Values) -> Player:
+        player = build.player(player_values)
+        label = player_values.context.label("key")
         keys = self.names.tables["keys"]
         if player.key not in keys:
             message = f"{label}: no key is called {quote(player.key)}"
-            values.error("E301", message, "key", word=player.key, names=tuple(keys))
+            player_values.error("E301", message, "key", word=player.key, names=tuple(keys))
         self.part_names.reached.add(player.key)
         if isinstance(player.standin, Name):
-            self.gestures_and_takes.reach(player.standin, values.context.label("standin"))
+            self.gestures_and_takes.reach(player.standin, player_values.context.label("standin"))
         return player
 
     def _plays(self, known_plays: KnownPlays) -> tuple[Play, ...]:
@@ -257,21 +259,23 @@ class Checker:
         parts = self.score["parts"] or {}
         plays, names = known_plays.plays(parts)
         first_play = 0
-        for name, part in parts.items():
-            if name not in (self.score["players"] or {}):
-                message = f"no player is called {quote(name)}"
-                place = entries[name][0].place
+        for player_name, part_rows in parts.items():
+            if player_name not in (self.score["players"] or {}):
+                message = f"no player is called {quote(player_name)}"
+                place = entries[player_name][0].place
                 player_names = tuple(self.score["players"] or {})
-                self.collector.error("E301", message, place, word=name, names=player_names)
-            label = f"part of {quote(name)}"
-            unknown = {word for word in names.get(name, ()) if not self._reaches(word, label)}
-            n_plays = 0 if part is MISSING else len(part)
+                self.collector.error("E301", message, place, word=player_name, names=player_names)
+            part_label = f"part of {quote(player_name)}"
+            unknown = {
+                word for word in names.get(player_name, ()) if not self._reaches(word, part_label)
+            }
+            n_plays = 0 if part_rows is MISSING else len(part_rows)
             for play in plays[first_play : first_play + n_plays] if unknown else ():
                 for word in play.names:
                     if word in unknown and not any(
                         word is unknown_word for unknown_word in unknown
                     ):
-                        self._reaches(word, label)
+                        self._reaches(word, part_label)
             first_play += n_plays
         return plays
 
@@ -289,64 +293,79 @@ class Checker:
         with reading:
             return self._strikes_by_kind(values)
 
-    def _strikes_by_kind(self, values: Values) -> Strikes | None:
-        kind = melodies.kind_of(values)
-        if kind in melodies.MELODIES:
+    def _strikes_by_kind(self, strike_values: Values) -> Strikes | None:
+        strikes_kind = melodies.kind_of(strike_values)
+        if strikes_kind in melodies.MELODIES:
             phrases = self._phrases()
-            phrase = phrases.get(values["play"]) if kind == "play" else None
+            phrase = phrases.get(strike_values["play"]) if strikes_kind == "play" else None
             take = phrase if isinstance(phrase, Values) and melodies.is_midi(phrase) else None
             if take is not None:
                 self.uses.midi.play(take, has_lengths=True)
-            hits = melodies.hits_of(values, self.part_names, phrases, self.uses.files)
-            if hits is not None and take is not None and self._has_press(hits[0]):
+            phrase_hits = melodies.hits_of(strike_values, self.part_names, phrases, self.uses.files)
+            if phrase_hits is not None and take is not None and self._has_press(phrase_hits[0]):
                 self.uses.midi.press(take)
-            if hits is not None and not self._has_quarters and isinstance(phrase, Values):
-                hits = melodies.in_quarters(phrase, *hits)
-            if hits is None:
+            if phrase_hits is not None and not self._has_quarters and isinstance(phrase, Values):
+                phrase_hits = melodies.in_quarters(phrase, *phrase_hits)
+            if phrase_hits is None:
                 return None
-            melody = self._melody(build.melody(values, *hits), values)
+            melody = self._melody(build.melody(strike_values, *phrase_hits), strike_values)
             if melody is None or take is None:
                 return melody
-            return with_wheels(melody, values, take, self.uses.files)
-        if kind == "rhythm":
-            return rhythm_strikes.strikes_of_rhythm(values, self.part_names)
-        label = f"strikes {quote(values.context.name)}"
-        names = values["to"] or ()
-        if values["along"] is not None and not kind:
-            return self._along_direction(values, names, label)
-        targets_by_name = [self.part_names.struck(name, label) for name in names]
+            return with_wheels(melody, strike_values, take, self.uses.files)
+        if strikes_kind == "rhythm":
+            return rhythm_strikes.strikes_of_rhythm(strike_values, self.part_names)
+        strikes_label = f"strikes {quote(strike_values.context.name)}"
+        target_names = strike_values["to"] or ()
+        if strike_values["along"] is not None and not strikes_kind:
+            return self._along_direction(strike_values, target_names, strikes_label)
+        targets_by_name = [self.part_names.struck(name, strikes_label) for name in target_names]
         if not all(targets_by_name):
             return None
-        targets = tuple(chain.from_iterable(targets_by_name))
-        for target in targets:
-            if self.part_names.parts[target.part].modules[target.module].kind == "PROXY":
-                message = f"{label}: {quote(target.text)} is a PROXY, which has no mass; "
+        strike_targets = tuple(chain.from_iterable(targets_by_name))
+        for strike_target in strike_targets:
+            if (
+                self.part_names.parts[strike_target.part].modules[strike_target.module].kind
+                == "PROXY"
+            ):
+                message = (
+                    f"{strikes_label}: {quote(strike_target.text)} is a PROXY, which has no mass; "
+                )
                 message += "strike the masses that it lies between"
-                self.collector.error("E304", message, target.place)
+                self.collector.error("E304", message, strike_target.place)
                 return None
-        if kind:
-            passing = build.passing_strikes(values, targets)
-            for target in targets if passing.passing and passing.passing.is_by_pitch else ():
-                self._is_of_cells(target, label)
-            return self._with_reaches(passing, values)
+        if strikes_kind:
+            passing = build.passing_strikes(strike_values, strike_targets)
+            for strike_target in (
+                strike_targets if passing.passing and passing.passing.is_by_pitch else ()
+            ):
+                self._is_of_cells(strike_target, strikes_label)
+            return self._with_reaches(passing, strike_values)
         n_reports = self.collector.n_reports
-        strikes_built = self._with_reaches(build.strikes(values, targets), values)
+        strikes_built = self._with_reaches(
+            build.strikes(strike_values, strike_targets), strike_values
+        )
         if strikes_built is None:
             return None
-        if strikes_built.notes and names and all(self.part_names.family(name) for name in names):
-            voices = NoteTargets(self.part_names, names)
-            strikes_built = melodies.strikes_of_pattern(strikes_built, values, voices, label)
-        if values.written("do") and self.collector.n_reports == n_reports:
-            do = phrase_do.rhythm_do(values)
+        if (
+            strikes_built.notes
+            and target_names
+            and all(self.part_names.family(name) for name in target_names)
+        ):
+            voices = NoteTargets(self.part_names, target_names)
+            strikes_built = melodies.strikes_of_pattern(
+                strikes_built, strike_values, voices, strikes_label
+            )
+        if strike_values.written("do") and self.collector.n_reports == n_reports:
+            do = phrase_do.rhythm_do(strike_values)
             if do is None:
                 return None
             return rhythm_strikes.transformed_strikes(
-                strikes_built, do, values, self.part_names, names
+                strikes_built, do, strike_values, self.part_names, target_names
             )
         if strikes_built.voices:
             return strikes_built
-        for target in strikes_built.to if strikes_built.notes else ():
-            self._has_pitch(target, label)
+        for strike_target in strikes_built.to if strikes_built.notes else ():
+            self._has_pitch(strike_target, strikes_label)
         return strikes_built
 
     def _has_press(self, hits: Iterable[Hit]) -> bool:
@@ -367,12 +386,12 @@ class Checker:
         names = melodies.notes_in(phrase, values)
         return rhythm_strikes.transformed_strikes(strikes, do[1], values, self.part_names, names)
 
-    def _with_reaches(self, strikes: Strikes, values: Values) -> Strikes | None:
+    def _with_reaches(self, strikes: Strikes, strike_values: Values) -> Strikes | None:
         """Strikes with the reaches of what they strike, if they have strengths; None if an error
         was reported.
         """
-        levels, label = strikes.levels, f"strikes {quote(strikes.name)}"
-        if levels is None or not levels.has_strengths:
+        strike_levels, label = strikes.levels, f"strikes {quote(strikes.name)}"
+        if strike_levels is None or not strike_levels.has_strengths:
             return strikes
         reaches = {}
         for target in strikes.to:
@@ -382,64 +401,85 @@ class Checker:
             reaches[target.part] = reach
         if strikes.rate is not None and any(map(self.part_names.is_drawn, strikes.to)):
             message = (
-                f"{values.context.label('rate')}: a bow is drawn for as long as a note; write "
+                f"{strike_values.context.label('rate')}: a bow is drawn for as long as a note; "
+                "write "
             )
-            values.error("E111", message + "`every`, with `chance` if need be", "rate")
+            strike_values.error("E111", message + "`every`, with `chance` if need be", "rate")
             return None
-        if strikes.rate is not None and (len(levels.steps) > 1 or len({*reaches.values()}) > 1):
+        if strikes.rate is not None and (
+            len(strike_levels.steps) > 1 or len({*reaches.values()}) > 1
+        ):
             message = (
-                f"{values.context.label('rate')}: strikes by chance have one impulse; write an "
+                f"{strike_values.context.label('rate')}: strikes by chance have one impulse; write "
+                "an "
             )
-            values.error("E111", message + "entry for each instrument and each strength", "rate")
+            strike_values.error(
+                "E111", message + "entry for each instrument and each strength", "rate"
+            )
             return None
         return replace(strikes, reaches=reaches)
 
-    def _along_direction(self, values: Values, names: Sequence[Name], label: str) -> Strikes | None:
+    def _along_direction(
+        self, strike_values: Values, names: Sequence[Name], strikes_label: str
+    ) -> Strikes | None:
         """Strikes on points along a direction: each coordinate gets its share; None if an error was
         reported.
         """
-        direction = values["along"]
-        length = math.hypot(*direction)
-        if length == 0.0:
+        direction = strike_values["along"]
+        direction_length = math.hypot(*direction)
+        if direction_length == 0.0:
             message = (
-                f"{values.context.label('along')}: it has no direction; write one number above 0"
+                f"{strike_values.context.label('along')}: it has no direction; write one number "
+                "above 0"
             )
-            values.error("E105", message, "along")
+            strike_values.error("E105", message, "along")
             return None
-        if contrary_fields := values.written("mass", "speed", "notes"):
+        if contrary_fields := strike_values.written("mass", "speed", "notes"):
             message = (
-                f"{values.context.label(contrary_fields[0])}: strikes along a direction "
+                f"{strike_values.context.label(contrary_fields[0])}: strikes along a direction "
                 "have an `impulse`"
             )
-            values.error("E111", f"{message} alone", contrary_fields[0])
+            strike_values.error("E111", f"{message} alone", contrary_fields[0])
             return None
-        points = [t for name in names for t in self.part_names.targets(name, "points", label)]
-        for target in points:
-            axes = self.part_names.parts[target.part].axes
+        coordinate_targets = [
+            t for name in names for t in self.part_names.targets(name, "points", strikes_label)
+        ]
+        for strike_target in coordinate_targets:
+            axes = self.part_names.parts[strike_target.part].axes
             if axes != len(direction):
                 message = (
-                    f"{values.context.label('along')}: {quote(target.text)} has {axes} axes, not "
+                    f"{strike_values.context.label('along')}: {quote(strike_target.text)} has "
+                    f"{axes} axes, not "
                 )
-                values.error("E106", f"{message}{len(direction)}", "along")
+                strike_values.error("E106", f"{message}{len(direction)}", "along")
                 return None
-            if self.part_names.parts[target.part].modules[target.module].kind == "SURFACE":
-                message = f"{label}: {quote(target.text)} moves along one axis; strike its masses"
-                self.collector.error("E304", message, target.place)
+            if (
+                self.part_names.parts[strike_target.part].modules[strike_target.module].kind
+                == "SURFACE"
+            ):
+                message = (
+                    f"{strikes_label}: {quote(strike_target.text)} moves along one axis; strike "
+                    "its masses"
+                )
+                self.collector.error("E304", message, strike_target.place)
                 return None
-        strikes_built = build.strikes(values, tuple(points))
+        strikes_built = build.strikes(strike_values, tuple(coordinate_targets))
         if strikes_built.levels is not None and strikes_built.levels.has_strengths:
             message = (
-                f"{values.context.label('along')}: strikes along a direction have an impulse, "
+                f"{strike_values.context.label('along')}: strikes along a direction have an "
+                "impulse, "
             )
-            values.error("E103", message + "such as impulse: 2mNs", "along")
+            strike_values.error("E103", message + "such as impulse: 2mNs", "along")
             return None
         coordinates = tuple(
             replace(point, first=int(point.first) + axis * point.points, points=0)
             for axis in range(len(direction))
-            for point in points
+            for point in coordinate_targets
         )
         return replace(
-            strikes_built, to=coordinates, along=tuple(part / length for part in direction)
+            strikes_built,
+            to=coordinates,
+            along=tuple(part / direction_length for part in direction),
         )
 
     def _phrases(self) -> dict[str, Values | None]:
@@ -452,40 +492,50 @@ class Checker:
             self._phrases_by_name = {**takes, **phrases}
         return self._phrases_by_name
 
-    def _has_pitch(self, target: Target, label: str) -> None:
+    def _has_pitch(self, strike_target: Target, label: str) -> None:
         """Report a target that is not one CEL with values in SI units."""
-        part = self.part_names.parts[target.part]
-        struck_part = self.matter.by_name[target.part]
+        part = self.part_names.parts[strike_target.part]
+        struck_part = self.matter.by_name[strike_target.part]
         is_ca = isinstance(struck_part, Instrument) and struck_part.ca_rate is not None
-        if part.modules[target.module].kind != "CEL" or is_ca:
-            message = f"{label}: {quote(target.text)} has no pitch of its own; notes are for CELs"
+        if part.modules[strike_target.module].kind != "CEL" or is_ca:
+            message = (
+                f"{label}: {quote(strike_target.text)} has no pitch of its own; notes are for CELs"
+            )
             is_tuned = isinstance(struck_part, Instrument) and struck_part.pitch is not None
             advice = "`notes` gives an instrument a member for each: notes: [C4, D4] in a score, "
-            advice += f"{target.part}-notes = {target.part} notes=C4..D5 at the prompt"
-            self.collector.error("E304", message, target.place, help=advice if is_tuned else None)
+            advice += (
+                f"{strike_target.part}-notes = {strike_target.part} notes=C4..D5 at the prompt"
+            )
+            self.collector.error(
+                "E304", message, strike_target.place, help=advice if is_tuned else None
+            )
 
-    def _is_of_cells(self, target: Target, label: str) -> None:
+    def _is_of_cells(self, strike_target: Target, label: str) -> None:
         """Report a target whose members have no pitch each."""
-        if self.part_names.parts[target.part].modules[target.module].kind not in ("CEL", "BANK"):
+        if self.part_names.parts[strike_target.part].modules[strike_target.module].kind not in (
+            "CEL",
+            "BANK",
+        ):
             message = (
-                f"{label}: members of {quote(target.text)} have no pitch each, as those of a BANK "
+                f"{label}: members of {quote(strike_target.text)} have no pitch each, as those of "
+                "a BANK "
             )
             message += "have; choose a sweep that needs no pitch: outward or rightward"
-            self.collector.error("E304", message, target.place)
+            self.collector.error("E304", message, strike_target.place)
 
-    def _reach_led(self, memory: Memory | None, file: str) -> None:
+    def _reach_led(self, memory: Memory | None, file_name: str) -> None:
         """Mark the parts that automation changes as reached: they belong to the piece."""
-        section = self.score["automation"] or ()
-        remembered = None if memory is None else memory.held(f"led {file}", None)
-        automation_before, names, heads = remembered or ((), Counter[str](), frozenset())
-        if changed := changed_part(automation_before, section):
-            names = names.copy()
-            names.subtract(map(_led, changed.before))
-            names.update(map(_led, changed.now))
-            names = +names
-            heads = {part for name in names for part in accumulate(name.split("."), _joined)}
+        automation_section = self.score["automation"] or ()
+        remembered = None if memory is None else memory.held(f"led {file_name}", None)
+        automation_before, name_counts, heads = remembered or ((), Counter[str](), frozenset())
+        if changed := changed_part(automation_before, automation_section):
+            name_counts = name_counts.copy()
+            name_counts.subtract(map(_led, changed.before))
+            name_counts.update(map(_led, changed.now))
+            name_counts = +name_counts
+            heads = {part for name in name_counts for part in accumulate(name.split("."), _joined)}
         if memory is not None:
-            memory.hold(f"led {file}", None, (section, names, heads))
+            memory.hold(f"led {file_name}", None, (automation_section, name_counts, heads))
         self.part_names.reached |= heads & self.matter.by_name.keys()
 
     def _struck_modules(
@@ -509,25 +559,25 @@ class Checker:
                 self.collector.error("E301", message, name.place, word=name, names=tuple(keys))
                 return None
             end_targets.append(self.part_names.target(name, "mat", "coupling"))
-        a, b = end_targets
-        if a is None or b is None:
+        first_key, second_key = end_targets
+        if first_key is None or second_key is None:
             return None
-        if (a.part, a.module) == (b.part, b.module):
+        if (first_key.part, first_key.module) == (second_key.part, second_key.module):
             message = "coupling: a key cannot be coupled with itself; name two keys"
-            self.collector.error("E304", message, b.place)
+            self.collector.error("E304", message, second_key.place)
         if coupling_built.link.fields.get("follows"):
             message = "coupling: what follows a MAT stands in an instrument; link the keys there"
             self.collector.error("E304", message, coupling_built.place)
             return None
         laws = self.matter.laws((coupling_built.link,), self.names)
         label = f"{coupling_built.link.kind} of a coupling"
-        link = rules.with_checked_law(
+        coupling_link = rules.with_checked_law(
             coupling_built.link, laws, values.by_name[values.kind], label, self.collector
         )
-        if "gap" in link.fields:
-            gap = spread.gaps(link, 1, label, self.collector)
-            link = replace(link, fields={**link.fields, "gap": gap})
-        return replace(coupling_built, link=link, a=a, b=b)
+        if "gap" in coupling_link.fields:
+            gap = spread.gaps(coupling_link, 1, label, self.collector)
+            coupling_link = replace(coupling_link, fields={**coupling_link.fields, "gap": gap})
+        return replace(coupling_built, link=coupling_link, a=first_key, b=second_key)
 
 
 def _led(values: Any) -> str:

@@ -27,14 +27,14 @@ def clocked(strikes: Strikes) -> Rhythm:
     A cycle is a round of the pattern or the phrase, or the time of one strike. Raises TextError if
     there is none.
     """
-    pattern, every = strikes.pattern, strikes.every
+    pattern, step_length = strikes.pattern, strikes.every
     if strikes.hits and strikes.length is not None:
         return phrased(strikes)
     if (
         strikes.is_melody
         or strikes.passing is not None
         or strikes.rate is not None
-        or (pattern is None and every is None)
+        or (pattern is None and step_length is None)
     ):
         raise TextError(f'{NO_CYCLES}; write {strikes.name} = "…" for a rhythm')
     fields = {"mass": strikes.mass, "along": strikes.along, "skip": pattern and pattern.skip}
@@ -42,11 +42,11 @@ def clocked(strikes: Strikes) -> Rhythm:
         if value:
             raise TextError(f"strikes with `{field}` cannot be written as a rhythm")
     if pattern is None:
-        text, steps = _each(strikes), 1
+        rhythm_text, step_count = _each(strikes), 1
     else:
-        text, steps = _text(pattern.order, strikes)
+        rhythm_text, step_count = _text(pattern.order, strikes)
         if pattern.euclid is not None:
-            if steps > 1:
+            if step_count > 1:
                 raise TextError(
                     "notes on the pulses of `euclid` cannot be written as a rhythm; write one, "
                     f'such as {strikes.name} = "c4(3,8)"'
@@ -55,14 +55,24 @@ def clocked(strikes: Strikes) -> Rhythm:
                 raise TextError("`walk` goes on at each pulse of `euclid`, a rhythm at each cycle")
             euclid = pattern.euclid
             turn = f",{euclid.rotate}" if euclid.rotate else ""
-            text, steps = f"{text}({euclid.pulses},{euclid.steps}{turn})", euclid.steps
+            rhythm_text, step_count = (
+                f"{rhythm_text}({euclid.pulses},{euclid.steps}{turn})",
+                euclid.steps,
+            )
         if pattern.chance is not None:
-            text = f"[{text}]?{1.0 - pattern.chance:.6g}" if steps == 1 else text
-            if steps > 1:
+            rhythm_text = (
+                f"[{rhythm_text}]?{1.0 - pattern.chance:.6g}" if step_count == 1 else rhythm_text
+            )
+            if step_count > 1:
                 raise TextError("`chance` of a pattern cannot be written as a rhythm; use degrade")
         if pattern.swing != EVEN:
             raise TextError("`swing` of a pattern cannot be written as a rhythm; use do swing")
-    return Rhythm(text, "", Length(bars=1.0) if every is None else every.times(steps), {})
+    return Rhythm(
+        rhythm_text,
+        "",
+        Length(bars=1.0) if step_length is None else step_length.times(step_count),
+        {},
+    )
 
 
 def _each(strikes: Strikes) -> str:
@@ -70,35 +80,35 @@ def _each(strikes: Strikes) -> str:
     levels = strikes.levels
     if levels is None or len(levels.steps) == 1:
         return HERE
-    words = [f"{HERE}:{level.written}" for level in levels.steps]
-    if levels.is_line or not all(map(WORD.fullmatch, words)):
+    level_words = [f"{HERE}:{level.written}" for level in levels.steps]
+    if levels.is_line or not all(map(WORD.fullmatch, level_words)):
         message = (
             "a line of levels, or one that chance draws in turn, cannot be written as a rhythm"
         )
         raise TextError(f"{message} of one stroke; write one level, or levels such as f p")
-    return f"<{' '.join(words)}>"
+    return f"<{' '.join(level_words)}>"
 
 
-def _text(order: Group, strikes: Strikes) -> tuple[str, int]:
+def _text(pattern_order: Group, strikes: Strikes) -> tuple[str, int]:
     """A pattern as a rhythm text, and how many steps it takes."""
-    if not strikes.voices and any(leaf.name in strikes.notes for leaf in order.leaves()):
+    if not strikes.voices and any(leaf.name in strikes.notes for leaf in pattern_order.leaves()):
         raise TextError("notes of a CEL without `notes` cannot be written as a rhythm")
-    words = [_item(item, strikes) for item in order.items]
-    if order.way in _BY_CHANCE:
-        return _BY_CHANCE[order.way].format("|".join(words)), 1
-    if order.way != "in turn":
-        raise TextError(_NOT_WRITTEN.format(order.way))
-    return " ".join(words), order.steps
+    words = [_item(item, strikes) for item in pattern_order.items]
+    if pattern_order.way in _BY_CHANCE:
+        return _BY_CHANCE[pattern_order.way].format("|".join(words)), 1
+    if pattern_order.way != "in turn":
+        raise TextError(_NOT_WRITTEN.format(pattern_order.way))
+    return " ".join(words), pattern_order.steps
 
 
-def _item(item: Leaf | Group, strikes: Strikes) -> str:
-    weight = f"@{item.span}" if item.span != 1 else ""
-    if isinstance(item, Leaf):
-        name = HERE if strikes.voices == {} else notes.scale_step(item.name or "")
-        return f"{'~' if item.name is None else name}{weight}"
-    inner = [_item(part, strikes) for part in item.items]
-    if item.way in _BY_CHANCE:
-        return _BY_CHANCE[item.way].format("|".join(inner)) + weight
-    if item.way != "in turn":
-        raise TextError(_NOT_WRITTEN.format(item.way))
-    return f"[{' '.join(inner)}]{weight}"
+def _item(order_item: Leaf | Group, strikes: Strikes) -> str:
+    weight_text = f"@{order_item.span}" if order_item.span != 1 else ""
+    if isinstance(order_item, Leaf):
+        name = HERE if strikes.voices == {} else notes.scale_step(order_item.name or "")
+        return f"{'~' if order_item.name is None else name}{weight_text}"
+    inner = [_item(part, strikes) for part in order_item.items]
+    if order_item.way in _BY_CHANCE:
+        return _BY_CHANCE[order_item.way].format("|".join(inner)) + weight_text
+    if order_item.way != "in turn":
+        raise TextError(_NOT_WRITTEN.format(order_item.way))
+    return f"[{' '.join(inner)}]{weight_text}"

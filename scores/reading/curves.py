@@ -30,44 +30,48 @@ def is_curve(text: str) -> bool:
     return "@" in text
 
 
-def parse_curve(text: str, read: ReadAmount) -> tuple[CurvePoint, ...]:
+def parse_curve(curve_text: str, read: ReadAmount) -> tuple[CurvePoint, ...]:
     """Read `A3@0 smooth C4@2`, its values by `read`. Raises TextError with the characters at
     fault.
     """
     amounts: list[Amount] = []
     moved: list[tuple[int, int]] = []  # (offset in the parsed text, offset as written)
-    pieces, offset, length = [], 0, 0
-    for match in _VALUE.finditer(text):
+    pieces, text_offset, value_length = [], 0, 0
+    for value_match in _VALUE.finditer(curve_text):
         try:
-            amount = read(match.group())
+            amount = read(value_match.group())
         except TextError as error:
-            error.offset += match.start()
+            error.offset += value_match.start()
             raise
         if amount not in amounts:
             amounts.append(amount)
         # Write each value as a position of a gesture: its index in metres.
-        for part in (text[offset : match.start()], f"{amounts.index(amount)}m"):
+        for part in (curve_text[text_offset : value_match.start()], f"{amounts.index(amount)}m"):
             pieces.append(part)
-            length += len(part)
-        offset = match.end()
-        moved.append((length, offset))
-    pieces.append(text[offset:])
+            value_length += len(part)
+        text_offset = value_match.end()
+        moved.append((value_length, text_offset))
+    pieces.append(curve_text[text_offset:])
     try:
-        points = notation.parse("".join(pieces), events_max=MAX_POINTS).points
+        curve_points = notation.parse("".join(pieces), events_max=MAX_POINTS).points
     except TextError as error:
         offsets_before = [pair for pair in moved if pair[0] <= error.offset]
         if offsets_before:
             error.offset += offsets_before[-1][1] - offsets_before[-1][0]
         if isinstance(error, notation.HoldMovesError):
             error.message = "'hold' keeps the value; this point has another"
-        error.length = max(1, min(error.length, len(text) - error.offset))
+        error.length = max(1, min(error.length, len(curve_text) - error.offset))
         raise
-    if points[0].at != Time():
-        raise TextError("a curve begins at 0: write its first value as VALUE@0", length=len(text))
+    if curve_points[0].at != Time():
+        raise TextError(
+            "a curve begins at 0: write its first value as VALUE@0", length=len(curve_text)
+        )
     points_read = []
-    for point in points:
+    for point in curve_points:
         if point.curve == "throw":
-            raise TextError("`throw` is for gestures only; write smooth or line", length=len(text))
+            raise TextError(
+                "`throw` is for gestures only; write smooth or line", length=len(curve_text)
+            )
         points_read.append(
             CurvePoint(point.at, amounts[round(point.x)], cast("Approach", point.curve))
         )

@@ -120,52 +120,55 @@ def _hashed(value: Any) -> Any:
     return value
 
 
-def _earlier(value: Any) -> Any:
+def _earlier(earlier_value: Any) -> Any:
     """The fields of a module, without fields that were added later and have their defaults."""
-    if not isinstance(value, Mapping):
-        return value
+    if not isinstance(earlier_value, Mapping):
+        return earlier_value
     return {
         name: field_value
-        for name, field_value in value.items()
+        for name, field_value in earlier_value.items()
         if name not in HASH_OMITS_DEFAULTS or field_value != HASH_OMITS_DEFAULTS[name]
     }
 
 
-def _chunks(value: Any) -> Iterator[bytes]:
+def _chunks(hashed_value: Any) -> Iterator[bytes]:
     """A value as unambiguous bytes: every item says its type, every group its size."""
-    if is_dataclass(value) and not isinstance(value, type):
-        if isinstance(value, (Place, Scalar)):
+    if is_dataclass(hashed_value) and not isinstance(hashed_value, type):
+        if isinstance(hashed_value, (Place, Scalar)):
             return
-        skipped = _NOT_VALUES.get(type(value), ())
-        yield b"{" + _HASHED_AS.get(type(value), type(value).__name__).encode()
-        for f in fields(value):
-            field_chunks = getattr(value, f.name)
-            is_omitted = (f.metadata.get("hash_omits_empty") and not field_chunks) or (
-                f.metadata.get("hash_omits_none") and field_chunks is None
+        skipped = _NOT_VALUES.get(type(hashed_value), ())
+        yield b"{" + _HASHED_AS.get(type(hashed_value), type(hashed_value).__name__).encode()
+        for value_field in fields(hashed_value):
+            field_chunks = getattr(hashed_value, value_field.name)
+            is_omitted = (value_field.metadata.get("hash_omits_empty") and not field_chunks) or (
+                value_field.metadata.get("hash_omits_none") and field_chunks is None
             )
-            if f.name not in skipped and not is_omitted:
-                field_name = _HASHED_FIELDS.get((type(value), f.name))
-                yield f".{field_name or f.name}=".encode()
+            if value_field.name not in skipped and not is_omitted:
+                field_name = _HASHED_FIELDS.get((type(hashed_value), value_field.name))
+                yield f".{field_name or value_field.name}=".encode()
                 if field_name:
                     field_chunks = _hashed(field_chunks)
                 yield from _chunks(
-                    _earlier(field_chunks) if isinstance(value, Module) else field_chunks
+                    _earlier(field_chunks) if isinstance(hashed_value, Module) else field_chunks
                 )
         yield b"}"
-    elif isinstance(value, Mapping):
-        yield b"m%d" % len(value)
-        for key in sorted(value):
+    elif isinstance(hashed_value, Mapping):
+        yield b"m%d" % len(hashed_value)
+        for key in sorted(hashed_value):
             yield from _chunks(key)
-            yield from _chunks(value[key])
-    elif isinstance(value, (tuple, list)):
-        yield b"l%d" % len(value)
-        for item in value:
+            yield from _chunks(hashed_value[key])
+    elif isinstance(hashed_value, (tuple, list)):
+        yield b"l%d" % len(hashed_value)
+        for item in hashed_value:
             yield from _chunks(item)
-    elif isinstance(value, Path):
-        yield b"p" + (file_digest(value) if value.is_file() else hashlib.sha256().digest())
-    elif isinstance(value, float):
-        yield b"f" + (value + 0.0).hex().encode()  # -0.0 and 0.0 are one value
+    elif isinstance(hashed_value, Path):
+        yield b"p" + (
+            file_digest(hashed_value) if hashed_value.is_file() else hashlib.sha256().digest()
+        )
+    elif isinstance(hashed_value, float):
+        yield b"f" + (hashed_value + 0.0).hex().encode()  # -0.0 and 0.0 are one value
     else:
-        text = str(value).encode("utf-8", "surrogatepass")
-        yield f"{'s' if isinstance(value, str) else type(value).__name__}{len(text)}:".encode()
+        text = str(hashed_value).encode("utf-8", "surrogatepass")
+        type_name = "s" if isinstance(hashed_value, str) else type(hashed_value).__name__
+        yield f"{type_name}{len(text)}:".encode()
         yield text

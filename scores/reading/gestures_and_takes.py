@@ -38,17 +38,18 @@ class GesturesAndTakes:
         """Make the gestures and takes that the score itself defines; `place` is that of the
         score.
         """
-        for name, entry in self._tables["gestures"].items():
-            if entry.brought is None:
-                self._gesture(name, entry)
-            if name in self._tables["takes"]:
+        for defined_name, named_entry in self._tables["gestures"].items():
+            if named_entry.brought is None:
+                self._gesture(defined_name, named_entry)
+            if defined_name in self._tables["takes"]:
                 message = (
-                    f"{quote(name)} is the name of a gesture and of a take; rename one of them"
+                    f"{quote(defined_name)} is the name of a gesture and of a take; rename one of "
+                    "them"
                 )
-                self._collector.error("E303", message, entry.place or place)
-        for name, entry in self._tables["takes"].items():
-            if entry.brought is None:
-                self.take(name, entry)
+                self._collector.error("E303", message, named_entry.place or place)
+        for defined_name, named_entry in self._tables["takes"].items():
+            if named_entry.brought is None:
+                self.take(defined_name, named_entry)
 
     def play(self, name: str) -> bool:
         """Make the gesture or take of a name; False if there is none."""
@@ -90,24 +91,24 @@ class GesturesAndTakes:
             values, _ = self._uses.resolved("gestures", entry)
             gestures_built = build.gestures(values, self._room) if values is not None else None
             self._keep(name, (gestures_built or {}).get(""))
-            axes = {
+            axis_gestures = {
                 f"{name}.{axis}": gesture_of_axis
                 for axis, gesture_of_axis in (gestures_built or {}).items()
                 if axis
             }
-            for called_so, gesture_of_axis in axes.items():
+            for called_so, gesture_of_axis in axis_gestures.items():
                 self._keep(called_so, gesture_of_axis)
-            if axes:
-                self._paths[name] = tuple(axes)
+            if axis_gestures:
+                self._paths[name] = tuple(axis_gestures)
 
-    def _is_axis(self, name: str) -> bool:
+    def _is_axis(self, gesture_name: str) -> bool:
         """Whether a name is that of an axis of a path in space, or of a path that has mistakes."""
-        key_name, _, axis = name.rpartition(".")
+        key_name, _, axis = gesture_name.rpartition(".")
         entry = self._tables["gestures"].get(key_name)
         if entry is None or axis not in AXES:
             return False
         self._gesture(key_name, entry)
-        return name in self._gestures_by_name or (
+        return gesture_name in self._gestures_by_name or (
             self._gestures_by_name[key_name] is None and key_name not in self._paths
         )
 

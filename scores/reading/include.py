@@ -72,29 +72,38 @@ class Played:
 def includes(score: Values) -> list[Include]:
     """The lines of `include:`; reports a transposition without a prefix."""
     entries_read = []
-    for v in score["include"] or ():
-        if not isinstance(v, Values):
+    for include_values in score["include"] or ():
+        if not isinstance(include_values, Values):
             continue
-        if v.written("transpose") and not v.written("as"):
+        if include_values.written("transpose") and not include_values.written("as"):
             message = "transpose of include: instruments of this score would move too; write `as`, "
-            v.error("E103", message + "a prefix for the names of the file", "transpose")
+            include_values.error(
+                "E103", message + "a prefix for the names of the file", "transpose"
+            )
             continue
-        entries_read.append(Include(v["file"], v["at"] or Position(), str(v["as"] or ""), v))
+        entries_read.append(
+            Include(
+                include_values["file"],
+                include_values["at"] or Position(),
+                str(include_values["as"] or ""),
+                include_values,
+            )
+        )
     return entries_read
 
 
-def transposed(values: Any, include: Include) -> Any:
+def transposed(part_values: Any, include: Include) -> Any:
     """An instrument moved by the `transpose` of an include, after its own `transpose`."""
     interval: Interval | None = include.values["transpose"]
-    if interval is None or not isinstance(values, Values):
-        return values
-    member_interval = values["transpose"] if "transpose" in values.by_name else None
+    if interval is None or not isinstance(part_values, Values):
+        return part_values
+    member_interval = part_values["transpose"] if "transpose" in part_values.by_name else None
     fields = {
-        **values.by_name,
+        **part_values.by_name,
         "transpose": member_interval.then(interval) if member_interval else interval,
     }
-    nodes = {**values.nodes, "transpose": include.values.nodes["transpose"]}
-    return replace(values, by_name=fields, nodes=nodes)
+    nodes = {**part_values.nodes, "transpose": include.values.nodes["transpose"]}
+    return replace(part_values, by_name=fields, nodes=nodes)
 
 
 def played(piece: Piece, include: Include, first_link: int, collector: Collector) -> Played:
@@ -105,9 +114,9 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
     _check_pitches(piece, include, collector)
     named = _named(include.prefix)
     moved = _moved(include.at, piece.tempo_map)
-    until = _or_none(moved)
+    until_position = _or_none(moved)
 
-    copy = _Copy(named, moved, until)
+    included_copy = _Copy(named, moved, until_position)
     players = {
         named(item.name): replace(
             item,
@@ -123,21 +132,21 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
             player=named(item.player),
             what=named(item.what) if item.pattern is None else item.what,
             at=moved(item.at),
-            until=until(item.until),
+            until=until_position(item.until),
             pattern=None
             if item.pattern is None
             else replace(item.pattern, order=_renamed(item.pattern.order, named)),
         )
         for item in piece.parts
     )
-    strikes = tuple(map(copy.strike, piece.strikes))
+    strikes = tuple(map(included_copy.strike, piece.strikes))
     automation = tuple(
         replace(
             item,
-            target=copy.target(item.target),
-            other_notes=tuple(map(copy.target, item.other_notes)),
+            target=included_copy.target(item.target),
+            other_notes=tuple(map(included_copy.target, item.other_notes)),
             at=moved(item.at),
-            until=until(item.until),
+            until=until_position(item.until),
         )
         for item in piece.automation
     )
@@ -145,10 +154,10 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
         replace(
             item,
             link=replace(item.link, name=f"duet{number}"),
-            a=copy.target(item.a),
-            b=copy.target(item.b),
+            a=included_copy.target(item.a),
+            b=included_copy.target(item.b),
             at=moved(item.at),
-            until=until(item.until),
+            until=until_position(item.until),
         )
         for number, item in enumerate(piece.duet, first_link)
     )
@@ -223,17 +232,17 @@ def _named(prefix: str) -> Callable[[str], str]:
     return (lambda name: f"{prefix}.{name}") if prefix else lambda name: name
 
 
-def _moved(start: Position, tempo: TempoMap) -> Callable[[Position], Position]:
+def _moved(start_position: Position, tempo: TempoMap) -> Callable[[Position], Position]:
     """A function from positions of a file, in its own bars and marks, to beats and seconds after
-    `start`.
+    `start_position`.
     """
 
     def moved(position: Position) -> Position:
         seconds = position.plus.seconds
         beats = tempo.resolve(replace(position, plus=replace(position.plus, seconds=0.0)))
-        plus = start.plus
+        plus = start_position.plus
         moved_length = Length(plus.bars, plus.beats + beats, plus.seconds + seconds)
-        return replace(start, plus=moved_length, text=position.text)
+        return replace(start_position, plus=moved_length, text=position.text)
 
     return moved
 
@@ -242,13 +251,13 @@ def _or_none(moved: Callable[[Position], Position]) -> Callable[[Position | None
     return lambda value: None if value is None else moved(value)
 
 
-def _renamed(order: Group, named: Callable[[str], str]) -> Group:
+def _renamed(pattern_order: Group, named: Callable[[str], str]) -> Group:
     items = tuple(
         _renamed(item, named)
         if isinstance(item, Group)
         else item
         if item.name is None
         else Leaf(named(item.name), item.span, item.places)
-        for item in order.items
+        for item in pattern_order.items
     )
-    return replace(order, items=items)
+    return replace(pattern_order, items=items)

@@ -74,29 +74,31 @@ class KnownEntries:
         if earlier.section is section and not changed and None not in earlier.known:
             names.reached |= {part for part, _ in earlier.uses if owner(part) is not None}
             return earlier.meanings
-        entries = tuple(section.values() if isinstance(section, Mapping) else section)
-        replaced = changed_part(earlier.entries, entries)
+        section_entries = tuple(section.values() if isinstance(section, Mapping) else section)
+        replaced = changed_part(earlier.entries, section_entries)
         gone = earlier.known[replaced.start : replaced.start + len(replaced.before)]
-        results: list[_Meaning | None] = replaced.put(earlier.known, [None] * len(replaced.now))
+        known_results: list[_Meaning | None] = replaced.put(
+            earlier.known, [None] * len(replaced.now)
+        )
         if changed:
             stale: list[_Meaning | None] = [
                 result
-                for result in results
+                for result in known_results
                 if result and not changed.isdisjoint(result.modules or ())
             ]
             gone += stale
             ids = {*map(id, stale)}
-            results = [None if id(result) in ids else result for result in results]
+            known_results = [None if id(result) in ids else result for result in known_results]
         uses = earlier.uses.copy()
         uses.subtract(chain.from_iterable(result.modules or () for result in gone if result))
-        unknown = [number for number, result in enumerate(results) if result is None]
-        for number in unknown:
+        unknown = [number for number, result in enumerate(known_results) if result is None]
+        for entry_index in unknown:
             n_reports = names.collector.n_reports
-            if (entry := read(entries[number])) is None:
+            if (entry := read(section_entries[entry_index])) is None:
                 continue
             has_no_report = names.collector.n_reports == n_reports
-            modules = modules_of(entry, entries[number]) if has_no_report else None
-            results[number] = _Meaning(entry, modules)
+            modules = modules_of(entry, section_entries[entry_index]) if has_no_report else None
+            known_results[entry_index] = _Meaning(entry, modules)
             uses.update(modules or ())
         uses = +uses
         states = {
@@ -107,38 +109,42 @@ class KnownEntries:
             earlier.entries
         )
         new_entries = [
-            result.entry for number in unknown if (result := results[number]) is not None
+            known_result.entry
+            for number in unknown
+            if (known_result := known_results[number]) is not None
         ]
         if is_new_alone and len(new_entries) == len(unknown) and not changed:
             meanings = tuple(replaced.put(earlier.meanings, new_entries))
         else:
-            meanings = tuple([result.entry for result in results if result is not None])
+            meanings = tuple([result.entry for result in known_results if result is not None])
         if self._memory is not None:
-            remembered = [*results]
-            for number in unknown:
-                if (result := results[number]) is not None and result.modules is None:
-                    remembered[number] = None
-            section_now = _Section(section, entries, meanings, remembered, uses, states)
+            remembered = [*known_results]
+            for entry_index in unknown:
+                if (
+                    known_result := known_results[entry_index]
+                ) is not None and known_result.modules is None:
+                    remembered[entry_index] = None
+            section_now = _Section(section, section_entries, meanings, remembered, uses, states)
             self._memory.hold(self._name, None, section_now)
         return meanings
 
 
-def _module_state(module_key: _Module, names: PartNames, owner: Callable[[str], Any]) -> Any:
+def _module_state(module_key: _Module, part_names: PartNames, owner: Callable[[str], Any]) -> Any:
     """What a result depends on in a module, without its place in the text; None if it is not
     there.
     """
-    part, name = module_key
-    holder = owner(part)
-    if holder is None or part not in names.parts:
+    part_name, module_name = module_key
+    holder = owner(part_name)
+    if holder is None or part_name not in part_names.parts:
         return None
-    modules = names.parts[part].modules
+    part_modules = part_names.parts[part_name].modules
     acts = [
         (act.name, act.at, act.reach, act.holds, act.is_drawn)
-        for act in names.parts[part].acts.values()
+        for act in part_names.parts[part_name].acts.values()
     ]
     ca_rate = getattr(holder, "ca_rate", None)
-    if name:
-        module = modules.get(name)
+    if module_name:
+        module = part_modules.get(module_name)
         return None if module is None else (module.kind, module.fields, ca_rate, acts)
-    fields = [(module.name, module.kind, module.fields) for module in modules.values()]
+    fields = [(module.name, module.kind, module.fields) for module in part_modules.values()]
     return fields, ca_rate, getattr(holder, "pitch", None), acts

@@ -49,56 +49,69 @@ class _Part(NamedTuple):
 
 
 def resolve_names(
-    part: Part,
+    owning_part: Part,
     part_names: PartNames,
     make_rules: Callable[[], ModuleRules],
     memory: Memory | None,
-    parts: Mapping[str, Any],
+    parts_by_name: Mapping[str, Any],
 ) -> tuple[Module, ...]:
     """The modules of a part with their names looked up; those that `memory` knows are not looked up
     again, unless a part in which they were looked for has changed.
 
-    `parts` are all keys and instruments by name.
+    `parts_by_name` are all keys and instruments by name.
     """
-    is_known = part.axes == 1 and memory is not None and not part_names.broken
-    names = tuple(part.modules)  # an act that is played may bring more
-    condition = tuple(parts), part.prefix, part.selves, part.struck, part.broken, names
+    is_known = owning_part.axes == 1 and memory is not None and not part_names.broken
+    names = tuple(owning_part.modules)  # an act that is played may bring more
+    condition = (
+        tuple(parts_by_name),
+        owning_part.prefix,
+        owning_part.selves,
+        owning_part.struck,
+        owning_part.broken,
+        names,
+    )
     part_before: _Part | None = None
     if is_known and memory is not None:
-        part_before = memory.held(f"modules {part.name}", condition)
-    if part_before is not None and part_before.resolved is not None and part_before.is_same(parts):
+        part_before = memory.held(f"modules {owning_part.name}", condition)
+    if (
+        part_before is not None
+        and part_before.resolved is not None
+        and part_before.is_same(parts_by_name)
+    ):
         part_names.reached |= part_before.reached
         return part_before.resolved
-    modules_written = part.modules.values()
-    kinds = [(m.name, m.kind) if m.kind in _SIMPLE else m for m in modules_written]
+    modules_written = owning_part.modules.values()
+    module_kinds = [(m.name, m.kind) if m.kind in _SIMPLE else m for m in modules_written]
     entries_before: Mapping[str, _Module] = {}
-    if part_before is not None and part_before.kinds == kinds:
+    if part_before is not None and part_before.kinds == module_kinds:
         unchanged_parts = {
-            name for name, part_used in part_before.parts.items() if parts.get(name) is part_used
+            name
+            for name, part_used in part_before.parts.items()
+            if parts_by_name.get(name) is part_used
         }
         entries_before = {
             name: entry
             for name, entry in part_before.modules.items()
-            if entry.searched <= unchanged_parts and entry.written is part.modules.get(name)
+            if entry.searched <= unchanged_parts and entry.written is owning_part.modules.get(name)
         }
     reached, searched, rules = part_names.reached, part_names.searched, make_rules()
     entries_now: dict[str, _Module] = {}
-    for name, module in part.modules.items():
-        entry = entries_before.get(name)
-        if entry is None:
+    for module_name, written_module in owning_part.modules.items():
+        known_entry = entries_before.get(module_name)
+        if known_entry is None:
             part_names.reached, part_names.searched = set(), set()
             n_reports = part_names.collector.n_reports
-            resolved = rules.resolved(module)
+            resolved = rules.resolved(written_module)
             reached_and_searched = (
                 frozenset(part_names.reached),
-                frozenset(part_names.searched - {part.name}),
+                frozenset(part_names.searched - {owning_part.name}),
             )
-            entry = _Module(module, resolved, *reached_and_searched)
+            known_entry = _Module(written_module, resolved, *reached_and_searched)
             is_known &= part_names.collector.n_reports == n_reports
-        entries_now[name] = entry
+        entries_now[module_name] = known_entry
     all_reached = frozenset[str]().union(*(entry.reached for entry in entries_now.values()))
     part_names.reached, part_names.searched = reached | all_reached, searched
-    modules = tuple(
+    resolved_modules = tuple(
         [entry.resolved for entry in entries_now.values() if entry.resolved is not None]
     )
     if is_known and memory is not None:
@@ -106,11 +119,11 @@ def resolve_names(
         lasting_entries = {
             name: entry for name, entry in entries_now.items() if entry.written.kind not in _ALONE
         }
-        needed = {name: parts[name] for name in (part.name, *searched_parts)}
-        complete = modules if len(lasting_entries) == len(entries_now) else None
+        needed = {name: parts_by_name[name] for name in (owning_part.name, *searched_parts)}
+        complete = resolved_modules if len(lasting_entries) == len(entries_now) else None
         memory.hold(
-            f"modules {part.name}",
+            f"modules {owning_part.name}",
             condition,
-            _Part(kinds, lasting_entries, needed, all_reached, complete),
+            _Part(module_kinds, lasting_entries, needed, all_reached, complete),
         )
-    return modules
+    return resolved_modules

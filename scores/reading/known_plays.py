@@ -64,8 +64,8 @@ class KnownPlays:
         self, parts: Mapping[str, Any]
     ) -> tuple[tuple[Play, ...], dict[str, tuple[str, ...]]]:
         """The lines of all parts, and the gestures and takes that each part names."""
-        name = f"plays {self._file}"
-        plays_before = None if self._memory is None else self._memory.held_for(name, parts)
+        memory_key = f"plays {self._file}"
+        plays_before = None if self._memory is None else self._memory.held_for(memory_key, parts)
         if plays_before is not None:
             return plays_before  # type: ignore[no-any-return]
         plays = tuple([play for part in parts.values() if part is not MISSING for play in part])
@@ -80,7 +80,7 @@ class KnownPlays:
             names_by_player[player] = (*dict.fromkeys(chain.from_iterable(names)),)
             first_play += n_plays
         if self._memory is not None:
-            self._memory.hold(name, (parts,), (plays, names_by_player))
+            self._memory.hold(memory_key, (parts,), (plays, names_by_player))
         return plays, names_by_player
 
     def starts(self, piece: Piece) -> Known:
@@ -109,13 +109,15 @@ class KnownPlays:
 
     def beats(self, starts: Known) -> tuple[Sequence[float] | None, ...]:
         """The beats alone; those of the same lines are the same object."""
-        name = f"beats {self._file}"
-        beats_before = None if self._memory is None else self._memory.held_for(name, starts.values)
+        memory_key = f"beats {self._file}"
+        beats_before = (
+            None if self._memory is None else self._memory.held_for(memory_key, starts.values)
+        )
         if beats_before is not None:
             return beats_before  # type: ignore[no-any-return]
         beats = tuple([pair and pair[0] for pair in starts.values])
         if self._memory is not None:
-            self._memory.hold(name, (starts.values,), beats)
+            self._memory.hold(memory_key, (starts.values,), beats)
         return beats
 
 

@@ -61,24 +61,26 @@ def load(
     """
     collector = Collector() if memory is None else memory.begin()
     score_path = Path(path)
-    files = Files(collector, score_path.parent, overlay, memory, bounds, sealed=sealed)
+    score_files = Files(collector, score_path.parent, overlay, memory, bounds, sealed=sealed)
     if text is not None:
-        document: Document | None = files.text(str(path), text, score_path.parent)
+        document: Document | None = score_files.text(str(path), text, score_path.parent)
     else:
-        document = files.open(score_path, None)
-    piece, names, uses = None, None, None
+        document = score_files.open(score_path, None)
+    piece, score_names, uses = None, None, None
     if document is not None and document.root is None and not collector.has_errors():
         collector.error("E103", "the score is empty", document.place(0))
     if document is not None and document.root is not None:
-        uses = Uses(files, collector)
-        names = uses.read(document)
-        if names.score is not None:
-            with tuning.used(names.tuning):
-                piece = Checker(names, uses).piece()
+        uses = Uses(score_files, collector)
+        score_names = uses.read(document)
+        if score_names.score is not None:
+            with tuning.used(score_names.tuning):
+                piece = Checker(score_names, uses).piece()
             if not collector.has_errors():
                 uses.midi.report(collector)
     if collector.has_errors():
         piece = None
         if memory is not None and memory.is_loose:  # read again, for the places of mistakes
             return load(path, text=text, overlay=overlay, bounds=bounds, sealed=sealed)
-    return Loaded(piece, collector.finish(), files.documents, collector.left_out(), names, uses)
+    return Loaded(
+        piece, collector.finish(), score_files.documents, collector.left_out(), score_names, uses
+    )

@@ -70,27 +70,27 @@ class PartsReader:
 
     def read(self) -> None:
         """Read all keys and instruments by name, so that modules can reach each other."""
-        for section in ("keys", "instruments"):
-            for name, entry in self._names.tables[section].items():
-                if name in self._written:
+        for section_name in ("keys", "instruments"):
+            for part_name, named_entry in self._names.tables[section_name].items():
+                if part_name in self._written:
                     message = (
-                        f"{quote(name)} is the name of a key and of "
+                        f"{quote(part_name)} is the name of a key and of "
                         "an instrument; rename one of them"
                     )
-                    self._collector.error("E303", message, entry.place or self._score.place)
+                    self._collector.error("E303", message, named_entry.place or self._score.place)
                     continue
-                values, selves = self._uses.resolved(section, entry)
-                if values is None:
-                    self._part_names.broken.add(name)
+                resolved_values, selves = self._uses.resolved(section_name, named_entry)
+                if resolved_values is None:
+                    self._part_names.broken.add(part_name)
                     continue
-                tuned = self._uses.tuning_of(entry) if section == "instruments" else None
+                tuned = self._uses.tuning_of(named_entry) if section_name == "instruments" else None
                 if tuned is not None:
-                    self._part_names.tunings[name] = tuned
+                    self._part_names.tunings[part_name] = tuned
                 with tuning.used(tuned or self._names.tuning):
-                    if section == "instruments" and values.written("notes"):
-                        self._notes(name, entry, values, selves)
+                    if section_name == "instruments" and resolved_values.written("notes"):
+                        self._notes(part_name, named_entry, resolved_values, selves)
                     else:
-                        self._part(section, name, entry, values, selves)
+                        self._part(section_name, part_name, named_entry, resolved_values, selves)
 
     def _part(
         self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
@@ -98,15 +98,15 @@ class PartsReader:
         values = self._with_files(values)
         part_object = called(self._read_part(section, name, entry, values), name)
         struck = part_object.struck if isinstance(part_object, Key) else None
-        modules = {module.name: module for module in part_object.modules}
-        broken = frozenset(values["modules"] or {}).difference(modules)
-        axes, acts = 1, {}
+        modules_by_name = {module.name: module for module in part_object.modules}
+        broken = frozenset(values["modules"] or {}).difference(modules_by_name)
+        axis_count, acts = 1, {}
         if isinstance(part_object, Instrument):
-            axes, acts = part_object.axes, {act.name: act for act in part_object.acts}
+            axis_count, acts = part_object.axes, {act.name: act for act in part_object.acts}
         if values.written("out") and "out" not in values.by_name:
             self._part_names.broken.add(name)
         self._part_names.parts[name] = Part(
-            name, modules, struck, entry.prefix, broken, selves, axes, acts
+            name, modules_by_name, struck, entry.prefix, broken, selves, axis_count, acts
         )
         if acts:
             label = values.context.label("ready")
@@ -121,20 +121,24 @@ class PartsReader:
             files = self._uses.files
             return files.plain(file, files.documents[place.file].folder, place, decoder)
 
-        def filled(owner: Values) -> Values:
-            body = owner.by_name.get(owner.kind)
-            if not isinstance(body, Values):
-                return owner
-            if owner.kind in ("BANK", "MODES") and body.written("modes"):
-                body_read = modal.from_file(body, read, moved, self._collector)
-            elif owner.kind == "MESH" and body.written("file"):
-                body_read = mesh_file.from_file(body, read, self._collector)
-            elif owner.kind == "BUT" and isinstance(wall := body.by_name.get("mesh"), Values):
+        def filled(owner_values: Values) -> Values:
+            body_values = owner_values.by_name.get(owner_values.kind)
+            if not isinstance(body_values, Values):
+                return owner_values
+            if owner_values.kind in ("BANK", "MODES") and body_values.written("modes"):
+                body_read = modal.from_file(body_values, read, moved, self._collector)
+            elif owner_values.kind == "MESH" and body_values.written("file"):
+                body_read = mesh_file.from_file(body_values, read, self._collector)
+            elif owner_values.kind == "BUT" and isinstance(
+                wall := body_values.by_name.get("mesh"), Values
+            ):
                 wall = mesh_file.from_file(wall, read, self._collector)
-                body_read = replace(body, by_name={**body.by_name, "mesh": wall})
+                body_read = replace(body_values, by_name={**body_values.by_name, "mesh": wall})
             else:
-                return owner
-            return replace(owner, by_name={**owner.by_name, owner.kind: body_read})
+                return owner_values
+            return replace(
+                owner_values, by_name={**owner_values.by_name, owner_values.kind: body_read}
+            )
 
         filled_values = filled(values)
         modules = values["modules"] or {}
@@ -150,8 +154,8 @@ class PartsReader:
 
     def _notes(self, name: str, entry: Entry, values: Values, selves: frozenset[str]) -> None:
         """Make an instrument for each note, with the note in its name: `string.F3`."""
-        notes = values["notes"]
-        if notes is None:
+        note_names = values["notes"]
+        if note_names is None:
             self._part_names.broken.add(name)
             return
         if named_pitch(values) is None:
@@ -163,53 +167,57 @@ class PartsReader:
                 values.error("E103", f"{values.context.label('notes')}: {reason}", "notes")
             self._part_names.broken.add(name)
             return
-        parts = {pitch(note) or 0.0: f"{name}.{note}" for note in notes}
+        parts = {pitch(note) or 0.0: f"{name}.{note}" for note in note_names}
         family = self._part_names.families[name] = Family(parts, tuning.written())
         for word, member in (values["members"] or {}).items():
             if family.note(word) is None:
                 message = f"{values.context.label('members')}: it has no note {quote(word)}"
-                self._collector.error("E301", message, member.place, word=word, names=notes)
-        for note in notes:
+                self._collector.error("E301", message, member.place, word=word, names=note_names)
+        for note in note_names:
             part = f"{name}.{note}"
             pitched = self._values_at_note(part, values, note, entry.values)
             self._part("instruments", part, entry, pitched, selves | {name})
 
-    def _values_at_note(self, part: str, values: Values, note: str, member: object) -> Values:
+    def _values_at_note(
+        self, part: str, instrument_values: Values, note: str, member: object
+    ) -> Values:
         """The values of an instrument, whose `member` may move all its notes, at one of them."""
         interval = member.by_name.get("transpose") if isinstance(member, Values) else None
-        memory, name = self._uses.files.memory, f"note {part}"
-        values_before = None if memory is None else memory.held_for(name, values)
+        memory, memory_key = self._uses.files.memory, f"note {part}"
+        values_before = None if memory is None else memory.held_for(memory_key, instrument_values)
         if values_before is not None and values_before[0] == interval:
             pitched: Values = values_before[1]
             return pitched
         n_reports = self._collector.n_reports
-        pitched = overlay.shifted_note(values, note, interval)
+        pitched = overlay.shifted_note(instrument_values, note, interval)
         if memory is not None and self._collector.n_reports == n_reports:
-            memory.hold(name, (values,), (interval, pitched))
+            memory.hold(memory_key, (instrument_values,), (interval, pitched))
         return pitched
 
-    def _read_part(self, section: str, name: str, entry: Entry, values: Values) -> Key | Instrument:
+    def _read_part(
+        self, section_name: str, name: str, entry: Entry, part_values: Values
+    ) -> Key | Instrument:
         memory = self._uses.files.memory
-        amounts_by_name = tuple(named_amounts(values.node.document).names.items())
+        amounts_by_name = tuple(named_amounts(part_values.node.document).names.items())
         make: Callable[[Values], Key | Instrument] = partial(self._instrument, amounts_by_name)
-        if section == "keys":
+        if section_name == "keys":
             make = partial(build.key, files=self._uses.files)
-        is_file_read = section == "keys" and values["calib"] is not None
+        is_file_read = section_name == "keys" and part_values["calib"] is not None
         if memory is None or is_file_read:
-            return make(values)
+            return make(part_values)
         # The key has the name too, because one node may have several names (a YAML alias).
-        key = section, values.node, values.context.name, amounts_by_name
-        if values is entry.values:
-            return memory.recall(key, partial(make, values))
+        key = section_name, part_values.node, part_values.context.name, amounts_by_name
+        if part_values is entry.values:
+            return memory.recall(key, partial(make, part_values))
         # Values that were merged (`like`, `from`) have the node of one of them.
-        place = f"made {section} {name} {values.node.document.file}"
-        part_before = memory.held(place, amounts_by_name)
-        if part_before is not None and part_before[0] is values:
+        memory_key = f"made {section_name} {name} {part_values.node.document.file}"
+        part_before = memory.held(memory_key, amounts_by_name)
+        if part_before is not None and part_before[0] is part_values:
             return part_before[1]  # type: ignore[no-any-return]
         n_reports = self._collector.n_reports
-        part = make(values)
+        part = make(part_values)
         if self._collector.n_reports == n_reports:
-            memory.hold(place, amounts_by_name, (values, part))
+            memory.hold(memory_key, amounts_by_name, (part_values, part))
         return part
 
     def _instrument(self, amounts_key: Hashable, values: Values) -> Instrument:
@@ -219,8 +227,8 @@ class PartsReader:
         memory = self._uses.files.memory
         if memory is None:
             return instrument(values)
-        place = f"read {values.context.name} {values.node.document.file}"
-        modules_before: dict[Hashable, Any] = memory.held(place, amounts_key) or {}
+        memory_key = f"read {values.context.name} {values.node.document.file}"
+        modules_before: dict[Hashable, Any] = memory.held(memory_key, amounts_key) or {}
         modules_now: dict[Hashable, Any] = {}
 
         def recall(key: Hashable, make: Callable[[], _Item]) -> _Item:
@@ -231,7 +239,7 @@ class PartsReader:
             return value
 
         result = instrument(values, recall)
-        memory.hold(place, amounts_key, modules_now)
+        memory.hold(memory_key, amounts_key, modules_now)
         return result
 
     def look_up(self) -> None:
@@ -239,39 +247,47 @@ class PartsReader:
         todo = [n for n, (entry, _) in self._written.items() if entry.brought is None]
         todo += sorted(self._part_names.reached - set(todo))
         parts_done: set[str] = set()
-        total = 0
+        mat_total = 0
         while todo:
-            name = todo.pop(0)
-            if name in parts_done or name not in self._written:
+            part_name = todo.pop(0)
+            if part_name in parts_done or part_name not in self._written:
                 continue
-            parts_done.add(name)
-            _, values = self._written[name]
-            part_built = self.by_name[name]
-            part = self._part_names.parts[name]
+            parts_done.add(part_name)
+            _, part_values = self._written[part_name]
+            part_built = self.by_name[part_name]
+            named_part = self._part_names.parts[part_name]
             takes = self._names.tables["takes"]
-            modules = self._resolved(part, takes)
-            n_mats, sources = self._contents(name, modules)
-            total += n_mats
+            resolved_modules = self._resolved(named_part, takes)
+            n_mats, sources = self._contents(part_name, resolved_modules)
+            mat_total += n_mats
             for source in sources:
                 if source in takes:
                     self._gestures_and_takes.take(source, takes[source])
             if isinstance(part_built, Key):
                 self._struck(part_built)
-                step_frames = self._rates.key_step_frames(values)
-                self.keys[name] = self._same(
-                    replace(part_built, modules=modules, every=step_frames)
+                step_frames = self._rates.key_step_frames(part_values)
+                self.keys[part_name] = self._same(
+                    replace(part_built, modules=resolved_modules, every=step_frames)
                 )
             else:
-                acts = tuple(self._part_names.resolved_act(part, a) for a in part.acts.values())
-                outputs = rules.outputs(part, part_built.outputs, self._part_names, self._layout)
-                step_frames = self._rates.instrument_step_frames(values)
-                self.instruments[name] = self._same(
+                acts = tuple(
+                    self._part_names.resolved_act(named_part, a) for a in named_part.acts.values()
+                )
+                outputs = rules.outputs(
+                    named_part, part_built.outputs, self._part_names, self._layout
+                )
+                step_frames = self._rates.instrument_step_frames(part_values)
+                self.instruments[part_name] = self._same(
                     replace(
-                        part_built, modules=modules, outputs=outputs, every=step_frames, acts=acts
+                        part_built,
+                        modules=resolved_modules,
+                        outputs=outputs,
+                        every=step_frames,
+                        acts=acts,
                     )
                 )
             todo += sorted(self._part_names.reached - parts_done)
-            if total > MAX_MATS:
+            if mat_total > MAX_MATS:
                 message = f"the piece has more than {MAX_MATS:,} masses"
                 self._collector.error("E105", message, part_built.place)
                 break
@@ -279,19 +295,25 @@ class PartsReader:
         self.keys = {n: self.keys[n] for n in order if n in self.keys}
         self.instruments = {n: self.instruments[n] for n in order if n in self.instruments}
 
-    def _contents(self, name: str, modules: tuple[Module, ...]) -> tuple[int, tuple[str, ...]]:
+    def _contents(
+        self, part_name: str, part_modules: tuple[Module, ...]
+    ) -> tuple[int, tuple[str, ...]]:
         """The number of masses of modules, and the takes that they name."""
         memory = self._uses.files.memory
-        contents_before = None if memory is None else memory.held_for(f"contents {name}", modules)
+        contents_before = (
+            None if memory is None else memory.held_for(f"contents {part_name}", part_modules)
+        )
         if contents_before is None:
-            n_mats = sum(member_count(m.kind, m.fields) * m.fields.get("axes", 1) for m in modules)
-            sources = (module.fields.get("from") for module in modules)
+            n_mats = sum(
+                member_count(m.kind, m.fields) * m.fields.get("axes", 1) for m in part_modules
+            )
+            sources = (module.fields.get("from") for module in part_modules)
             contents_before = (
                 n_mats,
                 tuple([source for source in sources if isinstance(source, Name)]),
             )
             if memory is not None:
-                memory.hold(f"contents {name}", (modules,), contents_before)
+                memory.hold(f"contents {part_name}", (part_modules,), contents_before)
         return contents_before
 
     def _same(self, part: _Part) -> _Part:
@@ -323,15 +345,15 @@ class PartsReader:
         return resolve_names(part, self._part_names, make_rules, memory, self.by_name)
 
     def _struck(self, key: Key) -> None:
-        names = {module.name: module for module in key.modules}
-        struck = names.get(key.struck)
+        modules_by_name = {module.name: module for module in key.modules}
+        struck = modules_by_name.get(key.struck)
         if struck is None or struck.kind not in ("MAS", "CEL"):
             place = key.struck.place if isinstance(key.struck, Name) else key.place
             message = (
                 f"key {quote(key.name)} is struck at {quote(key.struck)}, "
                 "which is not a MAS or CEL of the key"
             )
-            names_of = tuple(n for n, m in names.items() if m.kind in ("MAS", "CEL"))
+            names_of = tuple(n for n, m in modules_by_name.items() if m.kind in ("MAS", "CEL"))
             if key.struck and key.struck not in self._part_names.parts[key.name].broken:
                 self._collector.error("E301", message, place, word=key.struck, names=names_of)
 
@@ -345,13 +367,13 @@ class PartsReader:
         )
         if not has_named_law:
             return {}
-        tables = [self._names.tables["laws"], home.tables["laws"]]
+        law_tables = [self._names.tables["laws"], home.tables["laws"]]
         files, folder = self._uses.files, self._names.document.folder
         document = files.required("instruments/laws.yaml", folder, self._score.place)
         if document is not None:
-            tables.insert(0, self._uses.read(document).tables["laws"])
+            law_tables.insert(0, self._uses.read(document).tables["laws"])
         laws = {}
-        for table in tables:
+        for table in law_tables:
             for name, law in table.items():
                 if isinstance(v := law.values, Values):
                     laws[name] = LawText(v["law"], v["damping"], v.free)
@@ -362,16 +384,18 @@ class PartsReader:
         return build_mix.layout(name, folder, place, self._uses.files)
 
 
-def _bodies(values: Values) -> dict[str, Values]:
+def _bodies(instrument_values: Values) -> dict[str, Values]:
     """The fields of each module as written, to report places inside laws."""
-    bodies = {
+    bodies_by_name = {
         name: body.by_name[body.kind]
-        for name, body in (values["modules"] or {}).items()
+        for name, body in (instrument_values["modules"] or {}).items()
         if isinstance(body, Values) and isinstance(body.by_name.get(body.kind), Values)
     }
-    if values.kind and isinstance(values.by_name.get(values.kind), Values):
-        bodies[""] = values.by_name[values.kind]
-    return bodies
+    if instrument_values.kind and isinstance(
+        instrument_values.by_name.get(instrument_values.kind), Values
+    ):
+        bodies_by_name[""] = instrument_values.by_name[instrument_values.kind]
+    return bodies_by_name
 
 
 def _is_refused(value: Any) -> bool:

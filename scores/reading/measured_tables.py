@@ -10,15 +10,16 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.scores.reading.mix_tables import CHANNEL, MAX_CHANNELS
 
 
-def version(text: str) -> str:
+def version(version_text: str) -> str:
     """The format version, 1."""
-    if text != "1":
+    if version_text != "1":
         message = (
-            f"this ergon reads version 1 of the format, not {quote(text)}; write 1, or install "
+            f"this ergon reads version 1 of the format, not {quote(version_text)}; write 1, or "
+            "install "
         )
         message += "a newer ergon if the file was written for one"
-        raise TextError(message, length=max(1, len(text)), code="E109")
-    return text
+        raise TextError(message, length=max(1, len(version_text)), code="E109")
+    return version_text
 
 
 _MODE = Record(

@@ -58,54 +58,64 @@ def has_required_fields(values: Values) -> bool:
     """Whether strikes have the fields that their kind needs, and no others; reports an error if
     not.
     """
-    v, kind = values, kind_of(values)
-    needed = _NEEDED.get(kind, ("to", "at"))
-    for name in needed:
-        if name not in v.nodes:
+    strike_values, strikes_kind = values, kind_of(values)
+    needed = _NEEDED.get(strikes_kind, ("to", "at"))
+    for field_name in needed:
+        if field_name not in strike_values.nodes:
             message = (
-                f"{v.context.label('')} has no '{name}': {v.record.by_name[name].shape.words()}"
+                f"{strike_values.context.label('')} has no '{field_name}': "
+                f"{strike_values.record.by_name[field_name].shape.words()}"
             )
-            v.error("E103", message)
+            strike_values.error("E103", message)
     fields = _FIELDS_BY_KIND.get(
-        kind, tuple(name for name in v.record.by_name if name not in _ONLY)
+        strikes_kind, tuple(name for name in strike_values.record.by_name if name not in _ONLY)
     )
-    for name in v.nodes:
-        if name not in fields:
-            advice = f"cannot be used together with `{kind}`; remove it"
-            if not kind:
-                advice = f"needs `{_ONLY[name]}` beside it; write that, or remove this"
-            v.error("E111", f"{v.context.label(name)} {advice}", name)
+    for field_name in strike_values.nodes:
+        if field_name not in fields:
+            advice = f"cannot be used together with `{strikes_kind}`; remove it"
+            if not strikes_kind:
+                advice = f"needs `{_ONLY[field_name]}` beside it; write that, or remove this"
+            strike_values.error(
+                "E111", f"{strike_values.context.label(field_name)} {advice}", field_name
+            )
             return False
-    return all(name in v.by_name for name in (*needed, *v.written("to", "play", "impulse", "do")))
+    return all(
+        name in strike_values.by_name
+        for name in (*needed, *strike_values.written("to", "play", "impulse", "do"))
+    )
 
 
 def hits_of(
-    values: Values, part_names: PartNames, phrases: Mapping[str, Any], files: Files
+    strike_values: Values, part_names: PartNames, phrases: Mapping[str, Any], files: Files
 ) -> tuple[tuple[Hit, ...], Length | None] | None:
     """The hits of a melody and, of a phrase, its length; None if an error was reported."""
-    label = f"strikes {quote(values.context.name)}"
-    if kind_of(values) == "entries":
-        voices = NoteTargets(part_names, values["to"] or ())
-        rows = with_levels(values["entries"], values["impulse"])
-        return _hits(rows, voices, label), None
-    phrase = phrases.get(values["play"])
+    error_label = f"strikes {quote(strike_values.context.name)}"
+    if kind_of(strike_values) == "entries":
+        voices = NoteTargets(part_names, strike_values["to"] or ())
+        rows = with_levels(strike_values["entries"], strike_values["impulse"])
+        return _hits(rows, voices, error_label), None
+    phrase = phrases.get(strike_values["play"])
     if not isinstance(phrase, Values):
-        if values["play"] not in phrases:
-            message = f"{label}: no phrase or MIDI take is called {quote(values['play'])}"
+        if strike_values["play"] not in phrases:
+            message = (
+                f"{error_label}: no phrase or MIDI take is called {quote(strike_values['play'])}"
+            )
             names = tuple(phrases)
-            values.error("E301", message, "play", word=str(values["play"]), names=names)
+            strike_values.error(
+                "E301", message, "play", word=str(strike_values["play"]), names=names
+            )
         return None
-    do = phrase_do(values)
+    do = phrase_do(strike_values)
     if do is None:
         return None
-    voices = NoteTargets(part_names, notes_in(phrase, values))
-    played_hits = played(phrase, values, do[0], voices, files, phrases)
-    if not (values.written("to", "transpose", "do") or is_midi(phrase)):
-        label = phrase.context.label("")  # a name that is unknown is the phrase's
+    voices = NoteTargets(part_names, notes_in(phrase, strike_values))
+    played_hits = played(phrase, strike_values, do[0], voices, files, phrases)
+    if not (strike_values.written("to", "transpose", "do") or is_midi(phrase)):
+        error_label = phrase.context.label("")  # a name that is unknown is the phrase's
     return (
         None
         if played_hits is None
-        else (_hits(played_hits[0], played_hits[1], label), played_hits[2])
+        else (_hits(played_hits[0], played_hits[1], error_label), played_hits[2])
     )
 
 
@@ -115,84 +125,87 @@ def notes_in(phrase: Values, values: Values) -> tuple[Name, ...]:
 
 
 def in_quarters(
-    phrase: Values, hits: tuple[Hit, ...], length: Length | None
+    phrase: Values, phrase_hits: tuple[Hit, ...], phrase_length: Length | None
 ) -> tuple[tuple[Hit, ...], Length | None]:
     """The hits and the length of what strikes play; of a MIDI file in quarter notes, which are not
     beats where the meter has other notes.
     """
     if not is_midi(phrase):
-        return hits, length
+        return phrase_hits, phrase_length
 
     def quarters(of_file: Length) -> Length:
         return replace(of_file, beats=0.0, quarters=of_file.beats)
 
     hits_in_quarters = (
         replace(hit, at=quarters(hit.at), lasting=hit.lasting and quarters(hit.lasting))
-        for hit in hits
+        for hit in phrase_hits
         if isinstance(hit.at, Length)
     )
-    return tuple(hits_in_quarters), length and quarters(length)
+    return tuple(hits_in_quarters), phrase_length and quarters(phrase_length)
 
 
 def played(
     phrase: Values,
-    values: Values,
+    strike_values: Values,
     chain: Iterable[Transform],
     voices: NoteTargets,
-    files: Files,
+    score_files: Files,
     phrases: Mapping[str, Any],
 ) -> tuple[Sequence[Row], NoteTargets, Length] | None:
     """The rows of a phrase as strikes play them after the transformations of a `chain`, with the
     notes they may name and the phrase's length; None if an error was reported.
     """
-    length: Length | None
+    phrase_length: Length | None
     if is_midi(phrase):
-        if (tune := midi_rows(phrase, files)) is None:
+        if (tune := midi_rows(phrase, score_files)) is None:
             return None
-        rows, length = tune
-        if values.written("impulse") and not phrase.written("velocity"):
+        rows, phrase_length = tune
+        if strike_values.written("impulse") and not phrase.written("velocity"):
             rows = tuple(replace(row, level=None) for row in rows)
-        rows = with_levels(rows, values["impulse"])
+        rows = with_levels(rows, strike_values["impulse"])
         if voices.has_act(PRESS):
-            rows = (*rows, *_pressed(phrase, files))
+            rows = (*rows, *_pressed(phrase, score_files))
     else:
-        rows_of_phrase = phrase_rows(phrase, phrases, voices, values["impulse"])
+        rows_of_phrase = phrase_rows(phrase, phrases, voices, strike_values["impulse"])
         if rows_of_phrase is None:
             return None
-        rows, length = rows_of_phrase
+        rows, phrase_length = rows_of_phrase
     try:
-        if (interval := values["transpose"]) is not None:
+        if (interval := strike_values["transpose"]) is not None:
             rows = tuple(
                 voices.renamed(row, [voices.moved(word, interval.semitones) for word in row.what])
                 for row in rows
             )
     except TextError as error:
-        values.error("E306", f"{values.context.label('transpose')}: {error.message}", "transpose")
+        strike_values.error(
+            "E306", f"{strike_values.context.label('transpose')}: {error.message}", "transpose"
+        )
         return None
     try:
-        rows, length = transformed(rows, length, chain, voices.mirrored)
+        rows, phrase_length = transformed(rows, phrase_length, chain, voices.mirrored)
     except TextError as error:
-        values.error("E306", f"{values.context.label('do')}: {error.message}", "do")
+        strike_values.error("E306", f"{strike_values.context.label('do')}: {error.message}", "do")
         return None
-    return rows, voices, length
+    return rows, voices, phrase_length
 
 
 def strikes_of_pattern(
-    strikes: Strikes, values: Values, voices: NoteTargets, label: str
+    strikes: Strikes, values: Values, voices: NoteTargets, strikes_label: str
 ) -> Strikes:
     """Strikes whose pattern of notes says which notes of an instrument are struck."""
-    place = values.place_of("notes")
+    notes_place = values.place_of("notes")
     targets_by_word: dict[str, tuple[Target, ...]] = {}
-    for word in strikes.notes:
-        root = tuning.spelled(word).partition(".")[0]
+    for pattern_word in strikes.notes:
+        root = tuning.spelled(pattern_word).partition(".")[0]
         if not tuning.is_pitch(root):
             message = (
-                f"{label}: {quote(word)} is not a note such as A3, by which members are called"
+                f"{strikes_label}: {quote(pattern_word)} is not a note such as A3, by which "
+                "members are called"
             )
-            voices.part_names.collector.error("E304", message, place)
+            voices.part_names.collector.error("E304", message, notes_place)
             continue
-        row = Row(Length(), (Name(notes.scale_step(word), place),), None, place)
-        targets_by_word[word] = voices.targets(row, label)
+        row = Row(Length(), (Name(notes.scale_step(pattern_word), notes_place),), None, notes_place)
+        targets_by_word[pattern_word] = voices.targets(row, strikes_label)
     targets = dict.fromkeys(
         target for word_targets in targets_by_word.values() for target in word_targets
     )
@@ -224,20 +237,24 @@ def midi_rows(take: Values, files: Files) -> tuple[tuple[Row, ...], Length] | No
     take_notes = midi_notes(take, files)
     if take_notes is None:
         return None
-    place, impulse = take.place_of("file"), take["velocity"]
-    rows: list[Row] = []
+    file_place, impulse = take.place_of("file"), take["velocity"]
+    note_rows: list[Row] = []
     curve = take["curve"] or EVEN
-    for note in take_notes.notes:
-        level: Level | None = curve.level(note.velocity)
+    for midi_note in take_notes.notes:
+        note_level: Level | None = curve.level(midi_note.velocity)
         if impulse is not None:
-            level = Level(*(between(note.velocity, impulse, curve),) * 2)
-        elif note.word is not None and take["curve"] is None:
-            strength = note.strength
-            level = None if strength is None else Level(strength, strength, is_strength=True)
-        note_names = (Name(note.word or tuning.current().key_word(note.number), place),)
-        lasting = None if note.lasting is None else Length(beats=note.lasting)
-        rows.append(Row(Length(beats=note.at), note_names, level, place, lasting=lasting))
-    return tuple(rows), Length(beats=take_notes.length)
+            note_level = Level(*(between(midi_note.velocity, impulse, curve),) * 2)
+        elif midi_note.word is not None and take["curve"] is None:
+            strength = midi_note.strength
+            note_level = None if strength is None else Level(strength, strength, is_strength=True)
+        note_names = (
+            Name(midi_note.word or tuning.current().key_word(midi_note.number), file_place),
+        )
+        lasting = None if midi_note.lasting is None else Length(beats=midi_note.lasting)
+        note_rows.append(
+            Row(Length(beats=midi_note.at), note_names, note_level, file_place, lasting=lasting)
+        )
+    return tuple(note_rows), Length(beats=take_notes.length)
 
 
 def _pressed(take: Values, files: Files) -> Iterator[Row]:
@@ -245,7 +262,7 @@ def _pressed(take: Values, files: Files) -> Iterator[Row]:
 
     Reports pressures that cannot be read.
     """
-    place = take.place_of("file")
+    file_place = take.place_of("file")
     path = files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
     if path is None or is_musicxml(path):
         return
@@ -255,10 +272,10 @@ def _pressed(take: Values, files: Files) -> Iterator[Row]:
         take.error("E310", f"take {quote(take.context.name)}: {error.message}", error.field)
         return
     for pressure in pressures:
-        note_names = (Name(tuning.current().key_word(pressure.number), place),)
+        note_names = (Name(tuning.current().key_word(pressure.number), file_place),)
         start, lasting = Length(beats=pressure.start), Length(beats=pressure.lasting)
         level = velocity_level(pressure.value)
-        yield Row(start, note_names, level, place, lasting=lasting, act=PRESS)
+        yield Row(start, note_names, level, file_place, lasting=lasting, act=PRESS)
 
 
 def between(velocity: int, value_range: tuple[float, float], curve: Curve) -> float:
@@ -267,25 +284,29 @@ def between(velocity: int, value_range: tuple[float, float], curve: Curve) -> fl
     return float(low + (high - low) * curve.share(velocity, 1))
 
 
-def _hits(rows: Sequence[Row], voices: NoteTargets, label: str) -> tuple[Hit, ...]:
-    hits: list[Hit] = []
+def _hits(rows: Sequence[Row], voices: NoteTargets, strikes_label: str) -> tuple[Hit, ...]:
+    phrase_hits: list[Hit] = []
     collector = voices.part_names.collector
     n_reports = collector.n_reports
-    for row in rows:
-        if row.act and collector.n_reports > n_reports:  # of the notes that are pressed
+    for phrase_row in rows:
+        if phrase_row.act and collector.n_reports > n_reports:  # of the notes that are pressed
             break
-        level = row.level or MEZZO_FORTE
-        hit = Hit(row.at, (), level, row.place, " ".join(row.what), row.jitter)
-        targets = voices.targets(row, label)
-        if any(voices.part_names.has_end(target) for target in targets):
-            hit = replace(hit, lasting=row.lasting)
+        level = phrase_row.level or MEZZO_FORTE
+        phrase_hit = Hit(
+            phrase_row.at, (), level, phrase_row.place, " ".join(phrase_row.what), phrase_row.jitter
+        )
+        strike_targets = voices.targets(phrase_row, strikes_label)
+        if any(voices.part_names.has_end(target) for target in strike_targets):
+            phrase_hit = replace(phrase_hit, lasting=phrase_row.lasting)
         if not level.is_strength:
-            hits.append(replace(hit, to=targets))
+            phrase_hits.append(replace(phrase_hit, to=strike_targets))
             continue
         by_reach: dict[ImpulseRange, list[Target]] = {}
-        for target in targets:
-            reach = voices.part_names.sure_reach(target, label)
+        for target in strike_targets:
+            reach = voices.part_names.sure_reach(target, strikes_label)
             if reach is not None:
                 by_reach.setdefault(reach, []).append(target)
-        hits += [replace(hit, to=tuple(to), reach=reach) for reach, to in by_reach.items()]
-    return tuple(hits)
+        phrase_hits += [
+            replace(phrase_hit, to=tuple(to), reach=reach) for reach, to in by_reach.items()
+        ]
+    return tuple(phrase_hits)

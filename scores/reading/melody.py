@@ -69,29 +69,34 @@ class WhatShape(Reference):
         return {"type": ["string", "array"], "items": {"type": ["string"]}}
 
 
-def _is_impulse(word: str, node: Scalar, *, is_alone: bool) -> bool:
+def _is_impulse(last_word: str, text_node: Scalar, *, is_alone: bool) -> bool:
     """Whether the last word of a row is an impulse, not a name of what is struck. A ratio is an
     impulse, unless it is alone.
     """
-    if notes.word_of(word) is not None and (is_alone or "/" not in word):
+    if notes.word_of(last_word) is not None and (is_alone or "/" not in last_word):
         return False
-    if is_level(word) and not (is_alone and word[:1].isalpha()):
+    if is_level(last_word) and not (is_alone and last_word[:1].isalpha()):
         return True
     try:
-        return is_computed(word, node.document) and note_of(word, node.document) is None
+        return (
+            is_computed(last_word, text_node.document)
+            and note_of(last_word, text_node.document) is None
+        )
     except TextError:
-        return not is_alone or not has_name(word, node.document)
+        return not is_alone or not has_name(last_word, text_node.document)
 
 
-def _struck(word: str, start: int, node: Scalar, name: str, context: Context) -> Name | None:
+def _struck(
+    struck_word: str, word_start: int, text_node: Scalar, name: str, context: Context
+) -> Name | None:
     """The name that a word strikes: the word itself, or the note that it stands for."""
     try:
-        note = note_of(word, node.document)
+        note = note_of(struck_word, text_node.document)
     except TextError as error:
-        error.offset += start
-        context.text_error(error, node, name)
+        error.offset += word_start
+        context.text_error(error, text_node, name)
         return None
-    return Name(note or word, node.place_at(start, len(word)))
+    return Name(note or struck_word, text_node.place_at(word_start, len(struck_word)))
 
 
 class Swelling(NamedTuple):
@@ -169,7 +174,7 @@ class Entries(Shape):
 
     def _row(self, row: str, offset: int, node: Scalar, context: Context) -> Row | None:
         cells = [(word.group(), offset + word.start()) for word in _WORD.finditer(row)]
-        (position_text, start), option_cells = cells[0], cells[1:]
+        (position_text, position_start), option_cells = cells[0], cells[1:]
         impulse, swells = None, bool(option_cells) and option_cells[-1][0] == "->"
         if swells:
             word, start_of_arrow = option_cells.pop()
@@ -180,17 +185,23 @@ class Entries(Shape):
                 return None
         if option_cells and _is_impulse(option_cells[-1][0], node, is_alone=len(option_cells) == 1):
             impulse = self._value("impulse", *option_cells.pop(), node, context)
-        when = self._value("at", position_text, start, node, context)
+        row_time = self._value("at", position_text, position_start, node, context)
         if not 1 <= len(option_cells) <= MAX_CHORD:
             message = "a row has a time, what is struck and an impulse, such as 1|1  D3 F3  2mNs"
-            context.error("E204", message, node.place_at(start, len(position_text)))
+            context.error("E204", message, node.place_at(position_start, len(position_text)))
             return None
         names = [_struck(word, place, node, "what", context) for word, place in option_cells]
-        if when is MISSING or impulse is MISSING or None in names:
+        if row_time is MISSING or impulse is MISSING or None in names:
             return None
         struck = tuple(name for name in names if name is not None)
         level = impulse and impulse.level
-        return Row(when, struck, level, node.place_at(start, len(position_text)), swells=swells)
+        return Row(
+            row_time,
+            struck,
+            level,
+            node.place_at(position_start, len(position_text)),
+            swells=swells,
+        )
 
     def _value(self, field: str, word: str, offset: int, node: Scalar, context: Context) -> Any:
         shape = self.entry.by_name[field].shape
@@ -217,15 +228,15 @@ class Entries(Shape):
         return f"a list of strikes, or a table below '|' with rows such as {example}  D3 F3  2mNs"
 
 
-def _checked(rows: Any, context: Context) -> Any:
+def _checked(phrase_rows: Any, context: Context) -> Any:
     """Rows, unless one swells to no level, or to one of another kind."""
-    if rows is MISSING:
+    if phrase_rows is MISSING:
         return MISSING
-    rows_read = [row for row in rows if isinstance(row, Row)]
-    for number, row in enumerate(rows_read):
-        if not row.swells or row.level is None:
+    rows_read = [row for row in phrase_rows if isinstance(row, Row)]
+    for number, phrase_row in enumerate(rows_read):
+        if not phrase_row.swells or phrase_row.level is None:
             continue
-        end = next(
+        swell_end = next(
             (
                 later_row.level
                 for later_row in rows_read[number + 1 :]
@@ -233,15 +244,17 @@ def _checked(rows: Any, context: Context) -> Any:
             ),
             None,
         )
-        if end is None:
+        if swell_end is None:
             message = "`->` leads to the next level, and no entry after this one has a level"
-        elif end.is_strength != row.level.is_strength or not (_is_one(row.level) and _is_one(end)):
+        elif swell_end.is_strength != phrase_row.level.is_strength or not (
+            _is_one(phrase_row.level) and _is_one(swell_end)
+        ):
             message = "`->` leads from one level to another of its kind, such as p -> and f"
         else:
             continue
-        context.error("E204", message, row.place)
+        context.error("E204", message, phrase_row.place)
         return MISSING
-    return rows
+    return phrase_rows
 
 
 def _is_one(level: Level) -> bool:

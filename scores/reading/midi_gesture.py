@@ -21,23 +21,27 @@ def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gestur
 
     Its times are in quarter notes. They count as beats if the piece `has_quarters` in all meters.
     """
-    label = take.context.label("")
+    error_label = take.context.label("")
     if take["depth"] is None:
-        take.error("E103", f"{label} has no 'depth': how far notes press a key, such as 2mm..8mm")
+        take.error(
+            "E103", f"{error_label} has no 'depth': how far notes press a key, such as 2mm..8mm"
+        )
         return None
     take_notes = midi_notes(take, files)
     if take_notes is None:
         return None
     points = _points(take_notes.notes, take["depth"], take["curve"] or EVEN, take_notes.length)
     if len(points) > room:
-        take.error("E105", f"{label}: the gestures have more points than a piece may have", "file")
+        take.error(
+            "E105", f"{error_label}: the gestures have more points than a piece may have", "file"
+        )
         return None
     name, place = take.context.name, take.place
     return Gesture(name, points, (), (), NO_OPTIONS, place, in_quarters=not has_quarters)
 
 
 def _points(
-    notes: Sequence[MidiNote], depth: tuple[float, float], curve: Curve, length: float
+    notes: Sequence[MidiNote], depth: tuple[float, float], curve: Curve, take_length: float
 ) -> tuple[Point, ...]:
     """The key is at rest except within `_REACH` of each note; of simultaneous notes the hardest
     counts.
@@ -45,21 +49,23 @@ def _points(
     hardest: dict[float, int] = {}
     for note in notes:
         hardest[note.at] = max(note.velocity, hardest.get(note.at, 0))
-    instants = [*hardest]
-    points: list[Point] = []
+    note_instants = [*hardest]
+    key_points: list[Point] = []
 
     def add(instant_added: float, x: float, curve: str) -> None:
-        points.append(Point(Time(instant_added), x, curve, 0, 1))
+        key_points.append(Point(Time(instant_added), x, curve, 0, 1))
 
-    for i, instant in enumerate(instants):
-        instant_before = instants[i - 1] if i else -instant  # half the way from the beginning
-        instant_after = instants[i + 1] if i + 1 < len(instants) else instant + 1.0
-        if instant > 0.0:
-            if not points:
+    for i, note_instant in enumerate(note_instants):
+        instant_before = (
+            note_instants[i - 1] if i else -note_instant
+        )  # half the way from the beginning
+        instant_after = note_instants[i + 1] if i + 1 < len(note_instants) else note_instant + 1.0
+        if note_instant > 0.0:
+            if not key_points:
                 add(0.0, 0.0, "smooth")
-            add(instant - min(_REACH, _ROOM * (instant - instant_before)), 0.0, "hold")
-        add(instant, between(hardest[instant], depth, curve), "smooth")
-        add(instant + min(_REACH, _ROOM * (instant_after - instant)), 0.0, "smooth")
-    if length > points[-1].at.beats:
-        add(length, 0.0, "hold")
-    return tuple(points)
+            add(note_instant - min(_REACH, _ROOM * (note_instant - instant_before)), 0.0, "hold")
+        add(note_instant, between(hardest[note_instant], depth, curve), "smooth")
+        add(note_instant + min(_REACH, _ROOM * (instant_after - note_instant)), 0.0, "smooth")
+    if take_length > key_points[-1].at.beats:
+        add(take_length, 0.0, "hold")
+    return tuple(key_points)

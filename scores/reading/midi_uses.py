@@ -90,35 +90,46 @@ class MidiUses:
         """The tempos or the meters of the file that `from` names, as `read` makes them; None if an
         error was reported.
         """
-        name = values["from"]
-        if name is None:
+        file_name = values["from"]
+        if file_name is None:
             return None
-        label, folder = f"{values.context.label('from')}: ", values.nodes["from"].document.folder
-        path = self._files.locate(name, folder, values.place_of("from"), label, is_text=False)
+        source_label, folder = (
+            f"{values.context.label('from')}: ",
+            values.nodes["from"].document.folder,
+        )
+        path = self._files.locate(
+            file_name, folder, values.place_of("from"), source_label, is_text=False
+        )
         if path is None:
             return None
-        use = self._use(path, name, values.place_of("from"))
+        use = self._use(path, file_name, values.place_of("from"))
         use.has_tempo |= is_tempo
         use.has_meter |= not is_tempo
         try:
             return read(path)
         except TakeError as error:
-            values.error("E310", f"{label}{error.message}", "from")
+            values.error("E310", f"{source_label}{error.message}", "from")
         return None
 
     def course(self, values: Values) -> Course:
         """How what automation follows moves in its file; empty if an error was reported."""
-        name, channel, source = values["from"], values["channel"], values["by"]
-        label, folder = "automation: ", values.nodes["from"].document.folder
-        path = self._files.locate(name, folder, values.place_of("from"), label, is_text=False)
+        name, channel_name, source_text = values["from"], values["channel"], values["by"]
+        automation_label, folder = "automation: ", values.nodes["from"].document.folder
+        path = self._files.locate(
+            name, folder, values.place_of("from"), automation_label, is_text=False
+        )
         if path is None:
             return ()
         use = self._use(path, name, values.place_of("from"))
-        use.followed.add((channel, source))
+        use.followed.add((channel_name, source_text))
         try:
-            return read_course(path, channel, source)
+            return read_course(path, channel_name, source_text)
         except TakeError as error:
-            values.error("E310", f"{label}{error.message}", "by" if error.field == "by" else "from")
+            values.error(
+                "E310",
+                f"{automation_label}{error.message}",
+                "by" if error.field == "by" else "from",
+            )
         return ()
 
     def _use(self, path: Path, name: str, place: Place) -> _Use:
@@ -131,20 +142,20 @@ class MidiUses:
                 _report_musicxml(path, use, collector)
                 continue
             try:
-                file = survey(path)
+                midi_survey = survey(path)
             except TakeError:  # whoever reads the file reports it
                 continue
-            _report([*_passed_over(file, use)], use, collector)
-            if n_unread_bytes := file.n_bytes_after + file.n_bytes_unread:
-                location = "its last track" if file.n_bytes_after else "the end of a track"
+            _report([*_passed_over(midi_survey, use)], use, collector)
+            if n_unread_bytes := midi_survey.n_bytes_after + midi_survey.n_bytes_unread:
+                location = "its last track" if midi_survey.n_bytes_after else "the end of a track"
                 message = (
                     f"{use.name}: {plural(n_unread_bytes, ('byte', 'bytes'))} after {location} "
                 )
                 message += f"{'is' if n_unread_bytes == 1 else 'are'} not read"
                 collector.error("W335", message, use.place)
-            if file.n_missing:
-                n_tracks = plural(file.n_missing, ("track", "tracks"))
-                verb = "is" if file.n_missing == 1 else "are"
+            if midi_survey.n_missing:
+                n_tracks = plural(midi_survey.n_missing, ("track", "tracks"))
+                verb = "is" if midi_survey.n_missing == 1 else "are"
                 message = f"{use.name}: {n_tracks} that its head states {verb} missing"
                 collector.error("W335", message, use.place)
 
@@ -172,16 +183,16 @@ def _report_musicxml(path: Path, use: _Use, collector: Collector) -> None:
     _report([plural(n, (noun, f"{noun}s")) for noun, n in counts.items() if n], use, collector)
 
 
-def _passed_over(file: MidiSurvey, use: _Use) -> Iterator[str]:
+def _passed_over(midi_survey: MidiSurvey, use: _Use) -> Iterator[str]:
     """What a score does not use of a file, in words."""
-    unplayed = {c: n for c, n in file.notes.items() if not use.channels & {None, c}}
+    unplayed = {c: n for c, n in midi_survey.notes.items() if not use.channels & {None, c}}
     if unplayed:
         channels = [str(channel) for channel in sorted(unplayed)]
         noun = "channel" if len(channels) == 1 else "channels"
         count = plural(sum(unplayed.values()), ("note", "notes"))
         yield f"{count} of {noun} {', '.join(channels)}"
     yield from passed_over(
-        file,
+        midi_survey,
         has_pedal=use.has_lengths,
         has_tempo=use.has_tempo,
         has_meter=use.has_meter,

@@ -16,15 +16,18 @@ from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT
 MAX_CHANNELS = 1024
 
 
-def _channels(text: str) -> Any:
-    if text.strip()[:1].isalpha() and text != "nearest":
-        message = f"{quote(text)} is not a channel: channels are numbers from 1 (1 and 2 are left "
+def _channels(channels_text: str) -> Any:
+    if channels_text.strip()[:1].isalpha() and channels_text != "nearest":
+        message = (
+            f"{quote(channels_text)} is not a channel: channels are numbers from 1 (1 and 2 are "
+            "left "
+        )
         message += "and right of two), or `nearest`"
         suggestion = {"left": "1", "right": "2", "both": "[1, 2]", "stereo": "[1, 2]"}.get(
-            text.strip()
+            channels_text.strip()
         )
-        raise TextError(message, length=len(text), suggestion=suggestion, code="E201")
-    return "nearest" if text == "nearest" else (CHANNEL.parse(text),)
+        raise TextError(message, length=len(channels_text), suggestion=suggestion, code="E201")
+    return "nearest" if channels_text == "nearest" else (CHANNEL.parse(channels_text),)
 
 
 CHANNEL = k.integer(1, MAX_CHANNELS, "1")

@@ -190,16 +190,25 @@ def rooms(rooms_read: Any) -> tuple[Room, ...]:
 
 
 def _rooms(rooms_read: Mapping[str, object]) -> Iterator[Room]:
-    for name, values in rooms_read.items():
-        if not isinstance(values, Values) or values["t60"] is None:
+    for room_name, room_values in rooms_read.items():
+        if not isinstance(room_values, Values) or room_values["t60"] is None:
             continue
-        t60 = values["t60"]
+        t60 = room_values["t60"]
         if isinstance(t60, float):
-            pairs = (_FLAT[0], t60), (_FLAT[1], t60)
+            decay_pairs = (_FLAT[0], t60), (_FLAT[1], t60)
         elif len(t60) == 2:
-            pairs = t60
+            decay_pairs = t60
         else:
-            message = f"room {name}: t60: a room has decays at two frequencies; here {len(t60)}"
-            values.error("E106", message, "t60")
+            message = (
+                f"room {room_name}: t60: a room has decays at two frequencies; here {len(t60)}"
+            )
+            room_values.error("E106", message, "t60")
             continue
-        yield Room(name, values["size"], pairs, values["to"] or (), values["gain"], values.place)
+        yield Room(
+            room_name,
+            room_values["size"],
+            decay_pairs,
+            room_values["to"] or (),
+            room_values["gain"],
+            room_values.place,
+        )

@@ -10,21 +10,23 @@ from ergon.notation.text.spelling import nearest
 from ergon.scores.reading.piece import Piece
 
 
-def named_point(piece: Piece, text: str) -> Target:
+def named_point(piece: Piece, point_text: str) -> Target:
     """The masses that a name reaches: a key, `bell.m`, `string.s.12`. Raises TextError."""
     collector = Collector()
-    parts = {
+    parts_by_name = {
         name: Part(name, {module.name: module for module in key.modules}, struck=key.struck)
         for name, key in piece.keys.items()
     }
     for name, instrument in piece.instruments.items():
         key = {module.name: module for module in instrument.modules}
-        parts[name] = Part(name, key, axes=instrument.axes)
-    target = PartNames(collector, parts).target(Name(text, piece.place), "mats", "")
-    if target is None:
+        parts_by_name[name] = Part(name, key, axes=instrument.axes)
+    point_target = PartNames(collector, parts_by_name).target(
+        Name(point_text, piece.place), "mats", ""
+    )
+    if point_target is None:
         mistake = collector.finish()[0]
         close = mistake.suggestion
         if close is None and mistake.code == "E301":
-            close = nearest(text.partition(".")[0], parts)
+            close = nearest(point_text.partition(".")[0], parts_by_name)
         raise TextError(mistake.message, suggestion=close)
-    return target
+    return point_target

@@ -26,16 +26,16 @@ class NoteTargets:
     to: tuple[Name, ...]
     _known: dict[str, list[Target]] = field(default_factory=dict, init=False, compare=False)
 
-    def mirrored(self, row: Row, first_row: Row) -> Row:
+    def mirrored(self, phrase_row: Row, first_row: Row) -> Row:
         """A row mirrored in pitch about the first note of a phrase. Raises TextError."""
         heights = (self._note(word) for word in first_row.what)
         about = next((height for height in heights if height is not None), None)
         if about is None:
             raise TextError(f"{quote(' '.join(first_row.what))} has no note to mirror about")
         mirrored_names = [
-            self.moved(word, 2 * (about - (self._note(word) or 0))) for word in row.what
+            self.moved(word, 2 * (about - (self._note(word) or 0))) for word in phrase_row.what
         ]
-        return self.renamed(row, mirrored_names)
+        return self.renamed(phrase_row, mirrored_names)
 
     def renamed(self, row: Row, new_names: Sequence[Name]) -> Row:
         """A row with other notes; `before` keeps those that were written."""
@@ -64,28 +64,28 @@ class NoteTargets:
     def targets(self, row: Row, label: str) -> tuple[Target, ...]:
         """The MATs that a row strikes; reports what cannot be reached."""
         pairs = zip(row.what, row.before or row.what, strict=True)
-        names = [
+        member_names = [
             name for word, name_before in pairs for name in self._names(word, name_before, label)
         ]
         if row.act:
-            names = [
+            member_names = [
                 name
-                for struck_name in names
+                for struck_name in member_names
                 for name in self.part_names.drawn_act(struck_name, row.act)
             ]
-        return tuple(target for name in names for target in self._reached(name, label))
+        return tuple(target for name in member_names for target in self._reached(name, label))
 
-    def _reached(self, name: Name, label: str) -> list[Target]:
+    def _reached(self, target_name: Name, label: str) -> list[Target]:
         """The targets of a name, kept for further rows, which differ only in their place."""
-        known_targets = self._known.get(name)
+        known_targets = self._known.get(target_name)
         if known_targets is not None:
             return [
-                Target(t.part, t.module, t.first, t.count, t.text, name.place)
+                Target(t.part, t.module, t.first, t.count, t.text, target_name.place)
                 for t in known_targets
             ]
-        targets_struck = self.part_names.struck(name, label)
+        targets_struck = self.part_names.struck(target_name, label)
         if targets_struck:  # else each row reports what is missing
-            self._known[name] = targets_struck
+            self._known[target_name] = targets_struck
         return targets_struck
 
     def _names(self, word: Name, word_before: Name, label: str) -> list[Name]:
@@ -111,8 +111,8 @@ class NoteTargets:
                     self.part_names.target(to, "mats", label)
                 continue
             instrument, name_rest = family
-            note = instrument.note(word)
-            if note is None:
+            word_note = instrument.note(word)
+            if word_note is None:
                 known_notes = [part.rpartition(".")[2] for part in instrument.parts.values()]
                 message = f"{label}: {quote(to)} has no note {quote(word)}"
                 note_range = (
@@ -126,7 +126,7 @@ class NoteTargets:
                     message += f", to which {quote(word_before)} is moved{note_range}"
                     self.part_names.collector.error("E301", message, word.place)
                 continue
-            names_read.append(Name(".".join(filter(None, (note, name_rest))), word.place))
+            names_read.append(Name(".".join(filter(None, (word_note, name_rest))), word.place))
         return names_read
 
     def _note(self, word: str) -> float | None:

@@ -27,43 +27,54 @@ _EXCLUSIVE: Mapping[str, tuple[tuple[tuple[str, ...], ...], ...]] = {
 _LAW = ("law", "damping", "points")
 
 
-def overlay_fields(base: Values, member: Values) -> Values:
+def overlay_fields(base_values: Values, member_values: Values) -> Values:
     """The base's fields under one's own, also within modules; transformations are appended.
 
     An `f` of one's own is moved by one's own `transpose`; that of the base is moved already.
     """
-    hidden = _hidden(member, member.record.noun) | {"transpose"}
-    if member.written("notes"):  # members of the base have no meaning for other notes
+    hidden = _hidden(member_values, member_values.record.noun) | {"transpose"}
+    if member_values.written("notes"):  # members of the base have no meaning for other notes
         hidden.add("members")
-    body = member.by_name.get(member.kind)
+    body = member_values.by_name.get(member_values.kind)
     if isinstance(body, Values):  # fields inside a generator precede those beside it
         hidden.update(body.written("f", "t60", "M"))
         if body.written("K", "Z"):
             hidden.update(("f", "t60"))
-    fields = {name: value for name, value in base.by_name.items() if name not in hidden}
-    nodes = {name: node for name, node in base.nodes.items() if name not in hidden}
-    for name, value in member.by_name.items():
-        if name == "modules" and isinstance(fields.get(name), dict):
-            value = _modules(fields[name], value)
-        elif name == "do" and name in fields:
-            value = (*fields[name], *value)
-        elif name == member.kind == base.kind and isinstance(value, Values):
-            value = _fields(name, fields.get(name), value)
-        elif name == "members" and isinstance(fields.get(name), dict):
-            value = {**fields[name], **value}
-        elif name == "f" and isinstance(value, tuple) and "transpose" in member.by_name:
-            value = tuple(pitch(pitch_value, member.by_name["transpose"]) for pitch_value in value)
-        fields[name] = value
-    fields.pop("transpose", None)
-    nodes.update(member.nodes)
-    kind = member.kind or base.kind
+    module_fields = {
+        name: value for name, value in base_values.by_name.items() if name not in hidden
+    }
+    module_nodes = {name: node for name, node in base_values.nodes.items() if name not in hidden}
+    for field_name, field_value in member_values.by_name.items():
+        if field_name == "modules" and isinstance(module_fields.get(field_name), dict):
+            field_value = _modules(module_fields[field_name], field_value)
+        elif field_name == "do" and field_name in module_fields:
+            field_value = (*module_fields[field_name], *field_value)
+        elif field_name == member_values.kind == base_values.kind and isinstance(
+            field_value, Values
+        ):
+            field_value = _fields(field_name, module_fields.get(field_name), field_value)
+        elif field_name == "members" and isinstance(module_fields.get(field_name), dict):
+            field_value = {**module_fields[field_name], **field_value}
+        elif (
+            field_name == "f"
+            and isinstance(field_value, tuple)
+            and "transpose" in member_values.by_name
+        ):
+            field_value = tuple(
+                pitch(pitch_value, member_values.by_name["transpose"])
+                for pitch_value in field_value
+            )
+        module_fields[field_name] = field_value
+    module_fields.pop("transpose", None)
+    module_nodes.update(member_values.nodes)
+    kind = member_values.kind or base_values.kind
     return Values(
-        member.record,
-        member.node,
-        member.context,
-        fields,
-        nodes,
-        {**base.free, **member.free},
+        member_values.record,
+        member_values.node,
+        member_values.context,
+        module_fields,
+        module_nodes,
+        {**base_values.free, **member_values.free},
         kind,
     )
 
@@ -81,19 +92,24 @@ def shifted_note(values: Values, note: str, interval: Interval | None = None) ->
     """An instrument with notes at one of its notes, with the fields that are written for that note;
     moved by the `interval` of the whole instrument, and by that of the note.
     """
-    base, member_values = instrument_at_note(values, note), member(values, notes.pitch(note) or 0.0)
+    base_values, member_values = (
+        instrument_at_note(values, note),
+        member(values, notes.pitch(note) or 0.0),
+    )
     if member_values is not None:
         interval = both(interval, member_values.by_name.get("transpose"))
         member_values = replace(
             member_values,
             by_name={n: value for n, value in member_values.by_name.items() if n != "transpose"},
         )
-        overlaid = overlay_fields(base, member_values)
-        base = replace(overlaid, record=base.record, node=base.node, context=base.context)
+        overlaid = overlay_fields(base_values, member_values)
+        base_values = replace(
+            overlaid, record=base_values.record, node=base_values.node, context=base_values.context
+        )
     if interval is None:
-        return base
-    asking = replace(base, by_name={**base.by_name, "transpose": interval})
-    return base_at_pitch(base, asking, is_root=True)
+        return base_values
+    asking = replace(base_values, by_name={**base_values.by_name, "transpose": interval})
+    return base_at_pitch(base_values, asking, is_root=True)
 
 
 def both(first_interval: Interval | None, second_interval: Interval | None) -> Interval | None:
@@ -115,40 +131,44 @@ def _hidden(member: Values, field_name: str) -> set[str]:
 
 def _modules(base: Mapping[str, object], member_modules: Mapping[str, object]) -> dict[str, object]:
     merged = dict(base)
-    for name, body in member_modules.items():
-        base_module = base.get(name)
+    for module_name, module_body in member_modules.items():
+        base_module = base.get(module_name)
         if (
-            isinstance(body, Values)
+            isinstance(module_body, Values)
             and isinstance(base_module, Values)
-            and body.kind == base_module.kind
+            and module_body.kind == base_module.kind
         ):
-            fields = _fields(body.kind, base_module.by_name.get(body.kind), body.by_name[body.kind])
-            body = replace(body, by_name={body.kind: fields})
-        merged[name] = body
+            fields = _fields(
+                module_body.kind,
+                base_module.by_name.get(module_body.kind),
+                module_body.by_name[module_body.kind],
+            )
+            module_body = replace(module_body, by_name={module_body.kind: fields})
+        merged[module_name] = module_body
     return merged
 
 
-def _fields(kind: str, base: Any, member_fields: Any) -> Any:
+def _fields(module_kind: str, base_fields: Any, member_fields: Any) -> Any:
     """The fields of one module over those of a base module of the same kind."""
-    if not isinstance(base, Values) or not isinstance(member_fields, Values):
+    if not isinstance(base_fields, Values) or not isinstance(member_fields, Values):
         return member_fields
-    hidden, free = _hidden(member_fields, kind), {**base.free, **member_fields.free}
-    if kind == "PLATE":  # one of the fields that set its pitch is dropped
-        sets = "tension" if base.written("tension") else "thickness"
+    hidden, free = _hidden(member_fields, module_kind), {**base_fields.free, **member_fields.free}
+    if module_kind == "PLATE":  # one of the fields that set its pitch is dropped
+        sets = "tension" if base_fields.written("tension") else "thickness"
         hidden |= (
             {sets} if member_fields.written("f") and not member_fields.written(sets) else set()
         )
         hidden |= (
             {"f"}
-            if member_fields.written("tension", "thickness") and base.written("material")
+            if member_fields.written("tension", "thickness") and base_fields.written("material")
             else set()
         )
-    if kind == "LNL" and member_fields.written(*_LAW):  # another law has other constants
-        hidden, free = {*_LAW, *base.free, "interval"}, dict(member_fields.free)
-    if kind == "BUT" and member_fields["contact"] == "magic":
+    if module_kind == "LNL" and member_fields.written(*_LAW):  # another law has other constants
+        hidden, free = {*_LAW, *base_fields.free, "interval"}, dict(member_fields.free)
+    if module_kind == "BUT" and member_fields["contact"] == "magic":
         hidden = {"K", "Z", "clamp"}
-    fields = {name: value for name, value in base.by_name.items() if name not in hidden}
-    nodes = {name: node for name, node in base.nodes.items() if name not in hidden}
+    fields = {name: value for name, value in base_fields.by_name.items() if name not in hidden}
+    nodes = {name: node for name, node in base_fields.nodes.items() if name not in hidden}
     return replace(
         member_fields,
         by_name={**fields, **member_fields.by_name},

@@ -62,28 +62,28 @@ def _play(values: Values) -> Play:
 
 
 def _entry(
-    written: _EntryValues,
+    entry_values: _EntryValues,
     context: Context,
     played: Played,
     place_of_at: Place,
     until: Place | None,
 ) -> Play:
-    do, turns = as_turns(written.get("do", ()))
+    do, turns = as_turns(entry_values.get("do", ()))
     if turns:
-        written = {**written, "nth": numbered((*written.get("nth", ()), *turns))}
-    pattern = pattern_of(written, played.order or plain(played.text))
+        entry_values = {**entry_values, "nth": numbered((*entry_values.get("nth", ()), *turns))}
+    pattern = pattern_of(entry_values, played.order or plain(played.text))
     if mistake := iteration_mistake(pattern):
         context.error("E305", f"{quote(played.text)}: {mistake}", played.place)
     only = next(pattern.leaves(), None) if pattern.is_plain else None
     return Play(
         player=context.name,
         what=played.text if only is None else only.name or "",
-        at=written["at"],
-        every=_spaced(pattern, written.get("every"), do),
-        times=written.get("times"),
-        until=written.get("until"),
+        at=entry_values["at"],
+        every=_spaced(pattern, entry_values.get("every"), do),
+        times=entry_values.get("times"),
+        until=entry_values.get("until"),
         do=do,
-        manner=playing_options(written),
+        manner=playing_options(entry_values),
         place=played.place,
         begin_place=place_of_at,
         until_place=until,
@@ -91,14 +91,14 @@ def _entry(
     )
 
 
-def _spaced(pattern: Pattern, every: Length | None, do: Iterable[Transform]) -> Length | None:
+def _spaced(pattern: Pattern, step_length: Length | None, do: Iterable[Transform]) -> Length | None:
     """The time between repetitions, which `fast` and `slow` change; None where a gesture's own
     length says it.
     """
     factor = prod(change.spacing for change in do)
-    if factor != 1.0 and every is None and pattern.euclid is not None:
-        every = Length(bars=1.0 / pattern.euclid.steps)  # a round lasts a bar
-    return every if every is None or factor == 1.0 else every.times(factor)
+    if factor != 1.0 and step_length is None and pattern.euclid is not None:
+        step_length = Length(bars=1.0 / pattern.euclid.steps)  # a round lasts a bar
+    return step_length if step_length is None or factor == 1.0 else step_length.times(factor)
 
 
 class Played(NamedTuple):
@@ -114,21 +114,21 @@ class _PlayedShape(Reference):
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
-        text = node.text if isinstance(node, Scalar) else ""
-        if not isinstance(node, Scalar) or not text.strip() or len(text) > MAX_PATTERN:
+        table_text = node.text if isinstance(node, Scalar) else ""
+        if not isinstance(node, Scalar) or not table_text.strip() or len(table_text) > MAX_PATTERN:
             return super().read(node, name, context)
-        if text.strip().isidentifier():
-            return Played(Name(text.strip(), node.place), None, node.place)
+        if table_text.strip().isidentifier():
+            return Played(Name(table_text.strip(), node.place), None, node.place)
 
         def called(word: str, offset: int) -> Name:
             return Name(name_of(word, offset), node.place_at(offset, len(word)))
 
         try:
-            order = parse(text, called)
+            order = parse(table_text, called)
         except TextError as error:
             context.text_error(error, node, name)
             return MISSING
-        return Played(" ".join(text.split()), order, node.place)
+        return Played(" ".join(table_text.split()), order, node.place)
 
 
 _PLAYED = _PlayedShape(
@@ -206,45 +206,45 @@ class Part(Shape):
         return self if isinstance(node, Scalar) and not node.is_empty else self.entries
 
 
-def _row(text: str, offset: int, node: Scalar, context: Context) -> Play | None:
+def _row(row_text: str, offset: int, text_node: Scalar, context: Context) -> Play | None:
     try:
-        row = words.parse_row(
-            text, offset, lambda word, place: Name(word, node.place_at(place, len(word)))
+        parsed_row = words.parse_row(
+            row_text, offset, lambda word, place: Name(word, text_node.place_at(place, len(word)))
         )
     except TextError as error:
-        context.text_error(error, node, "")
+        context.text_error(error, text_node, "")
         return None
-    fields: dict[str, object] = {}
+    entry_fields: dict[str, object] = {}
     broken = False
-    for name, word in (("at", row.at), *row.play.options.items()):
-        value = _option(name, word, node, context)
+    for name, word in (("at", parsed_row.at), *parsed_row.play.options.items()):
+        value = _option(name, word, text_node, context)
         if value is MISSING:
             broken = True
         else:
-            fields[name] = value
+            entry_fields[name] = value
     if broken:
         return None
-    fields["do"] = row.play.do
-    if "rate" in fields:
-        _unused_rate(context, _place(row.play.options["rate"], node))
-    what_words, until = row.play.what, row.play.options.get("until")
-    text = " ".join(what_words.text.split())
-    row_place = _place(row.at, node)
+    entry_fields["do"] = parsed_row.play.do
+    if "rate" in entry_fields:
+        _unused_rate(context, _place(parsed_row.play.options["rate"], text_node))
+    what_words, until_word = parsed_row.play.what, parsed_row.play.options.get("until")
+    row_text = " ".join(what_words.text.split())
+    row_place = _place(parsed_row.at, text_node)
     # In a literal block a row is one line of the file, so the column follows from that of
     # `row_place`.
-    column = row_place.column + what_words.offset - row.at.offset
-    is_block = node.style == "|"
+    column = row_place.column + what_words.offset - parsed_row.at.offset
+    is_block = text_node.style == "|"
     place = (
         Place(row_place.file, row_place.line, column, len(what_words.text))
         if is_block
-        else _place(what_words, node)
+        else _place(what_words, text_node)
     )
     return _entry(
-        cast("_EntryValues", fields),
+        cast("_EntryValues", entry_fields),
         context,
-        Played(Name(text, place), row.play.order, place),
+        Played(Name(row_text, place), parsed_row.play.order, place),
         row_place,
-        _place(until, node) if until else None,
+        _place(until_word, text_node) if until_word else None,
     )
 
 
@@ -252,16 +252,18 @@ def _place(word: words.Word, node: Scalar) -> Place:
     return node.place_at(word.offset, len(word.text))
 
 
-def _option(name: str, word: words.Word, node: Scalar, context: Context) -> Any:
-    shape = SHAPES.get(name)
+def _option(option_name: str, option_word: words.Word, text_node: Scalar, context: Context) -> Any:
+    shape = SHAPES.get(option_name)
     if not isinstance(shape, Text):
-        context.error("E108", f"{name!r} is not built yet for a part", _place(word, node))
+        context.error(
+            "E108", f"{option_name!r} is not built yet for a part", _place(option_word, text_node)
+        )
         return MISSING
     try:
-        return shape.read_word(word.text, node.document)
+        return shape.read_word(option_word.text, text_node.document)
     except TextError as error:
-        error.offset += word.offset
-        context.text_error(error, node, name)
+        error.offset += option_word.offset
+        context.text_error(error, text_node, option_name)
         return MISSING
 
 

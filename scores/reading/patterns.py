@@ -41,13 +41,13 @@ class PatternValues(TypedDict, total=False):
     nth: tuple[Turn, ...]
 
 
-def pattern_of(written: PatternValues, order: Group) -> Pattern:
+def pattern_of(pattern_values: PatternValues, order: Group) -> Pattern:
     """An order with the rhythm and the chance that were written beside it."""
     return Pattern(
         order,
-        euclid=written.get("euclid"),
-        swing=written.get("swing", EVEN),
-        chance=written.get("chance"),
-        turns=written.get("nth", ()),
-        skip=written.get("skip", 0),
+        euclid=pattern_values.get("euclid"),
+        swing=pattern_values.get("swing", EVEN),
+        chance=pattern_values.get("chance"),
+        turns=pattern_values.get("nth", ()),
+        skip=pattern_values.get("skip", 0),
     )

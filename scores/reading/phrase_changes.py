@@ -29,7 +29,7 @@ def length_of(rows: Sequence[Row], written_length: Length | None) -> Length | No
 
 def transformed(
     rows: Sequence[Row],
-    length: Length,
+    phrase_length: Length,
     chain: Iterable[Transform],
     mirrored: Callable[[Row, Row], Row],
 ) -> tuple[tuple[Row, ...], Length]:
@@ -48,13 +48,13 @@ def transformed(
             raise TextError(message, offset=transform.offset, length=transform.length)
         rows_out = tuple(act(rows_out, transform))
         if transform.word == "stretch":
-            length = length.times(transform.amount)
+            phrase_length = phrase_length.times(transform.amount)
         if transform.word == "from":
-            length = _length_after(length, transform)
-            if not rows_out or not length.is_some:
+            phrase_length = _length_after(phrase_length, transform)
+            if not rows_out or not phrase_length.is_some:
                 message = "'from' begins after the last entry of this phrase"
                 raise TextError(message, offset=transform.offset, length=transform.length)
-    return rows_out, length
+    return rows_out, phrase_length
 
 
 def _scale(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
@@ -75,15 +75,17 @@ def _shift(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
         yield replace(row, at=Length(length.bars, beats, seconds))
 
 
-def _reverse(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _reverse(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     """The rows in reverse order, within the same time span."""
-    lengths = [(a.bars, a.beats, a.seconds) for a in map(_length, rows)]
-    if sum(any(unit) for unit in zip(*lengths, strict=True)) > 1:
+    row_lengths = [(a.bars, a.beats, a.seconds) for a in map(_length, phrase_rows)]
+    if sum(any(unit) for unit in zip(*row_lengths, strict=True)) > 1:
         message = "'reverse' needs entries in one unit: all in beats, in bars or in seconds"
         raise TextError(message, offset=t.offset, length=t.length)
-    start_and_end = [low + high for low, high in zip(min(lengths), max(lengths), strict=True)]
+    start_and_end = [
+        low + high for low, high in zip(min(row_lengths), max(row_lengths), strict=True)
+    ]
     for row, length in sorted(
-        zip(rows, lengths, strict=True), key=lambda pair: pair[1], reverse=True
+        zip(phrase_rows, row_lengths, strict=True), key=lambda pair: pair[1], reverse=True
     ):
         yield replace(row, at=Length(*(a - b for a, b in zip(start_and_end, length, strict=True))))
 

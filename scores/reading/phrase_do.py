@@ -15,35 +15,35 @@ from ergon.scores.pattern.cycle_table import TABLE
 from ergon.scores.pattern.cycle_transforms import parse_transforms
 
 
-def split_do(text: str, is_rhythm: bool = False) -> tuple[tuple[Transform, ...], str]:
+def split_do(chain_text: str, is_rhythm: bool = False) -> tuple[tuple[Transform, ...], str]:
     """The transformations of entries in `stretch 2, every 4 rev`, and those of rhythms as a text.
 
     From the first that only rhythms have on (`is_rhythm`: from the beginning) all are of rhythms.
     Raises TextError.
     """
     chain: list[Transform] = []
-    start = 0
-    while start <= len(text):
-        stop = text.find(",", start)
-        part = text[start : stop if stop >= 0 else len(text)]
-        word = next(iter(part.split()), "")
+    part_start = 0
+    while part_start <= len(chain_text):
+        stop = chain_text.find(",", part_start)
+        part_text = chain_text[part_start : stop if stop >= 0 else len(chain_text)]
+        word = next(iter(part_text.split()), "")
         if is_rhythm or (word in TABLE and word not in ARITY):
-            parse_transforms(text[start:], start)
-            return tuple(chain), text[start:].strip()
-        chain.append(parse_do(part, start))
-        start += len(part) + 1
+            parse_transforms(chain_text[part_start:], part_start)
+            return tuple(chain), chain_text[part_start:].strip()
+        chain.append(parse_do(part_text, part_start))
+        part_start += len(part_text) + 1
     return tuple(chain), ""
 
 
-def _entries_do(text: str) -> tuple[Transform, ...]:
+def _entries_do(chain_text: str) -> tuple[Transform, ...]:
     """The transformations of a phrase itself. Raises TextError for those of rhythms."""
-    chain, rhythm = split_do(text)
+    chain, rhythm = split_do(chain_text)
     if rhythm:
         word = rhythm.split()[0]
         message = (
             f"{quote(word)} is of rhythms; write it in `do` of the strikes that play the phrase"
         )
-        raise TextError(message, offset=text.index(rhythm), length=len(word))
+        raise TextError(message, offset=chain_text.index(rhythm), length=len(word))
     return chain
 
 
@@ -109,14 +109,14 @@ _Transform = TypeVar("_Transform")
 
 
 def transforms(
-    values: Values, parse: Callable[[str], Iterable[_Transform]]
+    strike_values: Values, parse: Callable[[str], Iterable[_Transform]]
 ) -> list[_Transform] | None:
     """The transformations of strikes, as `parse` reads a text; None if an error was reported."""
-    result: list[_Transform] = []
-    for node in values["do"] or ():
+    all_transforms: list[_Transform] = []
+    for node in strike_values["do"] or ():
         try:
-            result += parse_with_names(node, parse)
+            all_transforms += parse_with_names(node, parse)
         except TextError as error:
-            values.context.text_error(error, node, "do")
+            strike_values.context.text_error(error, node, "do")
             return None
-    return result
+    return all_transforms

@@ -30,42 +30,44 @@ def phrase_rows(
 
     `levels` are those of entries that say none; `phrases_above` the names of phrases that it is in.
     """
-    entries: Sequence[Row] | None = phrase["entries"]
-    if entries is None:  # a mistake in them was reported
+    written_entries: Sequence[Row] | None = phrase["entries"]
+    if written_entries is None:  # a mistake in them was reported
         return None
     rows: list[Row] = []
     inner_end: float | None = 0.0
-    for row_written, row in zip(
-        entries, with_levels(entries, levels or phrase["impulse"]), strict=True
+    for row_written, phrase_row in zip(
+        written_entries, with_levels(written_entries, levels or phrase["impulse"]), strict=True
     ):
-        name = row.what[0]
-        phrase_values = phrases.get(name) if len(row.what) == 1 else None
+        phrase_name = phrase_row.what[0]
+        phrase_values = phrases.get(phrase_name) if len(phrase_row.what) == 1 else None
         if not isinstance(phrase_values, Values) or phrase_values.record is not phrase.record:
-            rows.append(row)
+            rows.append(phrase_row)
             continue
-        path = (*phrases_above, phrase.context.name, str(name))
-        if name in path[:-1]:
+        path = (*phrases_above, phrase.context.name, str(phrase_name))
+        if phrase_name in path[:-1]:
             circle = ", which plays ".join(path)
             message = (
                 f"{phrase.context.label('')}: {circle}: a circle without an end; remove one of "
             )
-            phrase.context.error("E302", f"{message}these entries", row.place)
+            phrase.context.error("E302", f"{message}these entries", phrase_row.place)
             return None
         if len(path) > _DEEPEST:
             message = f"{phrase.context.label('')}: phrases are nested more than {_DEEPEST} deep"
-            phrase.context.error("E105", message, row.place)
+            phrase.context.error("E105", message, phrase_row.place)
             return None
         entry_levels = None if row_written.level is None else Levels((row_written.level,))
         named_rows = phrase_rows(phrase_values, phrases, voices, entry_levels, path[:-1])
         if named_rows is None:
             return None
         inner_rows, length = named_rows
-        assert isinstance(row.at, Length)
-        rows += (_moved(inner_row, row.at, phrase_values, voices) for inner_row in inner_rows)
-        inner_end = _later(inner_end, row.at, length)
+        assert isinstance(phrase_row.at, Length)
+        rows += (
+            _moved(inner_row, phrase_row.at, phrase_values, voices) for inner_row in inner_rows
+        )
+        inner_end = _later(inner_end, phrase_row.at, length)
         if len(rows) > MAX_ROWS:
             message = f"{phrase.context.label('')} has more than {MAX_ROWS:,} strikes"
-            phrase.context.error("E105", message, row.place)
+            phrase.context.error("E105", message, phrase_row.place)
             return None
     length_here = length_of(rows, phrase["length"])
     if length_here is not None and phrase["length"] is None:
@@ -92,52 +94,60 @@ def _later(end: float | None, begin: Length, length: Length) -> float | None:
     return max(end, begin.beats + length.beats)
 
 
-def _moved(row: Row, begin: Length, phrase: Values, voices: NoteTargets) -> Row:
+def _moved(phrase_row: Row, begin_beat: Length, phrase: Values, voices: NoteTargets) -> Row:
     """A strike of a phrase that begins somewhere in another; its notes are those of its own `to`,
     where that is not the other's.
     """
-    assert isinstance(row.at, Length)
-    bars, beats = begin.bars + row.at.bars, begin.beats + row.at.beats
-    moved = replace(row, at=Length(bars, beats, begin.seconds + row.at.seconds))
+    assert isinstance(phrase_row.at, Length)
+    bars, beats = begin_beat.bars + phrase_row.at.bars, begin_beat.beats + phrase_row.at.beats
+    moved = replace(phrase_row, at=Length(bars, beats, begin_beat.seconds + phrase_row.at.seconds))
     to = phrase["to"] or ()
     if not to or tuple(to) == tuple(voices.to):
         return moved
-    moved_names = tuple(Name(f"{part}.{word}", word.place) for part in to for word in row.what)
+    moved_names = tuple(
+        Name(f"{part}.{word}", word.place) for part in to for word in phrase_row.what
+    )
     return replace(moved, what=moved_names, before=())
 
 
-def with_levels(rows: Sequence[Row], levels: Levels | None) -> tuple[Row, ...]:
-    """Rows, each with a level: its own, or that of the row before; `levels` are those of rows
-    that say none.
+def with_levels(rows: Sequence[Row], strike_levels: Levels | None) -> tuple[Row, ...]:
+    """Rows, each with a level: its own, or that of the row before; `strike_levels` are those of
+    rows that say none.
     """
-    result, level_before = [], None
-    for number, row in enumerate(rows):
+    leveled_rows, level_before = [], None
+    for number, phrase_row in enumerate(rows):
         level_before = (
-            row.level or level_before or (levels or Levels((MEZZO_FORTE,))).step(number, len(rows))
+            phrase_row.level
+            or level_before
+            or (strike_levels or Levels((MEZZO_FORTE,))).step(number, len(rows))
         )
-        is_pattern = levels is not None and len(levels.steps) > 1
-        result.append(replace(row, level=level_before) if row.level != level_before else row)
-        if is_pattern and row.level is None:
+        is_pattern = strike_levels is not None and len(strike_levels.steps) > 1
+        leveled_rows.append(
+            replace(phrase_row, level=level_before)
+            if phrase_row.level != level_before
+            else phrase_row
+        )
+        if is_pattern and phrase_row.level is None:
             level_before = None  # the next row has the next level of the pattern
-    return tuple(_swollen(rows, result))
+    return tuple(_swollen(rows, leveled_rows))
 
 
 def _swollen(rows_written: Sequence[Row], rows: Sequence[Row]) -> Iterator[Row]:
     """Rows whose levels go evenly, strike by strike, from each that swells to the next level that
     is written.
     """
-    begin, end = 0, 0
-    for number, row in enumerate(rows):
-        if rows_written[number].swells:
-            begin = number
+    swell_begin, swell_end = 0, 0
+    for row_number, phrase_row in enumerate(rows):
+        if rows_written[row_number].swells:
+            swell_begin = row_number
             later_levels = (
-                n for n in range(number + 1, len(rows)) if rows_written[n].level is not None
+                n for n in range(row_number + 1, len(rows)) if rows_written[n].level is not None
             )
-            end = next(later_levels, number)
-        low, high = rows[begin].level, rows[end].level
-        if begin < number < end and low is not None and high is not None:
-            share = (number - begin) / (end - begin)
+            swell_end = next(later_levels, row_number)
+        low, high = rows[swell_begin].level, rows[swell_end].level
+        if swell_begin < row_number < swell_end and low is not None and high is not None:
+            share = (row_number - swell_begin) / (swell_end - swell_begin)
             value = low.low + (high.low - low.low) * share
-            yield replace(row, level=Level(value, value, low.is_strength))
+            yield replace(phrase_row, level=Level(value, value, low.is_strength))
         else:
-            yield row
+            yield phrase_row

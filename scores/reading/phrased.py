@@ -61,27 +61,32 @@ def _exact(value: float) -> Fraction:
     return exact
 
 
-def _notes(hits: Sequence[Hit], unit: str, total: Fraction) -> Iterator[_Notes]:
+def _notes(hits: Sequence[Hit], length_unit: str, round_length: Fraction) -> Iterator[_Notes]:
     """The notes of a round in order; those without an end last until the next ones."""
-    groups: dict[tuple[Fraction, Fraction | None], dict[str, None]] = {}
-    for hit in hits:
-        if hit.jitter != Length():
+    notes_by_span: dict[tuple[Fraction, Fraction | None], dict[str, None]] = {}
+    for phrase_hit in hits:
+        if phrase_hit.jitter != Length():
             raise TextError("a rhythm has exact instants and no jitter; leave one of the two out")
-        begin = _exact(getattr(hit.at, unit))
-        if not 0 <= begin < total:
+        note_begin = _exact(getattr(phrase_hit.at, length_unit))
+        if not 0 <= note_begin < round_length:
             message = (
-                f"{quote(hit.what)} lies outside the round that is repeated; a rhythm repeats "
+                f"{quote(phrase_hit.what)} lies outside the round that is repeated; a rhythm "
+                "repeats "
             )
             raise TextError(f"{message}a round that has all of its entries")
-        lasting = None if hit.lasting is None else _exact(getattr(hit.lasting, unit))
-        struck = dict.fromkeys(_word(name, hit.level) for name in hit.what.split())
-        groups.setdefault((begin, lasting), {}).update(struck)
-    begins = sorted({begin for begin, _ in groups})
-    following = dict(zip(begins, [*begins[1:], total], strict=True))
-    for (begin, lasting), words in sorted(groups.items(), key=lambda group: group[0][0]):
-        end = following[begin] if lasting is None else min(begin + lasting, total)
-        if end > begin:
-            yield _Notes(begin, end, tuple(words))
+        lasting = (
+            None if phrase_hit.lasting is None else _exact(getattr(phrase_hit.lasting, length_unit))
+        )
+        struck = dict.fromkeys(_word(name, phrase_hit.level) for name in phrase_hit.what.split())
+        notes_by_span.setdefault((note_begin, lasting), {}).update(struck)
+    begins = sorted({begin for begin, _ in notes_by_span})
+    following = dict(zip(begins, [*begins[1:], round_length], strict=True))
+    for (note_begin, lasting), words in sorted(
+        notes_by_span.items(), key=lambda group: group[0][0]
+    ):
+        end = following[note_begin] if lasting is None else min(note_begin + lasting, round_length)
+        if end > note_begin:
+            yield _Notes(note_begin, end, tuple(words))
 
 
 def _word(name: str, level: Level) -> str:
@@ -93,47 +98,51 @@ def _word(name: str, level: Level) -> str:
     return word
 
 
-def _level(level: Level) -> str:
+def _level(written_level: Level) -> str:
     """A level as short as it can be written."""
-    if level.is_strength and level.factor == 1.0 and level.low == level.high:
+    if (
+        written_level.is_strength
+        and written_level.factor == 1.0
+        and written_level.low == written_level.high
+    ):
         for number, word in enumerate(DYNAMICS):
-            if level.low == number / (len(DYNAMICS) - 1):
+            if written_level.low == number / (len(DYNAMICS) - 1):
                 return word
-        number = round(127 * level.low)
-        if number and velocity(number) == level:
+        number = round(127 * written_level.low)
+        if number and velocity(number) == written_level:
             return f"v{number}"
-    return level.written
+    return written_level.written
 
 
 def _text(notes: Sequence[_Notes], total: Fraction) -> str:
     """Steps in as many lines as notes sound at the same time."""
-    lines: list[list[_Notes]] = []
+    note_lines: list[list[_Notes]] = []
     for group in notes:
-        line = next((line for line in lines if line[-1].end <= group.begin), None)
+        line = next((line for line in note_lines if line[-1].end <= group.begin), None)
         if line is None:
-            lines.append([group])
+            note_lines.append([group])
         else:
             line.append(group)
-    return ", ".join(_line(line, total) for line in lines)
+    return ", ".join(_line(line, total) for line in note_lines)
 
 
-def _line(notes: Sequence[_Notes], total: Fraction) -> str:
-    steps: list[tuple[str, Fraction]] = []
+def _line(notes: Sequence[_Notes], round_length: Fraction) -> str:
+    weighted_steps: list[tuple[str, Fraction]] = []
     last_end = Fraction(0)
     for begin, end, words in notes:
         if begin > last_end:
-            steps.append(("~", begin - last_end))
-        steps.append((f"[{','.join(words)}]" if len(words) > 1 else words[0], end - begin))
+            weighted_steps.append(("~", begin - last_end))
+        weighted_steps.append((f"[{','.join(words)}]" if len(words) > 1 else words[0], end - begin))
         last_end = end
-    if last_end < total:
-        steps.append(("~", total - last_end))
-    parts = lcm(*(width.denominator for _, width in steps))
-    weights = [int(width * parts) for _, width in steps]
-    weights = [weight // gcd(*weights) for weight in weights]
-    if max(weights) > MAX_NUMBER * _FINE:
+    if last_end < round_length:
+        weighted_steps.append(("~", round_length - last_end))
+    parts = lcm(*(width.denominator for _, width in weighted_steps))
+    step_weights = [int(width * parts) for _, width in weighted_steps]
+    step_weights = [weight // gcd(*step_weights) for weight in step_weights]
+    if max(step_weights) > MAX_NUMBER * _FINE:
         raise TextError("the entries lie too unevenly for a rhythm; use quantise")
-    scale = 1 if max(weights) <= MAX_NUMBER else _FINE
+    scale = 1 if max(step_weights) <= MAX_NUMBER else _FINE
     return " ".join(
         word if weight == scale else f"{word}@{weight / scale:.12g}"
-        for (word, _), weight in zip(steps, weights, strict=True)
+        for (word, _), weight in zip(weighted_steps, step_weights, strict=True)
     )

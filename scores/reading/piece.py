@@ -177,15 +177,15 @@ class Strikes:
             return
         until = inf if self.until is None or self.length else tempo.resolve(self.until) - SAME
         for turn, start in enumerate(self.rounds(tempo)):
-            for number, hit in enumerate(self.hits):
-                position = hit.at
-                beat = (
+            for number, melody_hit in enumerate(self.hits):
+                position = melody_hit.at
+                hit_beat = (
                     tempo.resolve(position)
                     if isinstance(position, Position)
                     else tempo.after(start, position)
                 )
-                if beat < until:
-                    yield beat, turn * len(self.hits) + number, hit
+                if hit_beat < until:
+                    yield hit_beat, turn * len(self.hits) + number, melody_hit
 
     def cycles(self, tempo: TempoMap, before: float = inf) -> int:
         """The number of cycles of a rhythm that begin before a beat. Raises TextError."""
@@ -201,15 +201,15 @@ class Strikes:
     ) -> Iterator[tuple[float, int, Hit]]:
         tempo, stop = piece.tempo_map, self.stop(piece.tempo_map)
         before = before if stop is None else min(stop, before)
-        begin = tempo.resolve(self.at)
+        begin_beat = tempo.resolve(self.at)
         first_cycle = 0
         if since != -inf:
             cycles_late, seconds_late = rhythm.late()
             early = tempo.after(since, Length(seconds=-seconds_late)) if seconds_late else since
-            first_cycle = max(0, rhythm.count(tempo, begin, early) - 1 - cycles_late)
+            first_cycle = max(0, rhythm.count(tempo, begin_beat, early) - 1 - cycles_late)
         cycles = range(first_cycle, self.cycles(tempo, before))
         levels = self.levels or Levels((MEZZO_FORTE,))
-        for stroke in rhythm.strokes(tempo, begin, levels, (piece.seed, self.who), cycles):
+        for stroke in rhythm.strokes(tempo, begin_beat, levels, (piece.seed, self.who), cycles):
             if not since - SAME <= stroke.beat < before - SAME:
                 continue
             for to, reach in rhythm.voices[stroke.word]:

@@ -84,15 +84,15 @@ class OptionValues(TypedDict, total=False):
     layer: bool
 
 
-def playing_options(written: OptionValues) -> PlayingOptions:
+def playing_options(option_values: OptionValues) -> PlayingOptions:
     """The options that were written; an option that was not is None."""
-    if _NAMES.isdisjoint(written):  # most rows of most tables
+    if _NAMES.isdisjoint(option_values):  # most rows of most tables
         return NO_OPTIONS
     return PlayingOptions(
-        touch=written.get("touch"),
-        ergons=written.get("ergons"),
-        grain=written.get("grain"),
-        join=written.get("join"),
-        force_limit=written.get("force_limit"),
-        layer=written.get("layer"),
+        touch=option_values.get("touch"),
+        ergons=option_values.get("ergons"),
+        grain=option_values.get("grain"),
+        join=option_values.get("join"),
+        force_limit=option_values.get("force_limit"),
+        layer=option_values.get("layer"),
     )

@@ -52,16 +52,16 @@ def _motion(audio: float, rates: Values) -> float | None:
     return rate
 
 
-def _every(audio: float, values: Values, name: str) -> int:
+def _every(audio: float, rate_values: Values, rate_name: str) -> int:
     """The divisor of the audio rate; 1 if an error was reported."""
-    rate = values[name]
+    rate = rate_values[rate_name]
     if not isinstance(rate, float):
         return 1  # reported already
-    frames = max(1, round(audio / rate))
-    if abs(audio / rate - frames) <= _TOLERANCE * frames:
-        return frames
-    subject = "rates: gesture" if name == "gesture" else values.context.label(name)
+    rate_frames = max(1, round(audio / rate))
+    if abs(audio / rate - rate_frames) <= _TOLERANCE * rate_frames:
+        return rate_frames
+    subject = "rates: gesture" if rate_name == "gesture" else rate_values.context.label(rate_name)
     relation = "above" if rate > audio else "not a divisor of"
     message = f"{subject}: {rate:.10g} Hz is {relation} the audio rate, {audio:.10g} Hz"
-    values.error("E311", message, name, suggestion=f"{audio / frames:.10g}Hz")
+    rate_values.error("E311", message, rate_name, suggestion=f"{audio / rate_frames:.10g}Hz")
     return 1

@@ -31,27 +31,27 @@ from ergon.scores.reading.rhythms import (
 )
 
 
-def strikes_of_rhythm(values: Values, part_names: PartNames) -> Strikes | None:
+def strikes_of_rhythm(strike_values: Values, part_names: PartNames) -> Strikes | None:
     """Strikes whose words and notes are those of a rhythm text; None if an error was reported."""
-    node = values.nodes["rhythm"]
+    node = strike_values.nodes["rhythm"]
     assert isinstance(node, Scalar)
 
     def place(leaf: Struck) -> Place:
         return node.place_at(leaf.offset, len(name_of(leaf)))
 
-    cycle, first_cycle = values["cycle"] or Length(bars=1.0), values["skip"] or 0
-    strikes = build.rhythm_strikes(values, ())
-    rhythm = Rhythm(values["rhythm"], "", cycle, {}, first_cycle)
-    do = rhythm_do(values)
+    cycle, first_cycle = strike_values["cycle"] or Length(bars=1.0), strike_values["skip"] or 0
+    strikes = build.rhythm_strikes(strike_values, ())
+    rhythm = Rhythm(strike_values["rhythm"], "", cycle, {}, first_cycle)
+    do = rhythm_do(strike_values)
     if do is None:
         return None
     strikes = replace(strikes, rhythm=rhythm)
-    names = NoteTargets(part_names, values["to"] or ())
-    return _with_words(strikes, do, values, names, place)
+    names = NoteTargets(part_names, strike_values["to"] or ())
+    return _with_words(strikes, do, strike_values, names, place)
 
 
 def transformed_strikes(
-    strikes: Strikes, do: str, values: Values, part_names: PartNames, to: tuple[Name, ...]
+    strikes: Strikes, do: str, strike_values: Values, part_names: PartNames, to: tuple[Name, ...]
 ) -> Strikes | None:
     """Strikes by the clock, of a pattern or a phrase, after the transformations `do` of rhythms: as
     a rhythm of the same strokes. `to` are the instruments whose notes they name.
@@ -61,10 +61,10 @@ def transformed_strikes(
     try:
         rhythm = clocked(strikes)
     except TextError as error:
-        values.error("E306", f"{values.context.label('do')}: {error.message}", "do")
+        strike_values.error("E306", f"{strike_values.context.label('do')}: {error.message}", "do")
         return None
-    place = values.place_of(next(iter(values.written("play", "notes", "to"))))
-    is_bounded = values.written("times", "for", "until")
+    place = strike_values.place_of(next(iter(strike_values.written("play", "notes", "to"))))
+    is_bounded = strike_values.written("times", "for", "until")
     as_rhythm = replace(
         strikes,
         rhythm=rhythm,
@@ -76,61 +76,78 @@ def transformed_strikes(
         hits=(),
         length=None,
     )
-    return _with_words(as_rhythm, do, values, NoteTargets(part_names, to), lambda _: place)
+    return _with_words(as_rhythm, do, strike_values, NoteTargets(part_names, to), lambda _: place)
 
 
 def _with_words(
     strikes: Strikes,
     do: str,
-    values: Values,
+    strike_values: Values,
     names: NoteTargets,
     place: Callable[[Struck], Place],
 ) -> Strikes | None:
     """Strikes with what each word of their rhythm strikes, after transformations; `place` returns
     where a word is written. None if an error was reported.
     """
-    label, rhythm = f"strikes {quote(values.context.name)}", strikes.rhythm
+    label, rhythm = f"strikes {quote(strike_values.context.name)}", strikes.rhythm
     assert rhythm is not None
     try:
         leaves = compiled(rhythm.text, do).leaves
     except TextError as error:  # the transformations make it too large
-        values.error("E306", f"{values.context.label('do')}: {error.message}", "do")
+        strike_values.error("E306", f"{strike_values.context.label('do')}: {error.message}", "do")
         return None
-    levels = values["impulse"] or Levels((MEZZO_FORTE,))
+    strike_levels = strike_values["impulse"] or Levels((MEZZO_FORTE,))
     voices: dict[str, Voice] = {}
     for leaf in leaves:
-        is_strength = (level_of(leaf) or levels.steps[0]).is_strength or levels.has_strengths
+        is_strength = (
+            level_of(leaf) or strike_levels.steps[0]
+        ).is_strength or strike_levels.has_strengths
         voice = _voice(leaf, place(leaf), names, label, is_strength=is_strength)
         if voice is None:
             return None
         voices[key_of(leaf)] = voice
     to = dict.fromkeys(t for voice in voices.values() for targets, _ in voice for t in targets)
     rhythm = replace(rhythm, do=do, voices=voices, tuning=tuning.written())
-    return replace(strikes, to=tuple(to), levels=levels, rhythm=rhythm)
+    return replace(strikes, to=tuple(to), levels=strike_levels, rhythm=rhythm)
 
 
 def _voice(
-    leaf: Struck, place: Place, names: NoteTargets, label: str, *, is_strength: bool
+    leaf: Struck,
+    word_place: Place,
+    note_targets: NoteTargets,
+    strikes_label: str,
+    *,
+    is_strength: bool,
 ) -> Voice | None:
     """What a word of a rhythm strikes; None if an error was reported."""
-    word = Name(name_of(leaf), place)
-    words = tuple(Name(note, place) for note in notes_of(word)) or (word,)
-    collector, n_reports = names.part_names.collector, names.part_names.collector.n_reports
+    leaf_name = Name(name_of(leaf), word_place)
+    note_words = tuple(Name(note, word_place) for note in notes_of(leaf_name)) or (leaf_name,)
+    collector, n_reports = (
+        note_targets.part_names.collector,
+        note_targets.part_names.collector.n_reports,
+    )
     try:
         struck = tuple(
-            names.moved(note, leaf.semitones) if leaf.semitones else note for note in words
+            note_targets.moved(note, leaf.semitones) if leaf.semitones else note
+            for note in note_words
         )
     except TextError as error:
-        collector.error("E306", f"{label}: {error.message}", place)
+        collector.error("E306", f"{strikes_label}: {error.message}", word_place)
         return None
-    targets: Iterable[Target]
-    if word == HERE and names.to:
-        targets = [t for name in names.to for t in names.part_names.struck(name, label)]
+    strike_targets: Iterable[Target]
+    if leaf_name == HERE and note_targets.to:
+        strike_targets = [
+            t
+            for name in note_targets.to
+            for t in note_targets.part_names.struck(name, strikes_label)
+        ]
     else:
-        targets = names.targets(Row(Length(), struck, None, place, words), label)
+        strike_targets = note_targets.targets(
+            Row(Length(), struck, None, word_place, note_words), strikes_label
+        )
     by_reach: dict[ImpulseRange | None, list[Target]] = {}
-    for target in targets:
-        reach = names.part_names.sure_reach(target, label) if is_strength else None
+    for target in strike_targets:
+        reach = note_targets.part_names.sure_reach(target, strikes_label) if is_strength else None
         by_reach.setdefault(reach, []).append(target)
     if collector.n_reports > n_reports:
         return None

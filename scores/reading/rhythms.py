@@ -74,20 +74,20 @@ class Rhythm:
         """The number of cycles that begin before a beat."""
         if before == inf:
             return MAX_CYCLES
-        low, high = 0, 1
-        while high < MAX_CYCLES and self.begin(tempo, begin, high) < before - SAME:
-            low, high = high, 2 * high
-        high = min(high, MAX_CYCLES)
-        if self.begin(tempo, begin, low) >= before - SAME:
-            return low
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (
-                (middle, high)
+        low_count, high_count = 0, 1
+        while high_count < MAX_CYCLES and self.begin(tempo, begin, high_count) < before - SAME:
+            low_count, high_count = high_count, 2 * high_count
+        high_count = min(high_count, MAX_CYCLES)
+        if self.begin(tempo, begin, low_count) >= before - SAME:
+            return low_count
+        while high_count - low_count > 1:
+            middle = (low_count + high_count) // 2
+            low_count, high_count = (
+                (middle, high_count)
                 if self.begin(tempo, begin, middle) < before - SAME
-                else (low, middle)
+                else (low_count, middle)
             )
-        return high
+        return high_count
 
     def strokes(
         self,
@@ -100,19 +100,26 @@ class Rhythm:
         """The strokes of some cycles, in order; `draws` are the seed and who plays."""
         source = _cycles_of(self.text, self.do, self.tuning, *draws)
         for turn in cycles:
-            begin, end = (self.begin(tempo, start, n) for n in (turn, turn + 1))
-            number = self.first + turn
-            events = source(number)
+            cycle_begin, cycle_end = (self.begin(tempo, start, n) for n in (turn, turn + 1))
+            cycle_number = self.first + turn
+            events = source(cycle_number)
             strokes: list[_Placed] = []
             for event, loud in zip(events, _levels(events, levels), strict=True):
-                share, span, lasting, struck = event
-                beat, long = begin + share * (end - begin), lasting * (end - begin)
-                strokes += _placed(tempo, beat, span * (end - begin), long, struck, loud)
+                share, span, lasting, struck_word = event
+                stroke_beat, long = (
+                    cycle_begin + share * (cycle_end - cycle_begin),
+                    lasting * (cycle_end - cycle_begin),
+                )
+                strokes += _placed(
+                    tempo, stroke_beat, span * (cycle_end - cycle_begin), long, struck_word, loud
+                )
                 if len(strokes) > MAX_EVENTS:
                     raise TextError(_TOO_MANY)
             strokes.sort(key=_BEAT)
-            for index, (beat, long, struck, loud) in enumerate(strokes):
-                yield Stroke(beat, number * MAX_EVENTS + index, key_of(struck), loud, long)
+            for index, (stroke_beat, long, struck_word, loud) in enumerate(strokes):
+                yield Stroke(
+                    stroke_beat, cycle_number * MAX_EVENTS + index, key_of(struck_word), loud, long
+                )
 
     def strokes_per_cycle(self, tempo: TempoMap, begin: float, draws: tuple[int, str]) -> int:
         """About how many MATs are struck in one cycle at most, from the first few cycles.
@@ -140,48 +147,62 @@ _Placed = tuple[float, float, Struck, Level]
 _BEAT = itemgetter(0)
 
 
-def _levels(events: Sequence[_CycleEvent], levels: Levels) -> Iterator[Level]:
+def _levels(cycle_events: Sequence[_CycleEvent], levels: Levels) -> Iterator[Level]:
     """The level of each event: what its word says, else one of the levels in turn.
 
     What is part of a stroke has the stroke's level: of the nearest with its word before or after.
     """
-    mains = [number for number, (*_, struck) in enumerate(events) if struck.part_of is None]
+    mains = [number for number, (*_, struck) in enumerate(cycle_events) if struck.part_of is None]
     turns = {number: turn for turn, number in enumerate(mains)}
     by_word: dict[int, list[int]] = {}
-    for number in mains if len(mains) < len(events) else ():
-        by_word.setdefault(events[number][-1].offset, []).append(number)
-    for number, (*_, struck) in enumerate(events):
-        main = number
-        if struck.part_of is not None:
-            numbers_of_word = by_word.get(struck.offset) or mains or [number]
-            place = bisect(numbers_of_word, number) - (struck.part_of == "before")
+    for event_number in mains if len(mains) < len(cycle_events) else ():
+        by_word.setdefault(cycle_events[event_number][-1].offset, []).append(event_number)
+    for event_number, (*_, struck_word) in enumerate(cycle_events):
+        main = event_number
+        if struck_word.part_of is not None:
+            numbers_of_word = by_word.get(struck_word.offset) or mains or [event_number]
+            place = bisect(numbers_of_word, event_number) - (struck_word.part_of == "before")
             main = numbers_of_word[min(max(0, place), len(numbers_of_word) - 1)]
-        loud = level_of(struck) or levels.step(turns.get(main, 0), len(mains))
-        yield loud.scaled(struck.factor) if struck.factor != 1.0 else loud
+        loud = level_of(struck_word) or levels.step(turns.get(main, 0), len(mains))
+        yield loud.scaled(struck_word.factor) if struck_word.factor != 1.0 else loud
 
 
 def _placed(
-    tempo: TempoMap, beat: float, span: float, long: float, struck: Struck, level: Level
+    tempo: TempoMap,
+    stroke_beat: float,
+    stroke_span: float,
+    long: float,
+    struck_word: Struck,
+    stroke_level: Level,
 ) -> Iterator[_Placed]:
     """A stroke at its beat, later by its delay; or the strokes that repeat it over its span."""
-    if struck.delay:
-        beat = tempo.after(beat, Length(seconds=struck.delay))
-    if struck.repeats is None:
-        yield beat, long, struck, level
+    if struck_word.delay:
+        stroke_beat = tempo.after(stroke_beat, Length(seconds=struck_word.delay))
+    if struck_word.repeats is None:
+        yield stroke_beat, long, struck_word, stroke_level
         return
-    rate, first_factor, last_factor = struck.repeats
-    begin, end = tempo.seconds(beat), tempo.seconds(beat + span)
-    count = max(1, ceil((end - begin) * rate - _SAME_STROKE))
-    if count > MAX_EVENTS:
+    rate, first_factor, last_factor = struck_word.repeats
+    begin_seconds, end = tempo.seconds(stroke_beat), tempo.seconds(stroke_beat + stroke_span)
+    repeat_count = max(1, ceil((end - begin_seconds) * rate - _SAME_STROKE))
+    if repeat_count > MAX_EVENTS:
         raise TextError(_TOO_MANY)
-    for turn in range(count):
-        start = tempo.beats(begin + turn / rate) if turn else beat
-        stop = tempo.beats(begin + (turn + 1) / rate) if turn + 1 < count else beat + span
-        loud = level.scaled(
-            swell(first_factor, last_factor, turn / (count - 1) if count > 1 else 1.0)
+    for turn in range(repeat_count):
+        repeat_beat = tempo.beats(begin_seconds + turn / rate) if turn else stroke_beat
+        stop = (
+            tempo.beats(begin_seconds + (turn + 1) / rate)
+            if turn + 1 < repeat_count
+            else stroke_beat + stroke_span
         )
-        sounding = float(struck.length) * (stop - start)
-        yield start, sounding, struck, loud if first_factor != 1.0 or last_factor != 1.0 else level
+        loud = stroke_level.scaled(
+            swell(first_factor, last_factor, turn / (repeat_count - 1) if repeat_count > 1 else 1.0)
+        )
+        sounding = float(struck_word.length) * (stop - repeat_beat)
+        yield (
+            repeat_beat,
+            sounding,
+            struck_word,
+            loud if first_factor != 1.0 or last_factor != 1.0 else stroke_level,
+        )
 
 
 @lru_cache(256)
@@ -207,14 +228,14 @@ def compiled(text: str, do: str) -> Cycles[Struck]:
 
 
 @lru_cache(_REMEMBERED)
-def compiled_in(text: str, do: str, tuned: Tuning | None) -> Cycles[Struck]:
+def compiled_in(rhythm_text: str, do: str, tuned: Tuning | None) -> Cycles[Struck]:
     """The cycles of a text after its transformations, in a tuning. Raises TextError."""
-    begins = line_begins(text)
+    begins = line_begins(rhythm_text)
 
     def read(word: str, offset: int) -> Struck:
         return Struck(word, offset, line=bisect(begins, offset) - 1)
 
-    cycles = parse(text, read)
+    cycles = parse(rhythm_text, read)
     with tuning.used(tuned):
         return apply(cycles, parse_transforms(do)) if do else cycles
 
@@ -227,20 +248,20 @@ def _cycles_of(
     cycles, chance = compiled_in(text, do, tuned), chance_from(seed, owner)
     events_by_cycle: dict[int, list[_CycleEvent]] = {}
 
-    def events(number: int) -> list[_CycleEvent]:
-        if number not in events_by_cycle:
+    def events(cycle_number: int) -> list[_CycleEvent]:
+        if cycle_number not in events_by_cycle:
             with tuning.used(tuned):
-                onsets = cycles.onsets(number, chance)
-            events_by_cycle[number] = [
+                onsets = cycles.onsets(cycle_number, chance)
+            events_by_cycle[cycle_number] = [
                 (
-                    float(event.begin - number),
+                    float(event.begin - cycle_number),
                     min(float(event.end - event.begin), LONGEST_CYCLES),
                     min(float((event.end - event.begin) * event.what.length), LONGEST_CYCLES),
                     event.what,
                 )
                 for event in onsets
             ]
-        return events_by_cycle[number]
+        return events_by_cycle[cycle_number]
 
     return events
 
@@ -272,23 +293,23 @@ def renamed(rhythm: Rhythm, name: Callable[[str], str]) -> Rhythm:
     return replace(rhythm, text=text, voices=voices)
 
 
-def check_text(text: str) -> str:
+def check_text(rhythm_text: str) -> str:
     """The text itself, if it is a rhythm and its words say levels as they should.
 
     Raises TextError.
     """
-    for struck in compiled(text, "").leaves:
+    for struck_leaf in compiled(rhythm_text, "").leaves:
         try:
-            notes_of(name_of(struck))
+            notes_of(name_of(struck_leaf))
         except TextError as error:
-            error.offset += struck.offset
+            error.offset += struck_leaf.offset
             raise
         try:
-            level_of(struck)
+            level_of(struck_leaf)
         except TextError as error:
-            error.offset += struck.offset + struck.word.index(":") + 1
+            error.offset += struck_leaf.offset + struck_leaf.word.index(":") + 1
             raise
-    return text
+    return rhythm_text
 
 
 RHYTHM = Text(check_text, "a rhythm, such as kick ~ snare ~", types=("string",), meanings=MEANINGS)

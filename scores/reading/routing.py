@@ -40,37 +40,39 @@ def _note_routes(route: Route, part_names: PartNames) -> Iterable[Route]:
 
 def _route(
     route: Route,
-    parts: Mapping[str, Key | Instrument],
+    parts_by_name: Mapping[str, Key | Instrument],
     part_names: PartNames,
     rooms: Sequence[Room],
 ) -> Route | None:
     """A route from an instrument, or from one of its outputs; None if there is no such
     instrument.
     """
-    part, out = str(route.part), None
-    if part not in parts and "." in part:
-        part, _, out = part.rpartition(".")
-    instrument = parts.get(part)
+    part_path, out = str(route.part), None
+    if part_path not in parts_by_name and "." in part_path:
+        part_path, _, out = part_path.rpartition(".")
+    instrument = parts_by_name.get(part_path)
     if not isinstance(instrument, Instrument):
-        if part not in part_names.broken:
+        if part_path not in part_names.broken:
             message = f"route: no instrument is called {quote(route.part)}"
             names = tuple(
-                name for name, part_object in parts.items() if isinstance(part_object, Instrument)
+                name
+                for name, part_object in parts_by_name.items()
+                if isinstance(part_object, Instrument)
             )
             word = str(route.part)
             part_names.collector.error("E301", message, route.place, word=word, names=names)
         return None
     names = tuple(output.name for output in instrument.outputs)
-    if part in part_names.broken:
+    if part_path in part_names.broken:
         return None
     if not names or (out is not None and out not in names):
-        message = f"route: {quote(part)} has no output" + (f" {quote(out)}" if out else "")
-        output_names = tuple(f"{part}.{name}" for name in names if name)
+        message = f"route: {quote(part_path)} has no output" + (f" {quote(out)}" if out else "")
+        output_names = tuple(f"{part_path}.{name}" for name in names if name)
         part_names.collector.error(
             "E301", message, route.place, word=str(route.part), names=output_names
         )
-    part_names.reached.add(part)
-    levelled = _levelled(replace(route, part=part, out=out), instrument, part_names)
+    part_names.reached.add(part_path)
+    levelled = _levelled(replace(route, part=part_path, out=out), instrument, part_names)
     _check_route(levelled, instrument, rooms, part_names)
     return levelled
 

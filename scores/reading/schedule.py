@@ -34,19 +34,21 @@ def schedule(
     Reports occurrences without end, bar checks that are not on a bar (W311), and points that
     transformations lose (W315).
     """
-    result = _starts(piece, begins, known_plays, collector)
-    counts = known_plays.recall("counts", piece.strikes, piece.seed)
-    if not counts.unknown:
-        return result
-    strikes_left = float(MAX_STRIKES) - sum(count for count in counts.values if count is not None)
-    for number in counts.unknown:
+    line_starts = _starts(piece, begins, known_plays, collector)
+    strike_counts = known_plays.recall("counts", piece.strikes, piece.seed)
+    if not strike_counts.unknown:
+        return line_starts
+    strikes_left = float(MAX_STRIKES) - sum(
+        count for count in strike_counts.values if count is not None
+    )
+    for number in strike_counts.unknown:
         n_reports = collector.n_reports
         count = _count(piece.strikes[number], piece, strikes_left, collector)
         if collector.n_reports == n_reports:
-            counts.values[number] = count
+            strike_counts.values[number] = count
         strikes_left -= count
-    known_plays.keep("counts", counts, piece.seed)
-    return result
+    known_plays.keep("counts", strike_counts, piece.seed)
+    return line_starts
 
 
 def _starts(
@@ -65,15 +67,17 @@ def _starts(
         if starts_and_count is not None
     )
     reported: dict[int, Sequence[float] | None] = {}
-    for number in known_starts.unknown:
+    for line_index in known_starts.unknown:
         n_reports = collector.n_reports
-        beats = _line(piece, piece.parts[number], begins[number], lengths, room, collector)
-        n_beats = 0 if beats is None else len(beats)
+        line_beats = _line(
+            piece, piece.parts[line_index], begins[line_index], lengths, room, collector
+        )
+        n_beats = 0 if line_beats is None else len(line_beats)
         room -= n_beats
         if collector.n_reports == n_reports:
-            known_starts.values[number] = beats, n_beats
+            known_starts.values[line_index] = line_beats, n_beats
         else:
-            reported[number] = beats
+            reported[line_index] = line_beats
     known_plays.keep_starts(piece, known_starts)
     if not reported:
         return known_plays.beats(known_starts)
@@ -87,77 +91,87 @@ def _starts(
 
 def _line(
     piece: Piece,
-    play: Play,
-    begin: float,
-    lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses],
+    part_play: Play,
+    begin_beat: float,
+    known_lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses],
     room: int,
     collector: Collector,
 ) -> Sequence[float] | None:
     """Beats on which a line is played; None if only a take's file can tell."""
-    if play.pattern is not None:
-        return _pattern(piece, play, begin, lengths, room, collector)
-    beats = None
-    gesture = piece.gestures.get(play.what)
-    length, losses = Length(), _NO_LOSSES
+    if part_play.pattern is not None:
+        return _pattern(piece, part_play, begin_beat, known_lengths, room, collector)
+    line_beats = None
+    gesture = piece.gestures.get(part_play.what)
+    gesture_length, losses = Length(), _NO_LOSSES
     if gesture is not None:
-        length, losses = _length(piece, gesture, play, begin, lengths)
+        gesture_length, losses = _length(piece, gesture, part_play, begin_beat, known_lengths)
     for loss in losses:
-        collector.error("W315", f"{quote(play.what)}: {loss}", play.place)
-    if gesture is not None or (_check_take_transforms(play, collector) and play.every is not None):
-        beats = _beats(piece, play, begin, length, room, collector)
-    if gesture is not None and gesture.bar_checks and not play.do:
-        _check_bar_lines(piece, gesture, beats[:1] if beats else [], collector)
-    return beats
+        collector.error("W315", f"{quote(part_play.what)}: {loss}", part_play.place)
+    if gesture is not None or (
+        _check_take_transforms(part_play, collector) and part_play.every is not None
+    ):
+        line_beats = _beats(piece, part_play, begin_beat, gesture_length, room, collector)
+    if gesture is not None and gesture.bar_checks and not part_play.do:
+        _check_bar_lines(piece, gesture, line_beats[:1] if line_beats else [], collector)
+    return line_beats
 
 
 def _pattern(
     piece: Piece,
-    play: Play,
-    begin: float,
+    part_play: Play,
+    begin_beat: float,
     lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses],
     room: int,
     collector: Collector,
 ) -> Sequence[float]:
     """Beats on which the places of a pattern begin."""
-    assert play.pattern is not None
+    assert part_play.pattern is not None
     tempo, pattern_lengths = piece.tempo_map, {}
-    for name in play.names:
-        gesture = piece.gestures.get(name)
+    for gesture_name in part_play.names:
+        gesture = piece.gestures.get(gesture_name)
         if gesture is None:
-            for chain in play.chains:
-                _check_take_transforms(replace(play, what=name, do=chain), collector)
+            for chain in part_play.chains:
+                _check_take_transforms(replace(part_play, what=gesture_name, do=chain), collector)
             continue
-        pattern_lengths[name], losses = _length(piece, gesture, play, begin, lengths)
+        pattern_lengths[gesture_name], losses = _length(
+            piece, gesture, part_play, begin_beat, lengths
+        )
         for loss in losses:
-            collector.error("W315", f"{quote(name)}: {loss}", play.place)
+            collector.error("W315", f"{quote(gesture_name)}: {loss}", part_play.place)
     try:
         return steps(
             tempo,
-            begin,
-            play.course(piece.seed),
-            every=play.every,
-            times=play.times,
-            until=None if play.until is None else tempo.resolve(play.until),
+            begin_beat,
+            part_play.course(piece.seed),
+            every=part_play.every,
+            times=part_play.times,
+            until=None if part_play.until is None else tempo.resolve(part_play.until),
             length=pattern_lengths.get,
             room=room,
         )
     except TextError as error:
         code = error.code if error.code != "E204" else "E305"
-        collector.error(code, f"{quote(play.what)}: {error.message}", play.place)
+        collector.error(code, f"{quote(part_play.what)}: {error.message}", part_play.place)
         return ()
 
 
 def _beats(
-    piece: Piece, play: Play, begin: float, length: Length, room: int, collector: Collector
+    piece: Piece, part_play: Play, begin: float, length: Length, room: int, collector: Collector
 ) -> list[float]:
     tempo = piece.tempo_map
-    until = None if play.until is None else tempo.resolve(play.until)
+    until = None if part_play.until is None else tempo.resolve(part_play.until)
     try:
         return starts(
-            tempo, begin, length, every=play.every, times=play.times, until=until, room=room
+            tempo,
+            begin,
+            length,
+            every=part_play.every,
+            times=part_play.times,
+            until=until,
+            room=room,
         )
     except TextError as error:
-        collector.error("E305", f"{quote(play.what)}: {error.message}", play.place)
+        collector.error("E305", f"{quote(part_play.what)}: {error.message}", part_play.place)
         return []
 
 
@@ -166,12 +180,14 @@ def _count(strikes: Strikes, piece: Piece, strikes_left: float, collector: Colle
     drawn.
     """
     tempo = piece.tempo_map
-    start = tempo.resolve(strikes.at)
+    start_beat = tempo.resolve(strikes.at)
     if strikes.until is not None:
-        stop = tempo.resolve(strikes.until)
+        stop_beat = tempo.resolve(strikes.until)
     else:
-        stop = tempo.after(start, strikes.span) if strikes.span is not None else start
-    lasting = tempo.seconds(stop) - tempo.seconds(start)
+        stop_beat = (
+            tempo.after(start_beat, strikes.span) if strikes.span is not None else start_beat
+        )
+    lasting = tempo.seconds(stop_beat) - tempo.seconds(start_beat)
     n_rounds = 1.0
     if strikes.rhythm is not None:
         if strikes.stop(tempo) is None and strikes.times is None:
@@ -180,7 +196,7 @@ def _count(strikes: Strikes, piece: Piece, strikes_left: float, collector: Colle
             return 0.0
         try:
             draws = piece.seed, strikes.who
-            per_cycle = strikes.rhythm.strokes_per_cycle(tempo, start, draws)
+            per_cycle = strikes.rhythm.strokes_per_cycle(tempo, start_beat, draws)
         except TextError as error:
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
@@ -207,13 +223,13 @@ def _count(strikes: Strikes, piece: Piece, strikes_left: float, collector: Colle
     elif strikes.rate is not None:
         n_rounds = strikes.rate * lasting
     elif strikes.every is not None:
-        step = tempo.seconds(tempo.after(start, strikes.every)) - tempo.seconds(start)
+        step = tempo.seconds(tempo.after(start_beat, strikes.every)) - tempo.seconds(start_beat)
         if step <= 0.0:
             message = f"strikes {quote(strikes.name)}: 'every' must be above 0"
             collector.error("E305", message, strikes.place)
             return 0.0
         n_rounds = float(strikes.times) if strikes.times is not None else lasting / step
-        if strikes.times is None and stop == start:
+        if strikes.times is None and stop_beat == start_beat:
             message = (
                 f"strikes {quote(strikes.name)}: the number of strikes "
                 "has no limit; write `times`, `for` or `until`"
@@ -247,20 +263,20 @@ def _check_take_transforms(play: Play, collector: Collector) -> bool:
 def _length(
     piece: Piece,
     gesture: Gesture,
-    play: Play,
+    part_play: Play,
     begin: float,
-    lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses],
+    known_lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses],
 ) -> _LengthAndLosses:
     """The length of a gesture from beat `begin` on, after its transformations."""
-    chain = (*gesture.do, *play.do)
+    chain = (*gesture.do, *part_play.do)
     if not chain:
         return gesture.length(gesture.points[-1].at), ()
     beat = gesture.beat(piece.tempo_map, begin)
-    memo = gesture.name, play.do, beat
-    if memo not in lengths:
+    memo = gesture.name, part_play.do, beat
+    if memo not in known_lengths:
         points, lost = apply(gesture.points, chain, MidpointChance(), beat)
-        lengths[memo] = gesture.length(points[-1].at), lost
-    return lengths[memo]
+        known_lengths[memo] = gesture.length(points[-1].at), lost
+    return known_lengths[memo]
 
 
 def _check_bar_lines(

@@ -117,13 +117,13 @@ class SoundingNames:
             value = renamed(value, self.sounding_name)
         name_fields = _NAMED.get(type(value), ())
         changed_fields: dict[str, object] = {}
-        for field in fields(value):
-            field_value = getattr(value, field.name)
+        for value_field in fields(value):
+            field_value = getattr(value, value_field.name)
             new_value = (
                 self.sounding_name(field_value)
-                if field.name in name_fields
+                if value_field.name in name_fields
                 else self._renamed(field_value, known_before)
             )
             if new_value is not field_value and new_value != field_value:
-                changed_fields[field.name] = new_value
+                changed_fields[value_field.name] = new_value
         return replace(value, **changed_fields) if changed_fields else value

@@ -16,7 +16,7 @@ _MOVING = ("transpose", "do", "rhythm", "notes")
 
 
 def in_tuning(
-    values: Values, phrase: Any, part_names: PartNames
+    strike_values: Values, phrase: Any, part_names: PartNames
 ) -> AbstractContextManager[None] | None:
     """The context in which strikes, which may play a phrase, are read.
 
@@ -25,13 +25,13 @@ def in_tuning(
     """
     if not part_names.tunings:
         return tuning.used(part_names.tuning)
-    names = values["to"] or ()
-    moving = [f"`{name}`" for name in values.written(*_MOVING)]
+    target_names = strike_values["to"] or ()
+    moving = [f"`{name}`" for name in strike_values.written(*_MOVING)]
     if isinstance(phrase, Values):
-        names = melodies.notes_in(phrase, values)
+        target_names = melodies.notes_in(phrase, strike_values)
         if melodies.is_midi(phrase) or phrase["do"]:
-            moving.append(f"phrase {quote(values['play'])}")
-    tunings = {name: part_names.tuning_of(name) for name in names}
+            moving.append(f"phrase {quote(strike_values['play'])}")
+    tunings = {name: part_names.tuning_of(name) for name in target_names}
     first_name, tuned = next(iter(tunings.items()), ("", part_names.tuning))
     other_name = next((name for name in tunings if not _is_same(tunings[name], tuned)), None)
     if other_name is None:
@@ -39,11 +39,11 @@ def in_tuning(
     if not moving:
         return tuning.used(part_names.tuning)
     message = (
-        f"{values.context.label('')}: {quote(first_name)} and {quote(other_name)} have "
+        f"{strike_values.context.label('')}: {quote(first_name)} and {quote(other_name)} have "
         "different tunings, "
     )
     message += f"and {moving[0]} is read in one tuning; write strikes for each of the two"
-    values.error("E111", message, next(iter(values.written(*_MOVING, "play"))))
+    strike_values.error("E111", message, next(iter(strike_values.written(*_MOVING, "play"))))
     return None
 
 

@@ -68,36 +68,38 @@ def _turns(path: tuple[Point, ...]) -> float:
     return sum(abs(b - a) for (_, a), (_, b) in pairwise(path)) / 360.0 + len(path) - 2
 
 
-def _point(text: str) -> Point:
-    words = text.split()
-    if len(words) != 2:
-        message = f"{quote(text.strip())} is not a radius and an angle such as 0.3 1080deg"
-        raise TextError(message, length=max(1, len(text)), code="E201")
-    radius = q.quantity(words[0], q.RADIUS)
+def _point(point_text: str) -> Point:
+    point_words = point_text.split()
+    if len(point_words) != 2:
+        message = f"{quote(point_text.strip())} is not a radius and an angle such as 0.3 1080deg"
+        raise TextError(message, length=max(1, len(point_text)), code="E201")
+    radius = q.quantity(point_words[0], q.RADIUS)
     try:
-        return radius, q.quantity(words[1], q.PATH_AZIMUTH)
+        return radius, q.quantity(point_words[1], q.PATH_AZIMUTH)
     except TextError as error:
-        error.offset += text.index(words[1], text.index(words[0]) + len(words[0]))
+        error.offset += point_text.index(
+            point_words[1], point_text.index(point_words[0]) + len(point_words[0])
+        )
         raise
 
 
-def parse_path(text: str) -> tuple[Point, ...]:
+def parse_path(path_text: str) -> tuple[Point, ...]:
     """`1 0deg -> 0.3 1080deg` as points (radius, azimuth [degrees]). Raises TextError."""
     points_read: list[Point] = []
-    start = 0
-    for part in text.split(_ARROW):
+    part_start = 0
+    for point_text in path_text.split(_ARROW):
         try:
-            points_read.append(_point(part))
+            points_read.append(_point(point_text))
         except TextError as error:
-            error.offset += start
+            error.offset += part_start
             raise
-        start += len(part) + len(_ARROW)
+        part_start += len(point_text) + len(_ARROW)
     if not 2 <= len(points_read) <= MAX_POINTS:
         message = f"a path has 2 to {MAX_POINTS:,} points, with {_ARROW} between them"
-        raise TextError(message, length=max(1, len(text)), code="E106")
+        raise TextError(message, length=max(1, len(path_text)), code="E106")
     if sum(abs(b - a) for (_, a), (_, b) in pairwise(points_read)) > 360.0 * MAX_TURNS:
         message = f"the path goes round more than {MAX_TURNS:.0f} times"
-        raise TextError(message, length=len(text), code="E202")
+        raise TextError(message, length=len(path_text), code="E202")
     return tuple(points_read)
 
 

@@ -31,30 +31,32 @@ class Times:
     ) -> None:
         """Read them and make the map. `memory` keeps what was checked before at the same times."""
         self.collector = collector
-        lines = tuple([v for v in score["tempo"] or () if isinstance(v, Values)])
-        marks_node, file = score.nodes.get("marks"), score.node.document.file
+        tempo_lines = tuple([v for v in score["tempo"] or () if isinstance(v, Values)])
+        marks_node, score_file = score.nodes.get("marks"), score.node.document.file
         self._known = tuple(score["marks"] or {})
         self._lets = named_amounts(score.node.document).names
-        marks_before = None if memory is None else memory.held(f"tempo {file}", self._lets)
-        self.file = _file_times(lines, score["meter"], midi)
+        marks_before = None if memory is None else memory.held(f"tempo {score_file}", self._lets)
+        self.file = _file_times(tempo_lines, score["meter"], midi)
         if (
             marks_before is None
             or marks_before[0] is not marks_node
             or marks_before[2] != self.file
-            or changed_part(marks_before[1], lines)
+            or changed_part(marks_before[1], tempo_lines)
         ):
             tempos = self.file.tempos
-            self._lines = [(v, build.tempo(v, tempos if v.written("from") else ())) for v in lines]
+            self._lines = [
+                (v, build.tempo(v, tempos if v.written("from") else ())) for v in tempo_lines
+            ]
             nodes = getattr(marks_node, "entries", {})
-            marks = tuple(
+            valid_marks = tuple(
                 Mark(name, position, nodes[name][1].place)
                 for name, position in sorted((score["marks"] or {}).items())
                 if position is not MISSING
             )
-            self.marks = marks
-            marks_before = marks_node, lines, self.file, self._lines, marks, self._map()
+            self.marks = valid_marks
+            marks_before = marks_node, tempo_lines, self.file, self._lines, valid_marks, self._map()
             if memory is not None and marks_before[-1] is not None:
-                memory.hold(f"tempo {file}", self._lets, marks_before)
+                memory.hold(f"tempo {score_file}", self._lets, marks_before)
         _, _, _, self._lines, self.marks, known_map = marks_before
         self.entries: tuple[TempoEntry, ...] = tuple(entry for _, entry in self._lines)
         self._is_made = known_map is not None
@@ -62,32 +64,34 @@ class Times:
         self.map = known_map or TempoMap((), {name: Position() for name in self._known})
         entries_key = [(e.at, e.bpm, e.bpm_end, e.over, e.meter) for e in self.entries]
         places = [(mark.name, mark.at) for mark in self.marks]
-        self.known = KnownPlays(memory, file, (entries_key, self.file, places))
+        self.known = KnownPlays(memory, score_file, (entries_key, self.file, places))
 
     def _map(self) -> TempoMap | None:
         """The map; None if an error was reported."""
-        positions = {mark.name: mark.at for mark in self.marks}
+        positions_by_mark = {mark.name: mark.at for mark in self.marks}
         is_valid = True
         for mark in self.marks:
             is_valid &= self._mark_exists(mark.at, mark.place)
-        for line_number, (values, tempo_entry) in enumerate(self._lines):
-            if values.written("from"):
-                is_valid &= self._is_alone(values, line_number)
-            is_valid &= self._mark_exists(tempo_entry.at, values.place_of("at"))
+        for line_number, (line_values, tempo_entry) in enumerate(self._lines):
+            if line_values.written("from"):
+                is_valid &= self._is_alone(line_values, line_number)
+            is_valid &= self._mark_exists(tempo_entry.at, line_values.place_of("at"))
             is_valid &= all(
-                name in values.by_name for name in values.nodes
+                name in line_values.by_name for name in line_values.nodes
             )  # a missing one was reported
-        if not is_valid or len(positions) != len(self._known):
+        if not is_valid or len(positions_by_mark) != len(self._known):
             return None
-        entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for _, e in self._lines]
+        tempo_entries = [Entry(e.at, e.bpm, e.bpm_end, e.over, e.meter) for _, e in self._lines]
         try:
-            return TempoMap(entries, positions, self.file)
+            return TempoMap(tempo_entries, positions_by_mark, self.file)
         except TempoError as error:
-            values = self._lines[error.entry][0]
-            self.collector.error("E305", f"tempo: {error.message}", values.place_of(error.field))
+            line_values = self._lines[error.entry][0]
+            self.collector.error(
+                "E305", f"tempo: {error.message}", line_values.place_of(error.field)
+            )
         except TextError as error:  # marks in a circle, or a position before 0
-            values = self._lines[_first_wrong(entries, positions, self.file)][0]
-            self.collector.error("E305", f"tempo: {error.message}", values.place_of("at"))
+            line_values = self._lines[_first_wrong(tempo_entries, positions_by_mark, self.file)][0]
+            self.collector.error("E305", f"tempo: {error.message}", line_values.place_of("at"))
         return None
 
     def _is_alone(self, values: Values, number: int) -> bool:
@@ -105,17 +109,22 @@ class Times:
             values.error("E111", f"{message}write this in a line of its own below", name)
         return not extra_names
 
-    def _mark_exists(self, position: Position, place: Place) -> bool:
-        if position.mark is None or position.mark in self._known:
+    def _mark_exists(self, marked_position: Position, position_place: Place) -> bool:
+        if marked_position.mark is None or marked_position.mark in self._known:
             return True
-        meant, help = self._difference(position.mark)
+        meant, help = self._difference(marked_position.mark)
         self.collector.error(
             "E301",
-            f"no mark is called {quote(position.mark)}",
-            Place(place.file, place.line, place.column, len(position.mark)),
+            f"no mark is called {quote(marked_position.mark)}",
+            Place(
+                position_place.file,
+                position_place.line,
+                position_place.column,
+                len(marked_position.mark),
+            ),
             suggestion=meant,
             help=help,
-            word=None if help else position.mark,
+            word=None if help else marked_position.mark,
             names=self._known,
         )
         return False
@@ -126,13 +135,16 @@ class Times:
         """
         parts = word.split("-")
         for count in range(len(parts) - 1, 0, -1):
-            mark, unit_parts = "-".join(parts[:count]), parts[count:]
-            if mark not in self._known:
+            mark_name, unit_parts = "-".join(parts[:count]), parts[count:]
+            if mark_name not in self._known:
                 continue
             if all(part in self._lets for part in unit_parts):
-                return " - ".join((mark, *unit_parts)), None
+                return " - ".join((mark_name, *unit_parts)), None
             if "-".join(unit_parts) in self._known:
-                return None, f"a mark is not a length; write how far before it, such as {mark}-1bar"
+                return (
+                    None,
+                    f"a mark is not a length; write how far before it, such as {mark_name}-1bar",
+                )
         return None, None
 
     def _beats(self, position: Position | None, place: Callable[[], Place]) -> float | None:
@@ -183,35 +195,35 @@ class Times:
         self, strikes: Mapping[str, Any], duet: Sequence[Any], automation: Sequence[Any]
     ) -> None:
         """Check where the entries of these sections begin and end."""
-        for name, entries in (
+        for section_name, section_entries in (
             ("strikes", (*strikes.values(),)),
             ("duet", duet),
             ("automation", automation),
         ):
-            checked_values = self.known.recall(f"checked {name}", entries)
-            for number in checked_values.unknown:
-                values, n_reports = entries[number], self.collector.n_reports
+            checked_values = self.known.recall(f"checked {section_name}", section_entries)
+            for entry_index in checked_values.unknown:
+                values, n_reports = section_entries[entry_index], self.collector.n_reports
                 if isinstance(values, Values):
                     position, until = values["at"], values["until"]
                     start = self._beats(position, lambda v=values: v.place_of("at"))  # type: ignore[misc]
                     stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
                     self._order(start, stop, values.place_of("until"))
                 if self.collector.n_reports == n_reports:
-                    checked_values.values[number] = True
-            self.known.keep(f"checked {name}", checked_values)
+                    checked_values.values[entry_index] = True
+            self.known.keep(f"checked {section_name}", checked_values)
 
     def _begins(self, piece: Piece) -> list[float]:
         """The beats on which the lines of the parts begin; 0 if an error was reported."""
         known_begins = self.known.recall("begins", piece.parts)
         begins = known_begins.values
-        for number in known_begins.unknown:
-            play, n_reports = piece.parts[number], self.collector.n_reports
+        for entry_index in known_begins.unknown:
+            play, n_reports = piece.parts[entry_index], self.collector.n_reports
             start = self._beats(play.at, lambda play=play: play.begin_place)  # type: ignore[misc]
             if play.until is not None:
                 stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
                 self._order(start, stop, play.until_place or play.place)
             if self.collector.n_reports == n_reports:
-                begins[number] = start or 0.0
+                begins[entry_index] = start or 0.0
         self.known.keep("begins", known_begins)
         if all(begins[number] is not None for number in known_begins.unknown):
             return begins
@@ -230,16 +242,16 @@ def _file_times(lines: Sequence[Values], meter: Any, midi: MidiUses) -> FileTime
     return FileTimes(tempos or (), meters or ()) if tempos or meters else NO_FILE
 
 
-def _first_wrong(entries: list[Entry], marks: dict[str, Position], file: FileTimes) -> int:
+def _first_wrong(tempo_entries: list[Entry], marks: dict[str, Position], file: FileTimes) -> int:
     """The index of the first entry whose position cannot be resolved: entries up to and including
     it fail.
     """
 
     def fails(count: int) -> bool:
         try:
-            TempoMap(entries[:count], marks, file)
+            TempoMap(tempo_entries[:count], marks, file)
         except TextError:
             return True
         return False
 
-    return bisect_left(range(1, len(entries) + 1), True, key=fails)
+    return bisect_left(range(1, len(tempo_entries) + 1), True, key=fails)

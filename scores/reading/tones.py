@@ -46,14 +46,16 @@ def _shelf(values: Values) -> Any:
     return values["f"], 20.0 * log10(values["gain"])
 
 
-def _echo(values: Values) -> Any:
-    if values["time"] is None:
+def _echo(echo_values: Values) -> Any:
+    if echo_values["time"] is None:
         return MISSING
-    if values["feedback"] >= 1.0:
-        message = f"{values.context.label('feedback')} must be below 0dB, or echoes would not fall"
-        values.error("E202", message, "feedback")
+    if echo_values["feedback"] >= 1.0:
+        message = (
+            f"{echo_values.context.label('feedback')} must be below 0dB, or echoes would not fall"
+        )
+        echo_values.error("E202", message, "feedback")
         return MISSING
-    return Echo(values["time"], values["feedback"])
+    return Echo(echo_values["time"], echo_values["feedback"])
 
 
 SHELF = Record(
@@ -93,14 +95,16 @@ def _tones(values: Values) -> Iterator[Tone]:
             yield Tone(kind, *values[kind])
 
 
-def echo(values: Values) -> Echo | None:
+def echo(echo_values: Values) -> Echo | None:
     """The delay of a route; a longer one than the engine has is reported."""
-    written_delay = values["delay"]
+    written_delay = echo_values["delay"]
     if written_delay is None:
         return None
     echo_read = Echo(written_delay) if isinstance(written_delay, float) else written_delay
     if echo_read.time > DELAY_MAX:
-        message = f"{values.context.label('delay')}: {echo_read.time:g} s is above the maximum of "
-        values.error("E202", f"{message}{DELAY_MAX:g} s", "delay")
+        message = (
+            f"{echo_values.context.label('delay')}: {echo_read.time:g} s is above the maximum of "
+        )
+        echo_values.error("E202", f"{message}{DELAY_MAX:g} s", "delay")
         return None
     return echo_read

@@ -43,15 +43,15 @@ def tunings_of(score: Document, files: Files) -> Mapping[str, Tuning]:
     section = score.root.get("instruments") if isinstance(score.root, document.Mapping) else None
     if not isinstance(section, document.Mapping):
         return {}
-    nodes = {name: node for name, (_, node) in section.entries.items()}
+    nodes_by_name = {name: node for name, (_, node) in section.entries.items()}
     tunings: dict[str, Tuning] = {}
-    for name, node in nodes.items():
+    for name, node in nodes_by_name.items():
         tuned = _tuning(node, files, f"tuning of instrument {quote(name)}")
         if tuned is not None:
             tunings[name] = tuned
-    for name in nodes if tunings else ():
+    for name in nodes_by_name if tunings else ():
         chain = [name]
-        while chain[-1] not in tunings and (base := _base(nodes, chain[-1])) not in chain:
+        while chain[-1] not in tunings and (base := _base(nodes_by_name, chain[-1])) not in chain:
             chain.append(base)
         if chain[-1] in tunings:
             tunings |= dict.fromkeys(chain, tunings[chain[-1]])
@@ -66,60 +66,62 @@ def _base(nodes: Mapping[str, Node], name: str) -> str:
     return like.text.strip() if is_sure and isinstance(like, Scalar) else name
 
 
-def _tuning(node: Node | None, files: Files, field_name: str) -> Tuning | None:
+def _tuning(node: Node | None, score_files: Files, field_name: str) -> Tuning | None:
     """The tuning that a score or an instrument names; `field_name` begins messages."""
     if not isinstance(node, document.Mapping) or "tuning" not in node.entries:
         return None
     values = TUNING.read(node.entries["tuning"][1], "", Context(Collector(), field_name))
     if not isinstance(values, Values):
         return None
-    v = replace(values, context=Context(files.collector, field_name))
+    tuning_values = replace(values, context=Context(score_files.collector, field_name))
     for name, contrary_name in (("edo", "scale"), ("A4", "keys")):
-        if v.written(name) and v.written(contrary_name):
+        if tuning_values.written(name) and tuning_values.written(contrary_name):
             message = (
                 f"{field_name}: `{contrary_name}` says the pitches already; keep `{name}` "
                 f"or `{contrary_name}`"
             )
-            v.error("E111", message, name)
+            tuning_values.error("E111", message, name)
             return None
-    if v.written("keys") and not v.written("scale"):
-        v.error(
+    if tuning_values.written("keys") and not tuning_values.written("scale"):
+        tuning_values.error(
             "E111", f"{field_name}: `keys` is the map of a scale; write `scale` beside it", "keys"
         )
         return None
     tuned = Tuning(
-        440.0 if v["A4"] is None else v["A4"],
-        v["edo"] or 12,
-        root=v["root"] or "C4",
+        440.0 if tuning_values["A4"] is None else tuning_values["A4"],
+        tuning_values["edo"] or 12,
+        root=tuning_values["root"] or "C4",
     )
-    if v["scale"] is not None:
-        scale = _file(v, "scale", parse_scale, files)
-        keys: KeyMap | None = KeyMap(frequency=tuned.a4)
-        if v["keys"] is not None:
-            keys = _file(v, "keys", parse_key_map, files)
-        if scale is None or keys is None:
+    if tuning_values["scale"] is not None:
+        scale = _file(tuning_values, "scale", parse_scale, score_files)
+        key_map: KeyMap | None = KeyMap(frequency=tuned.a4)
+        if tuning_values["keys"] is not None:
+            key_map = _file(tuning_values, "keys", parse_key_map, score_files)
+        if scale is None or key_map is None:
             return None
         assert isinstance(scale, Scale)
-        tuned = replace(tuned, scale=scale, keys=keys)
+        tuned = replace(tuned, scale=scale, keys=key_map)
     try:
         tuned.hertz(tuned.root)
     except TextError as error:
-        v.error("E202", f"{field_name}: {error.message}; write another `root`", "scale")
+        tuning_values.error("E202", f"{field_name}: {error.message}; write another `root`", "scale")
         return None
     return tuned
 
 
-def _file(values: Values, name: str, parse: Callable[[str], _Read], files: Files) -> _Read | None:
+def _file(
+    values: Values, name: str, parse: Callable[[str], _Read], score_files: Files
+) -> _Read | None:
     """What a file of Scala says; None if an error was reported."""
     folder = values.nodes[name].document.folder
-    text = files.plain(values[name], folder, values.place_of(name), _decoded)
-    if text is None:
+    scala_text = score_files.plain(values[name], folder, values.place_of(name), _decoded)
+    if scala_text is None:
         return None
     try:
-        return parse(text.text)
+        return parse(scala_text.text)
     except ScalaError as error:
-        place = Place(text.file, error.line, 1, error.length)
-        files.collector.error(error.code, error.message, place)
+        place = Place(scala_text.file, error.line, 1, error.length)
+        score_files.collector.error(error.code, error.message, place)
         return None
 
 

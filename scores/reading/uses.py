@@ -92,78 +92,97 @@ class Uses:
         """Names of a document; a file that is used twice is read once."""
         if document.file in self._read:
             return self._read[document.file]
-        names = self._read[document.file] = Names(document)
+        document_names = self._read[document.file] = Names(document)
         if document.root is None:
-            return names
-        names.tuning = tuning_of(document, self.files)
-        names.tunings = tunings_of(document, self.files)
+            return document_names
+        document_names.tuning = tuning_of(document, self.files)
+        document_names.tunings = tunings_of(document, self.files)
         memory = self.files.memory
         if memory is not None:
-            all_tunings = (names.tuning, names.tunings) if names.tunings else names.tuning
+            all_tunings = (
+                (document_names.tuning, document_names.tunings)
+                if document_names.tunings
+                else document_names.tuning
+            )
             memory.under(document.file, all_tunings)
-        context = Context(self.collector, memory=memory, tunings=names.tunings)
-        with tuning.used(names.tuning):
+        context = Context(self.collector, memory=memory, tunings=document_names.tunings)
+        with tuning.used(document_names.tuning):
             score = SCORE.read(document.root, "", context)
         if score is MISSING:
-            return names
-        names.score = score
+            return document_names
+        document_names.score = score
         for section in SECTIONS:
             for name, values in (score[section] or {}).items():
-                names.tables[section][name] = Entry(values, names)
+                document_names.tables[section][name] = Entry(values, document_names)
         self._open.append((document.file, asked_place))
         for file, place, prefix in _files(score):
-            names.families.append(prefix or PurePath(file).stem)
-            self._add_file(names, file, place, prefix)
+            document_names.families.append(prefix or PurePath(file).stem)
+            self._add_file(document_names, file, place, prefix)
         for include_entry in includes(score):
             file_names = self._add_file(
-                names, include_entry.file, include_entry.place, include_entry.prefix, include_entry
+                document_names,
+                include_entry.file,
+                include_entry.place,
+                include_entry.prefix,
+                include_entry,
             )
             if file_names is not None:
-                names.included.append((include_entry, file_names))
+                document_names.included.append((include_entry, file_names))
         self._open.pop()
-        return names
+        return document_names
 
     def _add_file(
-        self, names: Names, file: str, place: Place, prefix: str, include: Include | None = None
+        self,
+        score_names: Names,
+        file_name: str,
+        written_place: Place,
+        prefix: str,
+        include: Include | None = None,
     ) -> Names | None:
         """Bring in the names of a file, and return them; None if an error was reported."""
         if len(self._open) > MAX_USES:
             message = f"`use:` is nested more than {MAX_USES} files deep"
-            self.collector.error("E105", message, place)
+            self.collector.error("E105", message, written_place)
             return None
-        document = self.files.required(file, names.document.folder, place, may_be_empty=True)
+        document = self.files.required(
+            file_name, score_names.document.folder, written_place, may_be_empty=True
+        )
         if document is None:
             self.collector.lacks_names = True
             return None
         opened = [name for name, _ in self._open]
         if document.file in opened:
             chain = self._open[opened.index(document.file) + 1 :]
-            steps = [str(asked) for _, asked in chain if asked] + [str(place)]
+            steps = [str(asked) for _, asked in chain if asked] + [str(written_place)]
             message = f"{document.file} uses itself: {' -> '.join(steps)}"
-            self.collector.error("E302", message, place)
+            self.collector.error("E302", message, written_place)
             return None
         is_new = document.file not in self._read
-        used = self.read(document, place)
-        if is_new and used.score is not None:
-            self._tell_unplayed(used.score, document.file, place, is_played=include is not None)
-        count = sum(len(table) for own in (names, used) for table in own.tables.values())
+        used_names = self.read(document, written_place)
+        if is_new and used_names.score is not None:
+            self._tell_unplayed(
+                used_names.score, document.file, written_place, is_played=include is not None
+            )
+        count = sum(
+            len(table) for own in (score_names, used_names) for table in own.tables.values()
+        )
         if count > MAX_NAMES:
             message = f"files bring more than {MAX_NAMES:,} names, many of them more than once"
-            self.collector.error("E105", message, place)
+            self.collector.error("E105", message, written_place)
             self.is_full = True
             return None
-        names.used[PurePath(file).stem] = used
+        score_names.used[PurePath(file_name).stem] = used_names
         if prefix:
-            names.used[prefix] = used
-        for section, table in used.tables.items():
-            for word, entry in table.items():
-                values = entry.values
-                if include is not None and section == "instruments":
+            score_names.used[prefix] = used_names
+        for section_name, table in used_names.tables.items():
+            for word, named_entry in table.items():
+                values = named_entry.values
+                if include is not None and section_name == "instruments":
                     values = transposed(values, include)
-                if values is not entry.values:
-                    entry = replace(entry, values=values)
-                self._add(names, section, word, entry, place, prefix)
-        return used if used.score is not None else None
+                if values is not named_entry.values:
+                    named_entry = replace(named_entry, values=values)
+                self._add(score_names, section_name, word, named_entry, written_place, prefix)
+        return used_names if used_names.score is not None else None
 
     def _tell_unplayed(self, score: Values, file: str, place: Place, *, is_played: bool) -> None:
         """Report W330 if a file has sections that are not used, for it is not played by itself."""
@@ -178,16 +197,16 @@ class Uses:
     def _add(
         self, names: Names, section: str, word: str, entry: Entry, place: Place, prefix: str
     ) -> None:
-        full = f"{prefix}.{word}" if prefix else word
+        full_name = f"{prefix}.{word}" if prefix else word
         seen = ".".join(filter(None, (prefix, entry.prefix)))
-        existing = names.tables[section].get(full)
+        existing = names.tables[section].get(full_name)
         if existing is None:
-            names.tables[section][full] = Entry(entry.values, entry.home, seen, place)
+            names.tables[section][full_name] = Entry(entry.values, entry.home, seen, place)
         elif existing.values is not entry.values:
             where = (
                 existing.values.place if isinstance(existing.values, Values) else existing.brought
             )
-            message = f"{NOUNS[section]} {quote(full)} of {entry.home.document.file} "
+            message = f"{NOUNS[section]} {quote(full_name)} of {entry.home.document.file} "
             message += f"is already defined at {where}; give the file a prefix"
             self.collector.error("E303", message, place, help="use: {c: file} brings in c.name")
 
@@ -199,27 +218,27 @@ class Uses:
         """
         chain: list[Values] = []
         while True:
-            values = entry.values
-            if not isinstance(values, Values):
+            entry_values = entry.values
+            if not isinstance(entry_values, Values):
                 return None, frozenset()
-            if any(values is seen for seen in chain):
+            if any(entry_values is seen for seen in chain):
                 lines = [f"{v.context.name} (line {v.place.line})" for v in chain]
-                circle = ", which begins with ".join([*lines[1:], values.context.name])
+                circle = ", which begins with ".join([*lines[1:], entry_values.context.name])
                 message = f"{chain[0].context.label('like')}: {lines[0]} begins with the values of "
                 message += f"{circle}: a circle, in which nothing has values; write the values of "
                 message += "one of them out, without `like`"
                 self.collector.error("E302", message, chain[0].place_of("like"))
                 return None, frozenset()
-            chain.append(values)
+            chain.append(entry_values)
             if len(chain) > MAX_LIKE:
                 message = (
                     f"{chain[0].context.label('like')}: the chain has more than {MAX_LIKE} members"
                 )
                 self.collector.error("E105", message, chain[0].place_of("like"))
                 return None, frozenset()
-            if not values.written("like", "from"):
+            if not entry_values.written("like", "from"):
                 break
-            base = self._base(section, values, entry.home)
+            base = self._base(section, entry_values, entry.home)
             if base is None:
                 return None, frozenset()
             entry = base
@@ -230,13 +249,19 @@ class Uses:
         `like`, else that of the instrument that brings its notes; None if they have none.
         """
         for _ in range(MAX_LIKE if any(names.tunings for names in self._read.values()) else 0):
-            values = entry.values
-            if not isinstance(values, Values):
+            entry_values = entry.values
+            if not isinstance(entry_values, Values):
                 return None
-            tuned = self._read[values.node.document.file].tunings.get(values.context.name)
-            if tuned is not None or not values.written("like", "from") or values.written("notes"):
+            tuned = self._read[entry_values.node.document.file].tunings.get(
+                entry_values.context.name
+            )
+            if (
+                tuned is not None
+                or not entry_values.written("like", "from")
+                or entry_values.written("notes")
+            ):
                 return tuned
-            base = self._base("instruments", values, entry.home)
+            base = self._base("instruments", entry_values, entry.home)
             if base is None:
                 return None
             entry = base
@@ -247,22 +272,24 @@ class Uses:
         reading before if none of them has changed.
         """
         memory = self.files.memory
-        name = f"merged {section} {chain[0].context.name} {chain[0].node.document.file}"
-        merged_before: Values | None = None if memory is None else memory.held_for(name, *chain)
+        memory_key = f"merged {section} {chain[0].context.name} {chain[0].node.document.file}"
+        merged_before: Values | None = (
+            None if memory is None else memory.held_for(memory_key, *chain)
+        )
         if merged_before is not None:
             return merged_before
         n_reports = self.collector.n_reports
-        result = chain[-1]
+        merged_values = chain[-1]
         is_instrument = section == "instruments"
         if is_instrument:
-            result = base_at_pitch(result, result, is_root=True)
+            merged_values = base_at_pitch(merged_values, merged_values, is_root=True)
         for values in reversed(chain[:-1]):
             if is_instrument:
-                result = base_at_pitch(result, values, is_root=False)
-            result = overlay_fields(result, values)
+                merged_values = base_at_pitch(merged_values, values, is_root=False)
+            merged_values = overlay_fields(merged_values, values)
         if memory is not None and self.collector.n_reports == n_reports:
-            memory.hold(name, chain, result)
-        return result
+            memory.hold(memory_key, chain, merged_values)
+        return merged_values
 
     def _base(self, section: str, values: Values, home: Names) -> Entry | None:
         has_from = "from" in values.record.by_name and isinstance(values["from"], Name)
@@ -285,40 +312,50 @@ class Uses:
             values.error("E301", message, "like", word=like, names=names)
         return entry
 
-    def _from_file(self, section: str, name: Name, values: Values, home: Names) -> Entry | None:
-        stem, slash, word = name.partition("/")
+    def _from_file(
+        self, section_name: str, source_name: Name, entry_values: Values, home: Names
+    ) -> Entry | None:
+        stem, slash, name_in_file = source_name.partition("/")
         file_names = home.used.get(stem)
         if slash and file_names is None:  # the shipped instruments need no `use:`
             file = f"instruments/{stem}.yaml"
             is_there = self.files.find(file, home.document.folder) is not None
             folder = home.document.folder
-            document = self.files.required(file, folder, name.place) if is_there else None
-            file_names = self.read(document, name.place) if document else None
-        if not slash or file_names is None or not file_names.tables[section]:
-            message = f"{values.context.label('from')}: `use:` names no file {quote(stem)}; "
+            document = self.files.required(file, folder, source_name.place) if is_there else None
+            file_names = self.read(document, source_name.place) if document else None
+        if not slash or file_names is None or not file_names.tables[section_name]:
+            message = f"{entry_values.context.label('from')}: `use:` names no file {quote(stem)}; "
             message += "write file/name, such as gong/plate"
-            used, help = tuple(home.used), _family_help(section, word if slash else stem)
-            self.collector.error("E301", message, name.place, word=stem, names=used, help=help)
-            return None
-        entry = file_names.tables[section].get(word)
-        if entry is None:
-            message = (
-                f"{values.context.label('from')}: {file_names.document.file} has no {quote(word)}"
+            used, help = (
+                tuple(home.used),
+                _family_help(section_name, name_in_file if slash else stem),
             )
-            names = file_names.names(section)
-            help = _family_help(section, word)
-            self.collector.error("E301", message, name.place, word=word, names=names, help=help)
-        return entry
+            self.collector.error(
+                "E301", message, source_name.place, word=stem, names=used, help=help
+            )
+            return None
+        file_entry = file_names.tables[section_name].get(name_in_file)
+        if file_entry is None:
+            message = (
+                f"{entry_values.context.label('from')}: {file_names.document.file} has no "
+                f"{quote(name_in_file)}"
+            )
+            names = file_names.names(section_name)
+            help = _family_help(section_name, name_in_file)
+            self.collector.error(
+                "E301", message, source_name.place, word=name_in_file, names=names, help=help
+            )
+        return file_entry
 
 
-def _family_help(section: str, word: str) -> str | None:
+def _family_help(section: str, instrument_word: str) -> str | None:
     """Where an instrument of that name ships; None if none does."""
     if section != "instruments":
         return None
     family_names = [
-        f"{family}/{word}"
+        f"{family}/{instrument_word}"
         for family, members in library().items()
-        if any(member.name == word for member in members)
+        if any(member.name == instrument_word for member in members)
     ]
     return f"the library has {' and '.join(family_names)}" if family_names else None
 
@@ -332,13 +369,13 @@ def _files(score: Values) -> list[tuple[str, Place, str]]:
         nodes_with_prefixes += (
             [(node, prefix) for prefix, node in entry.items()] if has_prefixes else [(entry, "")]
         )
-    files = []
+    used_files = []
     for node, prefix in nodes_with_prefixes:
         if isinstance(node, Scalar):
             file = PATH.read(node, "use", score.context)
             if file is not MISSING:
-                files.append((file, node.place, prefix))
-    return files
+                used_files.append((file, node.place, prefix))
+    return used_files
 
 
 def _and(words: Sequence[str]) -> str:

@@ -20,35 +20,41 @@ from ergon.scores.reading.piece import NoteGlide, Strikes
 _DEFAULT_CENTS = 200.0
 
 
-def with_wheels(struck: Strikes, values: Values, take: Values, files: Files) -> Strikes:
+def with_wheels(
+    wheel_strikes: Strikes, strike_values: Values, take: Values, files: Files
+) -> Strikes:
     """Strikes with the glides of the file that they play, if its take says `bend`."""
     if take["bend"] is None:
-        return struck
-    if values.written("do"):
-        message = f"{values.context.label('do')}: a file with `bend` is played as it is; "
-        values.error("E111", f"{message}remove `do`, or `bend` of take {take.context.name}", "do")
-        return struck
+        return wheel_strikes
+    if strike_values.written("do"):
+        message = f"{strike_values.context.label('do')}: a file with `bend` is played as it is; "
+        strike_values.error(
+            "E111", f"{message}remove `do`, or `bend` of take {take.context.name}", "do"
+        )
+        return wheel_strikes
     path = files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
     if path is None:  # reported where its notes are read
-        return struck
+        return wheel_strikes
     cents = take["bend"].cents
     try:
         curves = read_wheels(path, take["channel"], _DEFAULT_CENTS if cents is None else cents)
     except TakeError as error:
         take.error("E310", f"take {quote(take.context.name)}: {error.message}", error.field)
-        return struck
-    interval = values["transpose"]
+        return wheel_strikes
+    interval = strike_values["transpose"]
     semitones = 0.0 if interval is None else interval.semitones
-    return replace(struck, glides=tuple(_glides(struck, curves, semitones)))
+    return replace(wheel_strikes, glides=tuple(_glides(wheel_strikes, curves, semitones)))
 
 
 def _glides(struck: Strikes, curves: NoteCurves, semitones: float) -> Iterator[NoteGlide]:
     """The glides of each instrument that is struck; its notes are so many semitones above the
     file's.
     """
-    places: dict[str, dict[str, Place]] = {}
+    places_by_part: dict[str, dict[str, Place]] = {}
     for hit in struck.hits:
-        places.setdefault(hit.what, {}).update((target.part, target.place) for target in hit.to)
+        places_by_part.setdefault(hit.what, {}).update(
+            (target.part, target.place) for target in hit.to
+        )
     for key, points in curves.items():
         moved = tuple(
             (Length(quarters=quarter), interval_of_cents(cents).ratio) for quarter, cents in points
@@ -56,5 +62,5 @@ def _glides(struck: Strikes, curves: NoteCurves, semitones: float) -> Iterator[N
         note = tuning.current().key_word(key)
         if semitones:
             note = notes.moved(note, semitones)
-        for part, place in places.get(note, {}).items():
+        for part, place in places_by_part.get(note, {}).items():
             yield NoteGlide(Target(part, "", 0, 1, part, place), moved)

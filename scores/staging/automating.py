@@ -58,12 +58,12 @@ def automation_points(
     `known_automation` is what the stage before knew.
     """
     tempo, known_automation = piece.tempo_map, known_automation or KnownAutomation()
-    lines = known_automation.tracks(piece)
+    automation_lines = known_automation.tracks(piece)
     start_beat = tempo.beats(begins) if begins > -math.inf else -math.inf
     leds: dict[ModuleKey, Led] = {}
     points_by_module: dict[ModuleKey, Points] = {}
     unsettled: dict[ModuleKey, Tracks] = {}
-    for module_key, track in lines.items():
+    for module_key, track in automation_lines.items():
         led = known_automation.led(piece, module_key)
         if led is None:
             continue  # a gesture is rehearsed without instruments
@@ -79,7 +79,9 @@ def automation_points(
         )
         since = min(since, tempo.beats(begins))
     extent = Extent(since, until, begins)
-    moving = {module_key for module_key in leds if lines[module_key].moves_from < start_beat}
+    moving = {
+        module_key for module_key in leds if automation_lines[module_key].moves_from < start_beat
+    }
     chord_curves: dict[str, Curve] = {}
     for module_key in [
         module_key for module_key in unsettled if leds[module_key].module.kind == "INSTRUMENT"
@@ -91,7 +93,7 @@ def automation_points(
         chord_curves[module_key[0]] = _parameter_curve(piece, order, value_alone, extent, collector)
         for module in moved(piece.instruments[module_key[0]]):
             member = module_key[0], module.name
-            unsettled.setdefault(member, lines.get(member) or Tracks({}, math.inf))
+            unsettled.setdefault(member, automation_lines.get(member) or Tracks({}, math.inf))
             if module_key in moving:
                 moving.add(member)
     for module_key, track in unsettled.items():
@@ -116,25 +118,34 @@ def automation_points(
     return Automated(points_by_module, frozenset(moving))
 
 
-def _is_settled(tracks: Tracks, curves: Mapping[str, Curve], beat: float, instant: float) -> bool:
+def _is_settled(
+    tracks: Tracks, curves: Mapping[str, Curve], point_beat: float, instant: float
+) -> bool:
     """Whether nothing moves a module after a beat, which is at an instant [s]: the last entry of
     each parameter is over, or is a glide whose value stays.
     """
     for name, order in tracks.entries.items():
         entry, times = order[-1], curves[name].t
-        stays = entry.stop <= beat or (entry.stop == math.inf and bool(entry.automation.points))
-        if entry.begin > beat or not stays or not times or times[-1] > instant:
+        stays = entry.stop <= point_beat or (
+            entry.stop == math.inf and bool(entry.automation.points)
+        )
+        if entry.begin > point_beat or not stays or not times or times[-1] > instant:
             return False
-    return beat > -math.inf
+    return point_beat > -math.inf
 
 
-def _automation_place(piece: Piece, part: str) -> Place:
+def _automation_place(piece: Piece, instrument_name: str) -> Place:
     """Where the first automation of a part is written."""
     lines = (
-        line.place for line in piece.automation if any(name == part for name, _ in line.modules)
+        line.place
+        for line in piece.automation
+        if any(name == instrument_name for name, _ in line.modules)
     )
     notes = (
-        s.place for s in piece.strikes for target in s.to if s.moves_pitches and target.part == part
+        s.place
+        for s in piece.strikes
+        for target in s.to
+        if s.moves_pitches and target.part == instrument_name
     )
     return next(chain(lines, notes))
 
@@ -145,16 +156,16 @@ def _module_points(led: Led, curves: Mapping[str, Curve], chord_curve: Curve | N
     """
     all_curves = [*curves.values(), *([] if chord_curve is None else [chord_curve])]
     numbers_by_values: dict[tuple[float, ...], tuple[float, ...]] = {}
-    points = []
-    for t, values in _curve_values(all_curves):
-        if values not in numbers_by_values:  # a swing has the same values in every period
-            numbers = led.numbers(dict(zip(curves, values, strict=False)))
+    path_points = []
+    for t, curve_values in _curve_values(all_curves):
+        if curve_values not in numbers_by_values:  # a swing has the same values in every period
+            numbers = led.numbers(dict(zip(curves, curve_values, strict=False)))
             if chord_curve is not None:
-                numbers = led.transposed(numbers, values[-1] / chord_curve.initial)
-            numbers_by_values[values] = numbers
-        points.append((max(0.0, t), *numbers_by_values[values]))
+                numbers = led.transposed(numbers, curve_values[-1] / chord_curve.initial)
+            numbers_by_values[curve_values] = numbers
+        path_points.append((max(0.0, t), *numbers_by_values[curve_values]))
     within = set().union(*(curve.within for curve in all_curves))
-    return _with_chord_means(points, within) if within else points
+    return _with_chord_means(path_points, within) if within else path_points
 
 
 def _curve_values(curves: Sequence[Curve]) -> Iterator[tuple[float, tuple[float, ...]]]:
@@ -166,44 +177,46 @@ def _curve_values(curves: Sequence[Curve]) -> Iterator[tuple[float, tuple[float,
     return ((t, tuple(curve.evaluate(t) for curve in curves)) for t in instants)
 
 
-def _with_chord_means(points: Points, curved_instants: Container[float]) -> Points:
+def _with_chord_means(path_points: Points, curved_instants: Container[float]) -> Points:
     """Points moved so that their chords have the same means as the curve through them, to fourth
     order.
 
     The engine interpolates linearly, and a pitch that is slightly too high all the way would end
     with a wrong phase.
     """
-    with_chords = list(points)
-    for index in range(1, len(points) - 1):
-        (instant_before, *low), (instant, *values_here), (instant_after, *high) = points[
-            index - 1 : index + 2
-        ]
+    with_chords = list(path_points)
+    for point_index in range(1, len(path_points) - 1):
+        (instant_before, *low), (instant_seconds, *values_here), (instant_after, *high) = (
+            path_points[point_index - 1 : point_index + 2]
+        )
         if (
-            instant in curved_instants
-            and abs((instant - instant_before) - (instant_after - instant)) < 1e-9
+            instant_seconds in curved_instants
+            and abs((instant_seconds - instant_before) - (instant_after - instant_seconds)) < 1e-9
         ):
             bends = (a - 2.0 * x + b for a, x, b in zip(low, values_here, high, strict=True))
-            with_chords[index] = (
-                instant,
+            with_chords[point_index] = (
+                instant_seconds,
                 *(x - bend / 12.0 for x, bend in zip(values_here, bends, strict=True)),
             )
     return with_chords
 
 
-def value_on(piece: Piece, module_key: ModuleKey, parameter: str, beat: float) -> float:
+def value_on(piece: Piece, module_key: ModuleKey, parameter_name: str, value_beat: float) -> float:
     """The value of a parameter on a beat, with automation applied."""
     led = Led.from_piece(piece, module_key)
     assert led is not None
-    lines = [
+    automation_lines = [
         line
         for line in piece.automation
-        if module_key in line.modules and line.parameter == parameter
+        if module_key in line.modules and line.parameter == parameter_name
     ]
-    instant = piece.tempo_map.seconds(beat)
-    extent = Extent(beat, beat, instant)
-    tracks = KnownAutomation().tracks(replace(piece, automation=tuple(lines), strikes=()))
-    order = tracks[module_key].entries[parameter] if lines else []
-    curve = _parameter_curve(piece, order, led.numbers_written[parameter], extent, Collector())
+    instant = piece.tempo_map.seconds(value_beat)
+    extent = Extent(value_beat, value_beat, instant)
+    tracks = KnownAutomation().tracks(
+        replace(piece, automation=tuple(automation_lines), strikes=())
+    )
+    order = tracks[module_key].entries[parameter_name] if automation_lines else []
+    curve = _parameter_curve(piece, order, led.numbers_written[parameter_name], extent, Collector())
     return curve.evaluate(instant)
 
 
@@ -218,12 +231,12 @@ def takeover_points(
     points_before: Mapping[ModuleKey, Points],
     points_after: Mapping[ModuleKey, Points],
     piece: Piece,
-    start: float,
+    start_seconds: float,
     complete_to: float,
     moved: Container[ModuleKey] = (),
     memory: KnownAutomation | None = None,
 ) -> dict[ModuleKey, Points]:
-    """The points of a stage that takes over at `start` [s] from one with the points
+    """The points of a stage that takes over at `start_seconds` [s] from one with the points
     `points_before`.
 
     Points that do not change continue bit by bit; others are reached within `GLIDE`. The points
@@ -245,90 +258,105 @@ def takeover_points(
         if led is None:
             continue  # the module is gone
         value_alone = (0.0, *led.numbers_alone)
-        old, new = (
+        old_points, new_points = (
             points_before.get(module_key) or [value_alone],
             points_after.get(module_key) or [value_alone],
         )
-        if len(old[0]) != len(new[0]):
-            old = [value_alone]  # it was a module of another kind
-        is_same = _is_same(old, new, start, complete_to)
+        if len(old_points[0]) != len(new_points[0]):
+            old_points = [value_alone]  # it was a module of another kind
+        is_same = _is_same(old_points, new_points, start_seconds, complete_to)
         if not is_same:
-            glide_stop = start + GLIDE
-            later_points = (point for point in new if point[0] > glide_stop)
-            new = [
-                (start, *value_at(old, start)),
-                (glide_stop, *value_at(new, glide_stop)),
+            glide_stop = start_seconds + GLIDE
+            later_points = (point for point in new_points if point[0] > glide_stop)
+            new_points = [
+                (start_seconds, *value_at(old_points, start_seconds)),
+                (glide_stop, *value_at(new_points, glide_stop)),
                 *later_points,
             ]
-        if (is_same and module_key in moved) or any(point[1:] != value_alone[1:] for point in new):
-            points_by_module[module_key] = new
+        if (is_same and module_key in moved) or any(
+            point[1:] != value_alone[1:] for point in new_points
+        ):
+            points_by_module[module_key] = new_points
     return points_by_module
 
 
-def _is_same(old: Points, new: Points, start: float, complete_to: float) -> bool:
+def _is_same(
+    old_points: Points, new_points: Points, start_seconds: float, complete_to: float
+) -> bool:
     """Whether two sequences of points are equal from an instant on, as far as both go, and up to
     the instant `complete_to` [s].
     """
     old_from, new_from = (
-        max(0, bisect_right(points, start, key=lambda point: point[0]) - 1) for points in (old, new)
+        max(0, bisect_right(points, start_seconds, key=lambda point: point[0]) - 1)
+        for points in (old_points, new_points)
     )
-    old, new = old[old_from:], new[new_from:]
-    if len(old) == 1 or len(new) == 1:  # one of them is constant
-        return all(point[1:] == old[0][1:] for point in (*old, *new))
-    last_compared = max(start, complete_to)
+    old_points, new_points = old_points[old_from:], new_points[new_from:]
+    if len(old_points) == 1 or len(new_points) == 1:  # one of them is constant
+        return all(point[1:] == old_points[0][1:] for point in (*old_points, *new_points))
+    last_compared = max(start_seconds, complete_to)
     return all(
         old_point == new_point
-        for old_point, new_point in zip(old, new, strict=False)
+        for old_point, new_point in zip(old_points, new_points, strict=False)
         if old_point[0] <= last_compared
     )
 
 
-def value_at(points: Points, instant: float) -> tuple[float, ...]:
+def value_at(points: Points, instant_seconds: float) -> tuple[float, ...]:
     """The numbers at an instant [s], interpolated linearly."""
-    index_after = bisect_right(points, instant, key=lambda point: point[0])
+    index_after = bisect_right(points, instant_seconds, key=lambda point: point[0])
     if index_after in (0, len(points)):
         return points[0 if index_after == 0 else -1][1:]
     (begin, *low), (end, *high) = points[index_after - 1], points[index_after]
-    share = (instant - begin) / (end - begin)
+    share = (instant_seconds - begin) / (end - begin)
     return tuple(a + (b - a) * share for a, b in zip(low, high, strict=True))
 
 
 def _parameter_curve(
-    piece: Piece, order: Sequence[Entry], value_alone: float, extent: Extent, collector: Collector
+    piece: Piece,
+    entry_order: Sequence[Entry],
+    value_alone: float,
+    extent: Extent,
+    collector: Collector,
 ) -> Curve:
     """The curve of one parameter: its automation entries one after another, its own value in
     between.
     """
-    tempo, until = piece.tempo_map, extent.until
-    first_entry, curve = needed(piece, order, value_alone, extent)
-    ended = math.inf if curve.t else -math.inf
-    for place in range(first_entry, len(order)):
-        entry, extent_here = order[place], extent
-        automation_entry, begin, stop = entry
-        if begin > until:
+    tempo, until_seconds = piece.tempo_map, extent.until
+    first_entry, parameter_curve = needed(piece, entry_order, value_alone, extent)
+    ended = math.inf if parameter_curve.t else -math.inf
+    for place_index in range(first_entry, len(entry_order)):
+        entry, extent_here = entry_order[place_index], extent
+        automation_entry, begin, stop_beat = entry
+        if begin > until_seconds:
             break
-        if curve.t and begin > ended + SAME:
-            curve.set(tempo.seconds(ended), value_alone, tempo.seconds(begin))
-        if extent.begins > -math.inf and place + 1 < len(order):  # of some only the end is needed
-            begins = min(extent.begins, tempo.seconds(order[place + 1].begin))
-            extent_here = Extent(min(extent.since, stop), until, begins)
+        if parameter_curve.t and begin > ended + SAME:
+            parameter_curve.set(tempo.seconds(ended), value_alone, tempo.seconds(begin))
+        if extent.begins > -math.inf and place_index + 1 < len(
+            entry_order
+        ):  # of some only the end is needed
+            begins = min(extent.begins, tempo.seconds(entry_order[place_index + 1].begin))
+            extent_here = Extent(min(extent.since, stop_beat), until_seconds, begins)
         try:
             if automation_entry.swing is not None:
-                add_swing(piece, entry, curve, extent_here)
-                ended = stop
+                add_swing(piece, entry, parameter_curve, extent_here)
+                ended = stop_beat
             elif automation_entry.points:
-                add_glide(piece, entry, curve, extent_here.begins)
-                ended = stop
+                add_glide(piece, entry, parameter_curve, extent_here.begins)
+                ended = stop_beat
             else:
-                ended = min(stop, add_pattern(piece, entry, curve, extent_here))
-                ended = math.inf if automation_entry.struck and place + 1 == len(order) else ended
+                ended = min(stop_beat, add_pattern(piece, entry, parameter_curve, extent_here))
+                ended = (
+                    math.inf
+                    if automation_entry.struck and place_index + 1 == len(entry_order)
+                    else ended
+                )
         except TextError as error:
             collector.error(
                 "E305",
                 f"automation of {automation_entry.name}: {error.message}",
                 automation_entry.place,
             )
-            return curve
-    if curve.t and ended <= until and tempo.seconds(ended) < NEVER:
-        curve.set(tempo.seconds(ended), value_alone)
-    return curve
+            return parameter_curve
+    if parameter_curve.t and ended <= until_seconds and tempo.seconds(ended) < NEVER:
+        parameter_curve.set(tempo.seconds(ended), value_alone)
+    return parameter_curve

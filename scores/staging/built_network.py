@@ -75,27 +75,29 @@ def build_network(piece: Piece, silent: Container[str]) -> BuiltNetwork:
 def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
     """Add keys, instruments and couplings; returns the LIA of each coupling."""
     # Links reach the <M> points of other parts, so all of these are added first.
-    for name, key in piece.keys.items():
-        assembly.part(name, key.modules, reach=key.reach, every=key.every)
-    for name in dict.fromkeys(end.part for _, end, _ in links_on_keys(piece)):
-        key = piece.keys[name]
-        if key.delay and (name, key.struck) in assembly.mats:
-            struck = next(module for module in key.modules if module.name == key.struck)
-            assembly.port(name, key.struck, key.reach * struck.fields["X0"])
-    for name, instrument in piece.instruments.items():
+    for part_name, player_key in piece.keys.items():
+        assembly.part(part_name, player_key.modules, reach=player_key.reach, every=player_key.every)
+    for part_name in dict.fromkeys(end.part for _, end, _ in links_on_keys(piece)):
+        player_key = piece.keys[part_name]
+        if player_key.delay and (part_name, player_key.struck) in assembly.mats:
+            struck = next(
+                module for module in player_key.modules if module.name == player_key.struck
+            )
+            assembly.port(part_name, player_key.struck, player_key.reach * struck.fields["X0"])
+    for part_name, instrument in piece.instruments.items():
         assembly.part(
-            name,
+            part_name,
             instrument.modules,
             ca_rate=instrument.ca_rate,
             every=instrument.every,
             space=instrument.space,
         )
-    for name, instrument in piece.instruments.items():
-        assembly.add_followers(name, instrument.modules, ca_rate=instrument.ca_rate)
-    for name, key in piece.keys.items():
-        assembly.joins(name, key.modules, reach=key.reach)
-    for name, instrument in piece.instruments.items():
-        assembly.joins(name, instrument.modules, ca_rate=instrument.ca_rate)
+    for part_name, instrument in piece.instruments.items():
+        assembly.add_followers(part_name, instrument.modules, ca_rate=instrument.ca_rate)
+    for part_name, player_key in piece.keys.items():
+        assembly.joins(part_name, player_key.modules, reach=player_key.reach)
+    for part_name, instrument in piece.instruments.items():
+        assembly.joins(part_name, instrument.modules, ca_rate=instrument.ca_rate)
     if assembly.refused:
         return []  # the ends of a coupling may be left out
     if piece.duet:

@@ -37,13 +37,13 @@ def cut_stage(
     StoppedError.
     """
     assert stage.timeline is not None
-    instant = frame / stage.rate
-    in_flight = [] if ends_gestures else _in_flight(stage, instant)
+    cut_instant = frame / stage.rate
+    in_flight = [] if ends_gestures else _in_flight(stage, cut_instant)
     timeline = stage.timeline.cut(frame, in_flight, stops=stops)
     mat_of, rate = stage.built.assembly.mats.get, stage.rate
-    DrawnNotes(timeline, () if resets else stage.drawn, instant, rate).end_others(mat_of, 0)
-    piece = _standing(stage.piece, instant) if stops else stage.piece
-    paths, paths_until = _paths_from(stage, piece, instant, stops=stops)
+    DrawnNotes(timeline, () if resets else stage.drawn, cut_instant, rate).end_others(mat_of, 0)
+    piece = _standing(stage.piece, cut_instant) if stops else stage.piece
+    paths, paths_until = _paths_from(stage, piece, cut_instant, stops=stops)
     _put_paths(piece, stage.built.assembly, timeline, stage.paths, paths)
     plan = None
     if stage.plan is not None:
@@ -91,42 +91,48 @@ def _watched(piece: Piece, plan: _core.Plan) -> Watched:
     return Watched(seen=everything, seen_every=piece.motion_every)
 
 
-def _paths_from(stage: Stage, piece: Piece, instant: float, *, stops: bool) -> tuple[_Paths, float]:
+def _paths_from(
+    stage: Stage, piece: Piece, instant_seconds: float, *, stops: bool
+) -> tuple[_Paths, float]:
     """The points of automation from an instant [s] on, and the instant up to which they are
     complete [s].
     """
     collector = Collector()  # a piece that plays has no mistakes in its automation
     if stops:
         start_beat = piece.tempo_map.beats(0.0)
-        points = automation_points(piece, start_beat, start_beat, collector)
-        return _continued(stage, stage.paths, points, piece, instant), float("inf")
-    parts = {
+        path_points = automation_points(piece, start_beat, start_beat, collector)
+        return _continued(stage, stage.paths, path_points, piece, instant_seconds), float("inf")
+    struck_parts = {
         target.part for strikes in piece.strikes if strikes.moves_pitches for target in strikes.to
     }
-    if not parts or isinstance(piece.tempo_map, StoppedTempoMap):
+    if not struck_parts or isinstance(piece.tempo_map, StoppedTempoMap):
         return stage.paths, stage.paths_until
     # The pitches of notes that are not struck any more.
     tempo = piece.tempo_map
-    beat = tempo.beats(instant)
+    cut_beat = tempo.beats(instant_seconds)
     noted = replace(
         piece,
-        strikes=tuple(_struck_before(piece, beat)),
+        strikes=tuple(_struck_before(piece, cut_beat)),
         automation=tuple(
-            line for line in piece.automation if any(part in parts for part, _ in line.modules)
+            line
+            for line in piece.automation
+            if any(part in struck_parts for part, _ in line.modules)
         ),
     )
     last_instant = stage.paths_until + 2 * GRID / stage.rate
-    until = tempo.beats(last_instant) if last_instant < float("inf") else beat
-    points = automation_points(noted, beat, max(beat, until), collector)
+    until = tempo.beats(last_instant) if last_instant < float("inf") else cut_beat
+    path_points = automation_points(noted, cut_beat, max(cut_beat, until), collector)
     noted_paths = {
-        module_key: old for module_key, old in stage.paths.items() if module_key[0] in parts
+        module_key: old for module_key, old in stage.paths.items() if module_key[0] in struck_parts
     }
     other_paths = {
-        module_key: old for module_key, old in stage.paths.items() if module_key[0] not in parts
+        module_key: old
+        for module_key, old in stage.paths.items()
+        if module_key[0] not in struck_parts
     }
     return {
         **other_paths,
-        **_continued(stage, noted_paths, points, piece, instant),
+        **_continued(stage, noted_paths, path_points, piece, instant_seconds),
     }, stage.paths_until
 
 
@@ -139,18 +145,18 @@ def _continued(
     )
 
 
-def _struck_before(piece: Piece, beat: float) -> Iterator[Strikes]:
+def _struck_before(piece: Piece, cut_beat: float) -> Iterator[Strikes]:
     """The strikes with notes that have begun by a beat, ended there."""
-    tempo, end = piece.tempo_map, Position(plus=Length(beats=beat))
+    tempo, end = piece.tempo_map, Position(plus=Length(beats=cut_beat))
     for strikes in piece.strikes:
-        begin, stop = tempo.resolve(strikes.at), None
-        if not strikes.moves_pitches or begin >= beat - SAME:
+        begin, stop_beat = tempo.resolve(strikes.at), None
+        if not strikes.moves_pitches or begin >= cut_beat - SAME:
             continue
         if strikes.span is not None:
-            stop = tempo.after(begin, strikes.span)
+            stop_beat = tempo.after(begin, strikes.span)
         elif strikes.until is not None:
-            stop = tempo.resolve(strikes.until)
-        is_over = stop is not None and stop <= beat + SAME
+            stop_beat = tempo.resolve(strikes.until)
+        is_over = stop_beat is not None and stop_beat <= cut_beat + SAME
         yield strikes if is_over else replace(strikes, span=None, until=end)
 
 
@@ -163,7 +169,7 @@ def _put_paths(
 ) -> None:
     """Replace the points of automation on a timeline. Raises EngineError."""
     mats: list[tuple[int, int]] = []
-    links: list[tuple[int, int]] = []
+    coupling_links: list[tuple[int, int]] = []
     for module_key in paths_before:
         led = Led.from_piece(piece, module_key)
         if led is None:
@@ -172,8 +178,8 @@ def _put_paths(
             mats.append((assembly.mats[module_key], led.cost))
         else:
             moved = assembly.links_of(module_key)
-            links.append((moved.start, len(moved)))
-    timeline.release(mats, links)
+            coupling_links.append((moved.start, len(moved)))
+    timeline.release(mats, coupling_links)
     for module_key, points in paths_now.items():
         if led := Led.from_piece(piece, module_key):
             led.put(timeline, assembly, module_key, points)

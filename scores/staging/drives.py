@@ -16,24 +16,26 @@ from ergon.scores.staging.takes import Takes
 def sounds_in(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str, tuple[int, float]]:
     """The inputs by name: the number of each, and the length [s] of its file."""
     sounds_by_name: dict[str, tuple[int, float]] = {}
-    for name, take in piece.takes.items():
+    for take_name, take in piece.takes.items():
         if (sound_input := take.input) is None:
             continue
         if sound_input.highpass is not None and sound_input.highpass >= 0.5 * piece.rate:
-            message = f"take {quote(name)}: its highpass is not below half of the rate"
+            message = f"take {quote(take_name)}: its highpass is not below half of the rate"
             place = take.places.get("highpass", take.place)
             takes.collector.error("E308", message, place)
-        elif (samples := takes.sound(name)) is not None:
+        elif (sound_samples := takes.sound(take_name)) is not None:
             settings = {"gain": sound_input.gain, "clamp": sound_input.clamp}
             if sound_input.channel is None:
-                number, glide = input_number(name), sound_input.glide or 0.0
-                index = timeline.controlled_input(number, samples, **settings, glide=glide)
+                number, glide = input_number(take_name), sound_input.glide or 0.0
+                input_index = timeline.controlled_input(
+                    number, sound_samples, **settings, glide=glide
+                )
             else:
                 highpass = sound_input.highpass
-                index = timeline.sound_in(
-                    sound_input.channel - 1, samples, **settings, highpass=highpass
+                input_index = timeline.sound_in(
+                    sound_input.channel - 1, sound_samples, **settings, highpass=highpass
                 )
-            sounds_by_name[name] = index, len(samples) / piece.rate
+            sounds_by_name[take_name] = input_index, len(sound_samples) / piece.rate
     return sounds_by_name
 
 
@@ -49,22 +51,24 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
     tempo = piece.tempo_map
     keys = [(name, key.modules, key.reach) for name, key in piece.keys.items()]
     instruments = [(name, i.modules, 1.0) for name, i in piece.instruments.items()]
-    for name, modules, reach in (*keys, *instruments):
-        for module in modules:
-            if module.kind not in ("ENX", "ENF"):
+    for name, modules, lever_ratio in (*keys, *instruments):
+        for part_module in modules:
+            if part_module.kind not in ("ENX", "ENF"):
                 continue
-            mat = assembly.mat(module.driven)
-            is_position = module.kind == "ENX"
+            mat = assembly.mat(part_module.driven)
+            is_position = part_module.kind == "ENX"
             # Behind a lever positions are multiplied by s, and forces divided by s.
-            scale = reach if is_position else 1.0 / reach
-            source, begin = module.fields["from"], module.fields["at"]
-            constant = source * scale if isinstance(source, float) else None
-            sound = sounds.get(str(source))
+            scale = lever_ratio if is_position else 1.0 / lever_ratio
+            drive_source, begin_position = part_module.fields["from"], part_module.fields["at"]
+            constant = drive_source * scale if isinstance(drive_source, float) else None
+            sound_input = sounds.get(str(drive_source))
             take = None
-            if constant is None and sound is None:
-                known_take = piece.takes.get(str(source))
+            if constant is None and sound_input is None:
+                known_take = piece.takes.get(str(drive_source))
                 take = (
-                    None if known_take is None or known_take.input else hands.takes.get(str(source))
+                    None
+                    if known_take is None or known_take.input
+                    else hands.takes.get(str(drive_source))
                 )
                 if take is None:
                     continue  # reported already
@@ -73,8 +77,10 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
                 "position" if is_position else "force",
                 constant=constant,
                 take=take,
-                sound=sound,
-                start=0.0 if begin is None else tempo.seconds(tempo.resolve(begin)),
-                scale=scale * module.fields["scale"],
-                is_exclusive=module.driven.part == name,
+                sound=sound_input,
+                start=0.0
+                if begin_position is None
+                else tempo.seconds(tempo.resolve(begin_position)),
+                scale=scale * part_module.fields["scale"],
+                is_exclusive=part_module.driven.part == name,
             )

@@ -28,17 +28,19 @@ def written_forces(
 
     The last one holds the key where the part ends.
     """
-    key = piece.keys[player.key]
+    player_key = piece.keys[player.key]
     network, hands = played_alone(piece, player, Collector())
     simulation = _core.Simulation(network, hands.timeline, record=True)
     period = tick_frames / piece.rate
-    forces = TickForces(period, delay_of(key), 0, np.zeros(len(standin)))
+    tick_forces = TickForces(period, delay_of(player_key), 0, np.zeros(len(standin)))
     frames = np.zeros((_BLOCK_TICKS * tick_frames, 1))
-    for _ in range(0, len(standin) + forces.late, _BLOCK_TICKS):
+    for _ in range(0, len(standin) + tick_forces.late, _BLOCK_TICKS):
         simulation.process(frames)
-        forces.add(simulation)
-    forces.newtons[max(0, len(standin) - forces.late) :] = holding_force(key, float(standin[-1]))
-    return forces.newtons
+        tick_forces.add(simulation)
+    tick_forces.newtons[max(0, len(standin) - tick_forces.late) :] = holding_force(
+        player_key, float(standin[-1])
+    )
+    return tick_forces.newtons
 
 
 def delay_of(key: Key) -> float:

@@ -12,7 +12,7 @@ from ergon.scores.reading.piece import Piece, Strikes
 from ergon.scores.staging.listening import audible_outputs
 
 
-def joined(piece: Piece, part: str) -> set[str]:
+def joined(piece: Piece, instrument_name: str) -> set[str]:
     """The keys and instruments that links connect to an instrument, directly or not, with itself.
 
     Links to fixed points count too: a larger group than needed does no harm.
@@ -21,7 +21,7 @@ def joined(piece: Piece, part: str) -> set[str]:
     for first_part, second_part in _pairs(piece):
         neighbours.setdefault(first_part, set()).add(second_part)
         neighbours.setdefault(second_part, set()).add(first_part)
-    connected, unvisited = {part}, [part]
+    connected, unvisited = {instrument_name}, [instrument_name]
     while unvisited:
         further = neighbours.get(unvisited.pop(), set()) - connected
         connected |= further
@@ -29,33 +29,38 @@ def joined(piece: Piece, part: str) -> set[str]:
     return connected
 
 
-def content(piece: Piece, part: str) -> tuple[Any, ...]:
+def content(piece: Piece, instrument_name: str) -> tuple[Any, ...]:
     """The values of a piece that determine the outputs of an instrument.
 
     Processing between its outputs and the loudspeakers is not included.
     """
-    parts = joined(piece, part)
-    players = {name: entry for name, entry in piece.players.items() if entry.key in parts}
+    joined_parts = joined(piece, instrument_name)
+    players = {name: entry for name, entry in piece.players.items() if entry.key in joined_parts}
     plays = tuple(play for play in piece.parts if play.player in players)
-    strikes = tuple(entry for entry in piece.strikes if _hits(entry, parts))
-    modules = [module for module_part, module in piece.modules() if module_part in parts]
+    strikes = tuple(entry for entry in piece.strikes if _hits(entry, joined_parts))
+    modules = [module for module_part, module in piece.modules() if module_part in joined_parts]
     played_names = {name for play in plays for name in play.names}
     played_names |= {player.standin for player in players.values() if player.standin}
     played_names |= {str(module.fields["from"]) for module in modules if "from" in module.fields}
-    routes = {(output.name, route.to == "nearest") for route, output in _outputs_of(piece, part)}
+    routes = {
+        (output.name, route.to == "nearest")
+        for route, output in _outputs_of(piece, instrument_name)
+    }
     file_meters = (piece.file_meters,) if piece.file_meters else ()
     return (
         (piece.seed, piece.rate, piece.tempo, piece.marks, piece.mix.layout, *file_meters),
-        {name: key for name, key in piece.keys.items() if name in parts},
-        {name: entry for name, entry in piece.instruments.items() if name in parts},
+        {name: key for name, key in piece.keys.items() if name in joined_parts},
+        {name: entry for name, entry in piece.instruments.items() if name in joined_parts},
         players,
         plays,
         strikes,
         {name: gesture for name, gesture in piece.gestures.items() if name in played_names},
         {name: take for name, take in piece.takes.items() if name in played_names},
-        tuple(entry for entry in piece.duet if {entry.a.part, entry.b.part} & parts),
+        tuple(entry for entry in piece.duet if {entry.a.part, entry.b.part} & joined_parts),
         tuple(
-            entry for entry in piece.automation if any(part in parts for part, _ in entry.modules)
+            entry
+            for entry in piece.automation
+            if any(part in joined_parts for part, _ in entry.modules)
         ),
         tuple(sorted(routes)),
     )

@@ -236,37 +236,37 @@ class Hands:
             for start in self._room(play, begins):
                 self._put_take(play, take, start)
 
-    def _play_pattern(self, play: Play, places: Steps) -> None:
+    def _play_pattern(self, part_play: Play, pattern_steps: Steps) -> None:
         """Put what a pattern plays in its places within the window on the timeline."""
-        course = places.course
+        course = pattern_steps.course
         since, until = self.window.since - SAME, self.window.until - SAME
-        if places.last < since:
+        if pattern_steps.last < since:
             return
-        first_place, stop_place = n_before(places, since), n_before(places, until)
+        first_place, stop_place = n_before(pattern_steps, since), n_before(pattern_steps, until)
         plays_by_key: dict[tuple[str, tuple[Transform, ...]], Play] = {}
         plays_due: list[tuple[Play, float, int]] = []
-        for place in range(first_place, stop_place):
-            if not place % 1024:
+        for place_index in range(first_place, stop_place):
+            if not place_index % 1024:
                 _core.poll(_PLACE_STEPS * 1024)
-            if (name := course.played(place)) is not None:
-                key = name, course.do(place)
+            if (name := course.played(place_index)) is not None:
+                key = name, course.do(place_index)
                 if key not in plays_by_key:
                     plays_by_key[key] = replace(
-                        play, what=name, do=(*play.do, *key[1]), pattern=None
+                        part_play, what=name, do=(*part_play.do, *key[1]), pattern=None
                     )
-                plays_due.append((plays_by_key[key], places[place], place))
+                plays_due.append((plays_by_key[key], pattern_steps[place_index], place_index))
         for play_due in plays_by_key.values():
             begins = [start for play_of_place, start, _ in plays_due if play_of_place is play_due]
             gesture = self.piece.gestures.get(play_due.what)
             if not self._room(play_due, begins, len(gesture.points) if gesture else 1) and begins:
                 return
-        for play_due, start, place in plays_due:
+        for play_due, start_beat, place_index in plays_due:
             if (gesture := self.piece.gestures.get(play_due.what)) is not None:
                 chain = (*gesture.do, *play_due.do)
-                chance = course.draws.transforms(place + course.pattern.skip)
-                self._put_gesture(play_due, gesture, chain, start, chance)
+                chance = course.draws.transforms(place_index + course.pattern.skip)
+                self._put_gesture(play_due, gesture, chain, start_beat, chance)
             elif (take := self.takes.get(play_due.what)) is not None:
-                self._put_take(play_due, take, start)
+                self._put_take(play_due, take, start_beat)
 
     def _due(self, play: Play, starts: Sequence[float]) -> Sequence[float]:
         """The starts within the window; those before it are counted, because chance draws by
@@ -283,17 +283,17 @@ class Hands:
         _core.poll(len(starts) * (_OCCURRENCE_STEPS + _POINT_STEPS * points))
         self._played["occurrences"] += len(starts)
         self._played["points"] += len(starts) * points
-        for noun, limit in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
-            if self._played[noun] > limit:
+        for noun, timeline_limit in (("occurrences", MAX_PLAYED), ("points", MAX_POINTS)):
+            if self._played[noun] > timeline_limit:
                 if self._played["reports"]:
                     return ()
                 self._played["reports"] += 1
                 message = (
                     f"{quote(play.what)}: with these {len(starts):,} × {points:,} points the "
-                    f"piece plays more than {limit:,} {noun}"
+                    f"piece plays more than {timeline_limit:,} {noun}"
                     if points > 1
                     else f"{quote(play.what)}: with these {len(starts):,} occurrences the piece "
-                    f"plays more than {limit:,} {noun}"
+                    f"plays more than {timeline_limit:,} {noun}"
                 )
                 help = "play the gesture less often, or write a long movement as a take"
                 self.collector.error("E105", message, play.place, help=help)
@@ -311,60 +311,65 @@ class Hands:
     def _ends(self, play: Play, take: _core.Take) -> list[float]:
         """Beats on which a take begins if it repeats end to end."""
         tempo = self.piece.tempo_map
-        begin = tempo.resolve(play.at)
+        begin_beat = tempo.resolve(play.at)
         until = None if play.until is None else tempo.resolve(play.until)
-        shape = apply_to_take(play.do, 60.0 / tempo.bpm(begin))
+        shape = apply_to_take(play.do, 60.0 / tempo.bpm(begin_beat))
         lasting = (take.duration - shape.front - shape.back) * shape.stretch
         length = Length(0.0, shape.shift.beats, shape.shift.seconds + lasting)
         try:
-            return starts(tempo, begin, length, times=play.times, until=until)
+            return starts(tempo, begin_beat, length, times=play.times, until=until)
         except TextError as error:
             self.collector.error("E305", f"{quote(play.what)}: {error.message}", play.place)
             return []
 
     def _put_gesture(
         self,
-        play: Play,
+        part_play: Play,
         gesture: Gesture,
         chain: tuple[Transform, ...],
-        start: float,
+        start_beat: float,
         chance: Chance | None = None,
     ) -> None:
-        shape = self._shape(play, gesture, chain, start, chance)
+        gesture_shape = self._shape(part_play, gesture, chain, start_beat, chance)
         tempo = self.piece.tempo_map
-        t = [gesture.instant(tempo, start, time) for time in shape.times]
+        t = [gesture.instant(tempo, start_beat, time) for time in gesture_shape.times]
         if t[-1] <= self.window.after:
             return
-        index, struck = self._keys[shape.key]
+        key_index, struck = self._keys[gesture_shape.key]
         try:
             self.timeline.gesture(
-                index, t, shape.x, shape.curves, sources=shape.sources, **shape.options
+                key_index,
+                t,
+                gesture_shape.x,
+                gesture_shape.curves,
+                sources=gesture_shape.sources,
+                **gesture_shape.options,
             )
         except _core.EngineError as error:
-            index = min(error.index or 0, len(shape.sources) - 1)
+            key_index = min(error.index or 0, len(gesture_shape.sources) - 1)
             self.collector.error(
                 "E308",
-                f"{quote(play.what)}: {error.sentence}",
-                self.sources[shape.sources[index]],
-                help=f"{play.player} plays the gesture at {play.place}",
+                f"{quote(part_play.what)}: {error.sentence}",
+                self.sources[gesture_shape.sources[key_index]],
+                help=f"{part_play.player} plays the gesture at {part_play.place}",
             )
             return
         self.gestures.append(
             StagedGesture(
-                play.what,
-                play.player,
-                shape.key,
-                index,
+                part_play.what,
+                part_play.player,
+                gesture_shape.key,
+                key_index,
                 struck,
                 t[0],
                 t[-1],
-                play.place,
+                part_play.place,
                 array("d", t),  # a quarter of the memory of a list
-                shape.x,
-                shape.curves,
-                shape.options["layer"],
-                shape.options["touch"] == "tracked",
-                tempo.seconds(start),
+                gesture_shape.x,
+                gesture_shape.curves,
+                gesture_shape.options["layer"],
+                gesture_shape.options["touch"] == "tracked",
+                tempo.seconds(start_beat),
             )
         )
 
@@ -398,86 +403,95 @@ class Hands:
 
     def _shaped(
         self,
-        play: Play,
+        part_play: Play,
         gesture: Gesture,
         chain: tuple[Transform, ...],
         start: float,
         chance: Chance,
     ) -> _Shape:
-        points: Sequence[Point] = gesture.points
+        gesture_points: Sequence[Point] = gesture.points
         if chain:
-            points, _ = apply(points, chain, chance, gesture.beat(self.piece.tempo_map, start))
-        reach = self._reach(play)
+            gesture_points, _ = apply(
+                gesture_points, chain, chance, gesture.beat(self.piece.tempo_map, start)
+            )
+        reach = self._reach(part_play)
         return _Shape(
-            self._key_of(play),
-            [point.at for point in points],
-            array("d", [point.x * reach for point in points]),
-            tuple(cast(Curve, point.curve) for point in points),
-            [self._source(gesture, point) for point in points],
-            self._options_of(play, gesture),
+            self._key_of(part_play),
+            [point.at for point in gesture_points],
+            array("d", [point.x * reach for point in gesture_points]),
+            tuple(cast(Curve, point.curve) for point in gesture_points),
+            [self._source(gesture, point) for point in gesture_points],
+            self._options_of(part_play, gesture),
         )
 
-    def _options_of(self, play: Play, gesture: Gesture) -> _Options:
+    def _options_of(self, part_play: Play, gesture: Gesture) -> _Options:
         """The options by which a line plays a gesture; lines without options of their own share one
         object.
         """
-        if play.manner is not NO_OPTIONS:
-            return self._options(play, play.manner.over(gesture.manner).over(DEFAULT_OPTIONS))
-        key = play.player, gesture.name
+        if part_play.manner is not NO_OPTIONS:
+            return self._options(
+                part_play, part_play.manner.over(gesture.manner).over(DEFAULT_OPTIONS)
+            )
+        key = part_play.player, gesture.name
         if key not in self._manners:
-            self._manners[key] = self._options(play, gesture.manner.over(DEFAULT_OPTIONS))
+            self._manners[key] = self._options(part_play, gesture.manner.over(DEFAULT_OPTIONS))
         return self._manners[key]
 
-    def _put_take(self, play: Play, take: _core.Take, start: float) -> None:
+    def _put_take(self, part_play: Play, take: _core.Take, start_beat: float) -> None:
         tempo = self.piece.tempo_map
-        shape = apply_to_take(play.do, 60.0 / tempo.bpm(start))
-        begin = tempo.instant(start, shape.shift)
-        stop = begin + (take.duration - shape.front - shape.back) * shape.stretch
-        if stop <= self.window.after:
+        take_shape = apply_to_take(part_play.do, 60.0 / tempo.bpm(start_beat))
+        begin_seconds = tempo.instant(start_beat, take_shape.shift)
+        stop_seconds = (
+            begin_seconds
+            + (take.duration - take_shape.front - take_shape.back) * take_shape.stretch
+        )
+        if stop_seconds <= self.window.after:
             return
-        options = self._options(play, play.manner.over(DEFAULT_OPTIONS))
-        index, struck = self._keys[self._key_of(play)]
+        take_options = self._options(part_play, part_play.manner.over(DEFAULT_OPTIONS))
+        key_index, struck = self._keys[self._key_of(part_play)]
         try:
-            if shape.front or shape.back:
-                take = take.part(shape.front, take.duration - shape.back)
+            if take_shape.front or take_shape.back:
+                take = take.part(take_shape.front, take.duration - take_shape.back)
             self.timeline.take(
-                index,
+                key_index,
                 take,
-                begin,
-                scale=shape.scale * self._reach(play),
-                stretch=shape.stretch,
-                reverse=shape.reverse,
-                source=self.sources.add(lambda: play.place),
-                **options,
+                begin_seconds,
+                scale=take_shape.scale * self._reach(part_play),
+                stretch=take_shape.stretch,
+                reverse=take_shape.reverse,
+                source=self.sources.add(lambda: part_play.place),
+                **take_options,
             )
         except _core.EngineError as error:
-            self.collector.error("E308", f"{quote(play.what)}: {error.sentence}", play.place)
+            self.collector.error(
+                "E308", f"{quote(part_play.what)}: {error.sentence}", part_play.place
+            )
             return
         self.gestures.append(
             StagedGesture(
-                play.what,
-                play.player,
-                self._key_of(play),
-                index,
+                part_play.what,
+                part_play.player,
+                self._key_of(part_play),
+                key_index,
                 struck,
-                begin,
-                stop,
-                play.place,
-                layer=options["layer"],
-                tracked=options["touch"] == "tracked",
-                begins=tempo.seconds(start),
+                begin_seconds,
+                stop_seconds,
+                part_play.place,
+                layer=take_options["layer"],
+                tracked=take_options["touch"] == "tracked",
+                begins=tempo.seconds(start_beat),
             )
         )
 
     def _options(self, play: Play, manner: PlayingOptions) -> _Options:
-        limit = manner.force_limit
+        force_limit = manner.force_limit
         options = {
             "touch": manner.touch,
             "ergons": manner.ergons,
             "grain": manner.grain,
             "join": manner.join,
             # Behind a lever the piece sees s·x, and forces divided by s.
-            "force_limit": None if limit is None else limit / self._reach(play),
+            "force_limit": None if force_limit is None else force_limit / self._reach(play),
             "layer": manner.layer,
         }
         return cast(_Options, options)  # DEFAULT_OPTIONS has all options

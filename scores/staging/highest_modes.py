@@ -42,15 +42,19 @@ def _bodies(piece: Piece, built: BuiltNetwork) -> Iterator[HighestMode]:
     assembly = built.assembly
     bodies_left = _BODIES_MAX
     for instrument in piece.instruments.values():
-        for module in instrument.modules:
-            first_mat = assembly.mats.get((instrument.name, module.name))
-            if module.kind not in ("STRING", "PLATE") or first_mat is None or instrument.ca_rate:
+        for part_module in instrument.modules:
+            first_mat = assembly.mats.get((instrument.name, part_module.name))
+            if (
+                part_module.kind not in ("STRING", "PLATE")
+                or first_mat is None
+                or instrument.ca_rate
+            ):
                 continue
             if bodies_left == 0:
                 return
             bodies_left -= 1
-            name = ".".join(filter(None, (instrument.name, module.name)))
-            yield HighestMode(name, module, assembly.network.highest_mode(first_mat))
+            name = ".".join(filter(None, (instrument.name, part_module.name)))
+            yield HighestMode(name, part_module, assembly.network.highest_mode(first_mat))
 
 
 def warn_low_modes(modes: list[HighestMode]) -> list[Diagnostic]:
@@ -61,17 +65,17 @@ def warn_low_modes(modes: list[HighestMode]) -> list[Diagnostic]:
     reported.
     """
     lowest: dict[Place, HighestMode] = {}
-    for mode in modes:
-        lowest_mode = lowest.setdefault(mode.module.place, mode)
-        if mode.hertz < lowest_mode.hertz:
-            lowest[mode.module.place] = mode
+    for highest_mode in modes:
+        lowest_mode = lowest.setdefault(highest_mode.module.place, highest_mode)
+        if highest_mode.hertz < lowest_mode.hertz:
+            lowest[highest_mode.module.place] = highest_mode
     warnings = []
-    for mode in lowest.values():
-        if mode.hertz >= FULL or is_shipped(Path(mode.module.place.file)):
+    for highest_mode in lowest.values():
+        if highest_mode.hertz >= FULL or is_shipped(Path(highest_mode.module.place.file)):
             continue
-        message = f"{quote(mode.name)} has no mode above {mode.hertz / 1e3:.3g} kHz"
-        help = f"{_count_needed(mode)} would reach about {FULL / 1e3:g} kHz"
-        place = mode.module.place
+        message = f"{quote(highest_mode.name)} has no mode above {highest_mode.hertz / 1e3:.3g} kHz"
+        help = f"{_count_needed(highest_mode)} would reach about {FULL / 1e3:g} kHz"
+        place = highest_mode.module.place
         warnings.append(Diagnostic("W331", message, place, None, help))
     return warnings
 
@@ -83,28 +87,37 @@ def warn_over_limit(
 
     The scheme is stable up to a mode at the rate over pi.
     """
-    warnings, limit = [], piece.rate / pi
-    for mode in highest_modes(piece, built):
-        module_key = (mode.name.removesuffix(f".{mode.module.name}"), mode.module.name)
-        points = paths.get(module_key, ())
-        factor_max = max((factor for _, factor, _ in points), default=1.0)
-        if mode.hertz >= limit or mode.hertz * sqrt(factor_max) < limit:
+    warnings, frequency_limit = [], piece.rate / pi
+    for highest_mode in highest_modes(piece, built):
+        module_key = (
+            highest_mode.name.removesuffix(f".{highest_mode.module.name}"),
+            highest_mode.module.name,
+        )
+        path_points = paths.get(module_key, ())
+        factor_max = max((factor for _, factor, _ in path_points), default=1.0)
+        if (
+            highest_mode.hertz >= frequency_limit
+            or highest_mode.hertz * sqrt(factor_max) < frequency_limit
+        ):
             continue
         automation_lines = [line for line in piece.automation if module_key in line.modules]
         place = next(
-            (line.place for line in automation_lines if line.parameter == "f"), mode.module.place
+            (line.place for line in automation_lines if line.parameter == "f"),
+            highest_mode.module.place,
         )
-        instant = _instant(points, (limit / mode.hertz) ** 2)
+        instant = _instant(path_points, (frequency_limit / highest_mode.hertz) ** 2)
         tempo = piece.tempo_map
-        times = ceil(mode.hertz * sqrt(factor_max) / limit)
+        step_count = ceil(highest_mode.hertz * sqrt(factor_max) / frequency_limit)
         message = (
             f"from {tempo.written(tempo.beats(instant))} ({instant:.2f} s) on the highest mode of "
-            f"{quote(mode.name)} is above {limit / 1e3:.3g} kHz, the limit at one step a frame; "
-            f"it reaches {mode.hertz * sqrt(factor_max) / 1e3:.3g} kHz"
+            f"{quote(highest_mode.name)} is above {frequency_limit / 1e3:.3g} kHz, the limit at "
+            "one step a frame; "
+            f"it reaches {highest_mode.hertz * sqrt(factor_max) / 1e3:.3g} kHz"
         )
         help = (
-            f"a plan takes {times} steps a frame or another method there, unless the score has "
-            f"`method: ca`; a rate of {times * piece.rate:,.0f} Hz or fewer masses cost less"
+            f"a plan takes {step_count} steps a frame or another method there, unless the score "
+            "has "
+            f"`method: ca`; a rate of {step_count * piece.rate:,.0f} Hz or fewer masses cost less"
         )
         warnings.append(Diagnostic("W332", message, place, None, help))
     return warnings
@@ -120,18 +133,18 @@ def _instant(points: Points, factor: float) -> float:
 
 def _count_needed(mode: HighestMode) -> str:
     """What to write so that the highest mode is at about 5 kHz."""
-    module, fields = mode.module, mode.module.fields
-    masses, factor_needed = member_count(module.kind, fields), FULL / mode.hertz
-    if module.kind == "STRING":
+    part_module, module_fields = mode.module, mode.module.fields
+    masses, factor_needed = member_count(part_module.kind, module_fields), FULL / mode.hertz
+    if part_module.kind == "STRING":
         return f"`masses: {ceil(masses * factor_needed)}`"
     # The highest mode of a lattice is inversely proportional to its spacing; if the plate bends, to
     # the square of it.
-    side = sqrt(factor_needed) if fields["bending"] is not None else factor_needed
-    if fields["shape"] == "rectangle":
-        n_across, n_up = (ceil(count * side) for count in fields["sides"])
+    side = sqrt(factor_needed) if module_fields["bending"] is not None else factor_needed
+    if module_fields["shape"] == "rectangle":
+        n_across, n_up = (ceil(count * side) for count in module_fields["sides"])
         return f"{n_across * n_up:,} masses ({n_across} by {n_up})"
-    radius = ceil(fields["radius"] * side)
+    radius = ceil(module_fields["radius"] * side)
     if radius > _RADIUS_MAX:
         return f"more than the {_RADIUS_MAX} rings that a plate may have"
-    wider = {**fields, "radius": radius}
-    return f"{member_count(module.kind, wider):,} masses ({radius} rings)"
+    wider = {**module_fields, "radius": radius}
+    return f"{member_count(part_module.kind, wider):,} masses ({radius} rings)"

@@ -26,43 +26,47 @@ def warn_implausible(piece: Piece) -> list[Diagnostic]:
     for instrument in piece.instruments.values():
         if instrument.form != "si":
             continue
-        for module in instrument.modules:
-            name = ".".join(filter(None, (instrument.name, module.name)))
-            warnings += _pitches(piece, name, module)
-            if module.kind == "BUT":
-                warnings += scene.gaps(name, module)
-            if module.kind in LINKS:
-                warnings += scene.stiffness(piece, name, module)
-            if module.kind == "BRISTLE":
-                warnings += _gains(name, module)
+        for part_module in instrument.modules:
+            module_name = ".".join(filter(None, (instrument.name, part_module.name)))
+            warnings += _pitches(piece, module_name, part_module)
+            if part_module.kind == "BUT":
+                warnings += scene.gaps(module_name, part_module)
+            if part_module.kind in LINKS:
+                warnings += scene.stiffness(piece, module_name, part_module)
+            if part_module.kind == "BRISTLE":
+                warnings += _gains(module_name, part_module)
     return warnings
 
 
-def _pitches(piece: Piece, name: str, module: Module) -> Iterator[Diagnostic]:
+def _pitches(piece: Piece, name: str, part_module: Module) -> Iterator[Diagnostic]:
     """Report W326 for strings and plates; a CEL above half of the rate is refused elsewhere
     (E309).
     """
-    f, highest = module.fields.get("f"), 0.5 * piece.rate
-    if module.kind in ("STRING", "PLATE") and isinstance(f, float) and f > highest:
+    f, highest = part_module.fields.get("f"), 0.5 * piece.rate
+    if part_module.kind in ("STRING", "PLATE") and isinstance(f, float) and f > highest:
         message = (
             f"the pitch of {quote(name)} is {_hertz(f)}, above half of the rate "
             f"({_hertz(highest)}): no file can hold it"
         )
-        place = module.places.get("f", module.place)
+        place = part_module.places.get("f", part_module.place)
         yield Diagnostic("W326", message, place, None, "choose a lower pitch or a higher rate")
 
 
 def _gains(name: str, bristle: Module) -> Iterator[Diagnostic]:
     """Report W333 if friction with memory may generate energy (Barabanov and Ortega, 2000)."""
-    f = bristle.fields
-    level, static = f["Fc"], f["Fs"]
-    if not isinstance(level, float) or not isinstance(static, float) or level <= 0.0:
+    bristle_fields = bristle.fields
+    friction_level, static = bristle_fields["Fc"], bristle_fields["Fs"]
+    if (
+        not isinstance(friction_level, float)
+        or not isinstance(static, float)
+        or friction_level <= 0.0
+    ):
         return
-    least = f["sigma1"] * (static - level) / level
-    if f["sigma2"] < least:
+    least = bristle_fields["sigma1"] * (static - friction_level) / friction_level
+    if bristle_fields["sigma2"] < least:
         message = f"friction {quote(name)} can give energy: its sigma2 is below "
         message += f"sigma1*(Fs - Fc)/Fc, {least:.3g} Ns/m"
-        sigma_max = f["sigma2"] * level / (static - level)
+        sigma_max = bristle_fields["sigma2"] * friction_level / (static - friction_level)
         help = f"make sigma2 {least:.3g} Ns/m or more"
         if sigma_max > 0.0:
             help += f", or sigma1 {sigma_max:.3g} Ns/m or less"
@@ -95,24 +99,24 @@ class _Scene:
         end_modules = (self.modules[end.part, end.module] for end in but.ends)
         if any("axes" in end.fields for end in end_modules):
             return  # points in space start where they are
-        sign = 1.0 if but.fields["side"] == "below" else -1.0
-        place = but.places.get("gap", but.place)
+        side_sign = 1.0 if but.fields["side"] == "below" else -1.0
+        gap_place = but.places.get("gap", but.place)
         pressed, nearest = -inf, -inf  # the deepest of the points of a range
         for link in single_links(but):
             (a, b), gap = link.ends, link.fields["gap"]
-            start = sign * (self._start(a) - self._start(b)) - gap
+            start = side_sign * (self._start(a) - self._start(b)) - gap
             pressed = max(pressed, start) if gap < 0.0 else pressed
             (low_a, high_a), (low_b, high_b) = self._travel(a), self._travel(b)
             # The deepest overlap that the travels allow; an end without a travel stays where it
             # begins.
-            nearest = max(nearest, (high_a - low_b if sign > 0 else high_b - low_a) - gap)
+            nearest = max(nearest, (high_a - low_b if side_sign > 0 else high_b - low_a) - gap)
         if pressed > 0.0:
             message = (
                 f"the gap of contact {quote(name)} is negative: its ends are pressed together "
             )
             message += f"by {_millimetres(pressed)} from the beginning"
             help = "write a gap of 0 or more, or a RES or REF where the two are tied for good"
-            yield Diagnostic("W327", message, place, None, help)
+            yield Diagnostic("W327", message, gap_place, None, help)
         has_travel = any(self._key(end) is not None for end in but.ends)
         if has_travel and nearest <= 0.0:
             message = (
@@ -120,12 +124,12 @@ class _Scene:
             )
             message += f"its ends are still {_millimetres(-nearest)} apart"
             help = "make the gap smaller than the travel, or the travel longer"
-            yield Diagnostic("W329", message, place, None, help)
+            yield Diagnostic("W329", message, gap_place, None, help)
 
     def stiffness(self, piece: Piece, name: str, link: Module) -> Iterator[Diagnostic]:
         """Report W328 if half a period of the two ends, or a touch, is shorter than a frame."""
-        field = KINDS[link.kind].scaled[0]
-        stiffness = link.fields.get(field)
+        scaled_field = KINDS[link.kind].scaled[0]
+        stiffness = link.fields.get(scaled_field)
         if not isinstance(stiffness, float) or stiffness <= 0.0:
             return
         is_contact = link.kind == "BUT"
@@ -144,7 +148,7 @@ class _Scene:
         message += f"a frame {1e6 / piece.rate:.3g} us"
         stiffness_max = pi * pi * piece.rate * piece.rate / inverse
         help = f"stay below {stiffness_max:.3g} N/m, or make the masses heavier"
-        yield Diagnostic("W328", message, link.places.get(field, link.place), None, help)
+        yield Diagnostic("W328", message, link.places.get(scaled_field, link.place), None, help)
 
     def _key(self, end: Target) -> Key | None:
         key = self.keys.get(end.part)
@@ -169,17 +173,17 @@ class _Scene:
         """The mass of one MAT [kg], as the piece sees it; infinite if it is fixed or its position
         imposed.
         """
-        module = self.modules[end.part, end.module]
-        if module.kind == "SOL" or (end.part, end.module, end.first) in self.imposed:
+        end_module = self.modules[end.part, end.module]
+        if end_module.kind == "SOL" or (end.part, end.module, end.first) in self.imposed:
             return inf
-        if module.kind == "PROXY":  # bound by its lightest mass
-            shares = module.fields["shares"] or (1.0,)
-            inverse = max(1.0 / self._mass(component) for component in module.fields["of"])
+        if end_module.kind == "PROXY":  # bound by its lightest mass
+            shares = end_module.fields["shares"] or (1.0,)
+            inverse = max(1.0 / self._mass(component) for component in end_module.fields["of"])
             inverse *= sum(share * share for share in shares)
             return 1.0 / inverse if inverse else inf
-        mass = module.fields["M"]
-        if module.kind in ("STRING", "PLATE", "CHAIN", "CLOTH", "GRAINS"):
-            mass /= member_count(module.kind, module.fields)
+        mass = end_module.fields["M"]
+        if end_module.kind in ("STRING", "PLATE", "CHAIN", "CLOTH", "GRAINS"):
+            mass /= member_count(end_module.kind, end_module.fields)
         key = self.keys.get(end.part)
         mass = mass if key is None else mass / (key.reach * key.reach)
         return float(mass)

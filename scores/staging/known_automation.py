@@ -82,21 +82,23 @@ class KnownAutomation:
             self._lines, self._strikes, self._notes = (), (), {}
             touched |= self._tracks.keys()
         self._tempo = piece.tempo_map
-        lines = changed_part(self._lines, piece.automation)
-        struck = changed_part(self._strikes, strikes)
+        automation_lines = changed_part(self._lines, piece.automation)
+        struck_strikes = changed_part(self._strikes, strikes)
         self._lines, self._strikes = piece.automation, strikes
-        gone_notes = [self._notes.pop(id(line)) for line in struck.before]
-        new_notes = [(line, [*_strike_automation(piece.tempo_map, line)]) for line in struck.now]
+        gone_notes = [self._notes.pop(id(line)) for line in struck_strikes.before]
+        new_notes = [
+            (line, [*_strike_automation(piece.tempo_map, line)]) for line in struck_strikes.now
+        ]
         self._notes |= {id(line): (line, notes) for line, notes in new_notes}
         notes = (notes for _, notes in (*gone_notes, *new_notes))
-        changed = chain(lines.before, lines.now, *notes)
+        changed = chain(automation_lines.before, automation_lines.now, *notes)
         touched |= {module_key for line in changed for module_key in line.modules}
-        is_at_end = lines.start + len(lines.now) == len(piece.automation)
+        is_at_end = automation_lines.start + len(automation_lines.now) == len(piece.automation)
         if is_same_tempo and is_at_end:
-            self._set_last_lines(lines)
+            self._set_last_lines(automation_lines)
         elif touched:
             self._set_lines(touched)
-        if struck or not is_same_tempo:
+        if struck_strikes or not is_same_tempo:
             self._noted = {}
             for line in chain.from_iterable(
                 self._notes[id(strikes_line)][1] for strikes_line in strikes
@@ -164,12 +166,12 @@ class KnownAutomation:
 
     def led(self, piece: Piece, module_key: ModuleKey) -> Led | None:
         """A module of a piece; None if it does not exist."""
-        part = piece.keys.get(module_key[0]) or piece.instruments.get(module_key[0])
-        module, known_led = self._module(part, module_key), self._leds.get(module_key)
+        owning_part = piece.keys.get(module_key[0]) or piece.instruments.get(module_key[0])
+        led_module, known_led = self._module(owning_part, module_key), self._leds.get(module_key)
         if known_led is not None:
             # The values of a key's module depend on its reach too.
-            is_same = known_led[0] is module is not None and isinstance(part, Instrument)
-            if is_same or known_led[1] is part:
+            is_same = known_led[0] is led_module is not None and isinstance(owning_part, Instrument)
+            if is_same or known_led[1] is owning_part:
                 return known_led[2]
         led = Led.from_piece(piece, module_key)
         if led is None:
@@ -177,7 +179,7 @@ class KnownAutomation:
         else:
             if known_led is not None and known_led[2].is_same(led):
                 led = known_led[2]
-            self._leds[module_key] = module, part, led
+            self._leds[module_key] = led_module, owning_part, led
         return led
 
     def _module(self, part: Key | Instrument | None, module_key: ModuleKey) -> Module | None:
@@ -236,32 +238,34 @@ def _span(tempo: TempoMap, line: Automation) -> tuple[Automation, float, float]:
 
 def _entries(tempo: TempoMap, entry: Entry) -> Iterator[Entry]:
     """An entry; for one that follows a MIDI file a glide for each value that it has there."""
-    line, begin, stop = entry
+    line, begin, stop_beat = entry
     if not line.moves:
         yield entry
         return
     glides = [(glide, tempo.resolve(glide.at)) for glide in _glides(tempo, line, begin)]
-    beats = [beat for _, beat in glides if beat < stop]
-    for (glide, beat), following in zip(glides, [*beats[1:], stop], strict=False):
+    beats = [beat for _, beat in glides if beat < stop_beat]
+    for (glide, beat), following in zip(glides, [*beats[1:], stop_beat], strict=False):
         yield Entry(glide, beat, following)
 
 
-def _glides(tempo: TempoMap, line: Automation, start: float) -> Iterator[Automation]:
-    """A glide for each value of a MIDI file that begins on beat `start`, which ends where the file
-    has it.
+def _glides(
+    tempo: TempoMap, automation_line: Automation, start_beat: float
+) -> Iterator[Automation]:
+    """A glide for each value of a MIDI file that begins on beat `start_beat`, which ends where the
+    file has it.
     """
-    last_instant = tempo.seconds(start)
-    for length, amount in line.moves:
-        instant = tempo.seconds(tempo.after(start, length))
-        since = max(last_instant, instant - _REACHED)
+    last_instant = tempo.seconds(start_beat)
+    for length, amount in automation_line.moves:
+        instant_seconds = tempo.seconds(tempo.after(start_beat, length))
+        since = max(last_instant, instant_seconds - _REACHED)
         yield replace(
-            line,
+            automation_line,
             at=Position(plus=Length(beats=tempo.beats(since))),
             points=(CurvePoint(Time(), amount, "line"),),
-            over=Length(seconds=instant - since) if instant > since else None,
+            over=Length(seconds=instant_seconds - since) if instant_seconds > since else None,
             moves=(),
         )
-        last_instant = instant
+        last_instant = instant_seconds
 
 
 def _strike_automation(tempo: TempoMap, line: Strikes) -> Iterator[Automation]:
@@ -295,13 +299,26 @@ def _wheel_automation(
     yield from _glides(tempo, wheel, start)
 
 
-def _notes(tempo: TempoMap, line: Strikes) -> Iterator[Automation]:
+def _notes(tempo: TempoMap, automation_line: Strikes) -> Iterator[Automation]:
     """Automation of the pitches of strikes that have notes."""
-    assert line.pattern is not None
-    until = line.until
-    if line.span is not None:
-        until = Position(plus=Length(beats=tempo.after(tempo.resolve(line.at), line.span)))
-    pattern = replace(line.pattern, chance=None)
-    for target in line.to:
-        arguments = (target, "f", line.at, until, line.every, line.times, pattern, line.notes)
-        yield Automation(*arguments, None, line.place, line.place, line.who)
+    assert automation_line.pattern is not None
+    until = automation_line.until
+    if automation_line.span is not None:
+        until = Position(
+            plus=Length(beats=tempo.after(tempo.resolve(automation_line.at), automation_line.span))
+        )
+    pattern = replace(automation_line.pattern, chance=None)
+    for target in automation_line.to:
+        arguments = (
+            target,
+            "f",
+            automation_line.at,
+            until,
+            automation_line.every,
+            automation_line.times,
+            pattern,
+            automation_line.notes,
+        )
+        yield Automation(
+            *arguments, None, automation_line.place, automation_line.place, automation_line.who
+        )

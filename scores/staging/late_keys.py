@@ -33,24 +33,26 @@ def check_delays(piece: Piece, collector: Collector) -> None:
     """
     stiffest: dict[str, tuple[float, str]] = {}
     for part, end, module in links_on_keys(piece):
-        key, stiffness = piece.keys[end.part], module.fields.get("K")
-        if key.delay and end.module == key.struck and isinstance(stiffness, float):
-            met = stiffness * key.reach**2, f"{part}.{module.name}"
-            stiffest[key.name] = max(met, stiffest.get(key.name, met))
-    for name, (stiffness, link) in stiffest.items():
-        key = piece.keys[name]
-        damping = _damping(key)
-        if damping is None or stiffness * key.delay <= damping:
+        delayed_key, stiffness = piece.keys[end.part], module.fields.get("K")
+        if delayed_key.delay and end.module == delayed_key.struck and isinstance(stiffness, float):
+            met = stiffness * delayed_key.reach**2, f"{part}.{module.name}"
+            stiffest[delayed_key.name] = max(met, stiffest.get(delayed_key.name, met))
+    for key_name, (stiffness, link) in stiffest.items():
+        delayed_key = piece.keys[key_name]
+        damping = _damping(delayed_key)
+        if damping is None or stiffness * delayed_key.delay <= damping:
             continue
-        late = f"{1e3 * key.delay:g} ms"
+        late = f"{1e3 * delayed_key.delay:g} ms"
         message = (
-            f"{quote(name)}: the forces of the piece reach this key {late} late; so the spring of "
-            f"{stiffness:,.0f} N/m of {quote(link)} removes {stiffness * key.delay:.2g} Ns/m of "
+            f"{quote(key_name)}: the forces of the piece reach this key {late} late; so the spring "
+            "of "
+            f"{stiffness:,.0f} N/m of {quote(link)} removes {stiffness * delayed_key.delay:.2g} "
+            "Ns/m of "
             f"the damping of the key, {damping:.2g} Ns/m, and the key may begin to swing by itself"
         )
-        bound = damping / key.delay
+        bound = damping / delayed_key.delay
         help = f"keep K below {bound:,.0f} N/m, raise Z of the key, or write `delay: 0s` there"
-        collector.error("W336", message, key.place, help=help)
+        collector.error("W336", message, delayed_key.place, help=help)
 
 
 def _damping(key: Key) -> float | None:

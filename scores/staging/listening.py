@@ -214,20 +214,20 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
     taps: dict[tuple[str, str], list[int]] = {}
     n_outputs_heard = Counter(route for route, *_ in all_heard)
     position: dict[Route, int] = {}
-    for route, instrument, output in all_heard:
-        index = position[route] = position.get(route, -1) + 1
-        if output.nearest is not None or route.to == "nearest":
-            _nearest(listening, piece, assembly, instrument, output, route)
+    for route, instrument, routed_output in all_heard:
+        output_index = position[route] = position.get(route, -1) + 1
+        if routed_output.nearest is not None or route.to == "nearest":
+            _nearest(listening, piece, assembly, instrument, routed_output, route)
         else:
-            name = instrument.name, output.name
-            if name not in taps:
-                taps[name] = _taps(listening, assembly, name, output)
+            output_key = instrument.name, routed_output.name
+            if output_key not in taps:
+                taps[output_key] = _taps(listening, assembly, output_key, routed_output)
             # With as many outputs as channels, each output has one channel, in order; else each
             # goes to all channels.
             is_one_each = n_outputs_heard[route] == len(route.to) and not route.is_panned
-            channels = route.to[index : index + 1] if is_one_each else route.to
-            for tap in taps[name]:
-                _ways(listening, piece, tap, [c - 1 for c in channels], route, output)
+            channels = route.to[output_index : output_index + 1] if is_one_each else route.to
+            for tap in taps[output_key]:
+                _ways(listening, piece, tap, [c - 1 for c in channels], route, routed_output)
     channels_used = [way.channel + 1 for way in listening.ways]
     channels_used += [channel for room in listening.rooms for channel in room.to]
     listening.n_channels = max(listening.n_channels, *channels_used, 1)
@@ -236,9 +236,9 @@ def listen(piece: Piece, assembly: Assembly, silent: Container[str] = ()) -> Lis
 
 def _outputs_of(piece: Piece, route: Route) -> Iterator[tuple[Instrument, Output]]:
     instrument = piece.instruments[route.part]
-    for output in instrument.outputs:
-        if route.out is None or output.name == route.out:
-            yield instrument, output
+    for routed_output in instrument.outputs:
+        if route.out is None or routed_output.name == route.out:
+            yield instrument, routed_output
 
 
 def _ways(
@@ -247,36 +247,46 @@ def _ways(
     tap: int,
     channels: Iterable[int],
     route: Route,
-    output: Output,
+    routed_output: Output,
 ) -> None:
-    ratio = route.ratio * (piece.mix.master.gain if piece.mix.master else 1.0)
-    delay, quantity = 0, output.traits.reference
+    route_ratio = route.ratio * (piece.mix.master.gain if piece.mix.master else 1.0)
+    delay, quantity = 0, routed_output.traits.reference
     if route.radiation is not None:
         quantity = _PRESSURE
-        ratio *= route.radiation.gain
+        route_ratio *= route.radiation.gain
         delay = route.radiation.delay(piece.rate)
     fade = _curve(piece, route.fade) or None
     path = TapRoute(
-        *(route.part, tap, 0, ratio, quantity, output.traits.is_energy, route.highpass),
+        *(
+            route.part,
+            tap,
+            0,
+            route_ratio,
+            quantity,
+            routed_output.traits.is_energy,
+            route.highpass,
+        ),
         delay=delay,
         fade=fade,
         tones=route.tones,
     )
     if route.echo is not None:
-        frames, ratio = route.echo.frames(piece.rate), route.echo.feedback
+        frames, route_ratio = route.echo.frames(piece.rate), route.echo.feedback
         path = replace(
-            path, delay=delay + frames, echo=(frames, ratio) if ratio and frames else None
+            path,
+            delay=delay + frames,
+            echo=(frames, route_ratio) if route_ratio and frames else None,
         )
     places = _places(piece, route.pan_path)
-    for number, (channel, share) in enumerate(
+    for number, (channel, channel_share) in enumerate(
         zip(channels, route.pan or repeat(1.0), strict=False)
     ):
         pan = (places, number == 1) if places else None
-        listening.ways.append(replace(path, channel=channel, share=share, pan=pan))
+        listening.ways.append(replace(path, channel=channel, share=channel_share, pan=pan))
     rooms = [room.name for room in piece.mix.rooms]
-    for name, share in route.sends:
+    for name, channel_share in route.sends:
         room_index = rooms.index(name)
-        listening.ways.append(replace(path, room=room_index, share=share))
+        listening.ways.append(replace(path, room=room_index, share=channel_share))
 
 
 def fades(piece: Piece) -> list[Curve]:
@@ -309,54 +319,63 @@ def _frame(piece: Piece, position: Position) -> int:
 
 
 def _taps(
-    listening: Listening, assembly: Assembly, name: tuple[str, str], output: Output
+    listening: Listening, assembly: Assembly, output_name: tuple[str, str], routed_output: Output
 ) -> list[int]:
     """Add taps for an output: the sum of its targets, or √(m/2)·v of each mass, whose square is its
     energy.
     """
-    if not output.traits.is_energy:
-        return [_tap(listening, assembly, name, output)]
-    elements = assembly.network.elements(list({target.part for target in output.targets}))
+    if not routed_output.traits.is_energy:
+        return [_tap(listening, assembly, output_name, routed_output)]
+    elements = assembly.network.elements(list({target.part for target in routed_output.targets}))
     masses = dict(zip(elements.mats, elements.masses, strict=True))
     taps: list[int] = []
-    for mat in (mat for target in output.targets for mat in assembly.members(target)):
-        listening.outputs.append(".".join(filter(None, (*name, str(len(taps) + 1)))))
+    for mat in (mat for target in routed_output.targets for mat in assembly.members(target)):
+        listening.outputs.append(".".join(filter(None, (*output_name, str(len(taps) + 1)))))
         weighted = (mat, 1, sqrt(masses.get(mat, 0.0) / 2.0))
-        positions = [] if name[0] in listening.silent else [weighted]
-        named, order = listening.outputs[-1], output.traits.order
+        positions = [] if output_name[0] in listening.silent else [weighted]
+        named, order = listening.outputs[-1], routed_output.traits.order
         taps.append(assembly.network.listen(named, positions=positions, order=order))
     return taps
 
 
-def _tap(listening: Listening, assembly: Assembly, name: tuple[str, str], output: Output) -> int:
+def _tap(
+    listening: Listening, assembly: Assembly, output_name: tuple[str, str], routed_output: Output
+) -> int:
     """Add a tap for an output: the sum of its targets."""
-    positions: list[_Range] = []
-    forces: list[_Range] = []
+    position_ranges: list[_Range] = []
+    force_ranges: list[_Range] = []
     ground: list[_Range] = []
-    lengths: list[_Range] = []
-    is_silent = name[0] in listening.silent
-    if output.is_distance and not is_silent:
-        lengths.append((_gauge(assembly, name, output.targets), 1, 1.0))
-    for target in output.targets if not (is_silent or output.is_distance) else ():
-        if output.is_movement:
-            positions.append(_range(assembly, target))
-        elif (target.part, target.module) in assembly.links:
-            where = target.part, target.module
+    length_ranges: list[_Range] = []
+    is_silent = output_name[0] in listening.silent
+    if routed_output.is_distance and not is_silent:
+        length_ranges.append((_gauge(assembly, output_name, routed_output.targets), 1, 1.0))
+    for output_target in (
+        routed_output.targets if not (is_silent or routed_output.is_distance) else ()
+    ):
+        if routed_output.is_movement:
+            position_ranges.append(_range(assembly, output_target))
+        elif (output_target.part, output_target.module) in assembly.links:
+            where = output_target.part, output_target.module
             for links in assembly.walls.get(where, [assembly.links[where]]):
-                forces.append((links.start + int(target.first), target.count, 1.0))
-        elif (target.part, target.module) in assembly.points:  # a net: all its springs
-            springs = assembly.bodies[target.part, target.module]
-            forces.append((springs.start, len(springs), 1.0))
+                force_ranges.append(
+                    (links.start + int(output_target.first), output_target.count, 1.0)
+                )
+        elif (
+            output_target.part,
+            output_target.module,
+        ) in assembly.points:  # a net: all its springs
+            springs = assembly.bodies[output_target.part, output_target.module]
+            force_ranges.append((springs.start, len(springs), 1.0))
         else:
-            ground.append(_range(assembly, target))
-    listening.outputs.append(".".join(filter(None, name)))
+            ground.append(_range(assembly, output_target))
+    listening.outputs.append(".".join(filter(None, output_name)))
     return assembly.network.listen(
         listening.outputs[-1],
-        positions=positions,
-        forces=forces,
+        positions=position_ranges,
+        forces=force_ranges,
         ground_forces=ground,
-        lengths=lengths,
-        order=output.traits.order,
+        lengths=length_ranges,
+        order=routed_output.traits.order,
     )
 
 
@@ -378,36 +397,42 @@ def _nearest(
     piece: Piece,
     assembly: Assembly,
     instrument: Instrument,
-    output: Output,
+    routed_output: Output,
     route: Route,
 ) -> None:
     """Route each member to the loudspeaker nearest to it: one tap for each loudspeaker."""
-    room = output.nearest or piece.mix.layout
+    room = routed_output.nearest or piece.mix.layout
     assert room is not None
     ears = Loudspeakers(room, instrument.placing)
     ranges_by_speaker: dict[int, list[_Range]] = {}
-    for target in targets_of(instrument, output):
+    for target in targets_of(instrument, routed_output):
         for mat in assembly.members(target):
-            ranges = ranges_by_speaker.setdefault(
+            speaker_ranges = ranges_by_speaker.setdefault(
                 ears.nearest(assembly.network.position_of(mat)), []
             )
-            if ranges and ranges[-1][0] + ranges[-1][1] == mat:
-                ranges[-1] = ranges[-1][0], ranges[-1][1] + 1, 1.0
+            if speaker_ranges and speaker_ranges[-1][0] + speaker_ranges[-1][1] == mat:
+                speaker_ranges[-1] = speaker_ranges[-1][0], speaker_ranges[-1][1] + 1, 1.0
             else:
-                ranges.append((mat, 1, 1.0))
+                speaker_ranges.append((mat, 1, 1.0))
     for speaker in sorted(ranges_by_speaker):
-        channel = room.channels[speaker]
-        name = ".".join(filter(None, (instrument.name, output.name, str(channel + 1))))
-        ranges = ranges_by_speaker[speaker] if instrument.name not in listening.silent else []
-        listened = {"ground_forces": ranges} if output.nearest else {"positions": ranges}
+        channel_index = room.channels[speaker]
+        name = ".".join(filter(None, (instrument.name, routed_output.name, str(channel_index + 1))))
+        speaker_ranges = (
+            ranges_by_speaker[speaker] if instrument.name not in listening.silent else []
+        )
+        listened = (
+            {"ground_forces": speaker_ranges}
+            if routed_output.nearest
+            else {"positions": speaker_ranges}
+        )
         listening.outputs.append(name)
-        tap = assembly.network.listen(name, **listened, order=output.traits.order)
-        _ways(listening, piece, tap, (channel,), route, output)
+        tap = assembly.network.listen(name, **listened, order=routed_output.traits.order)
+        _ways(listening, piece, tap, (channel_index,), route, routed_output)
 
 
-def targets_of(instrument: Instrument, output: Output) -> Sequence[Target]:
+def targets_of(instrument: Instrument, routed_output: Output) -> Sequence[Target]:
     """The targets of an output."""
-    return output.targets or _everything(instrument)
+    return routed_output.targets or _everything(instrument)
 
 
 def _everything(instrument: Instrument) -> list[Target]:

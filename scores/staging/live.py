@@ -94,17 +94,24 @@ def join(
     import numpy as np
 
     tick_frames = _tick_frames(piece, real_hands, collector)
-    for name, positions_known in real_hands.items():
-        player = piece.players[name]
-        key = piece.keys[player.key]
+    for player_name, positions_known in real_hands.items():
+        player = piece.players[player_name]
+        player_key = piece.keys[player.key]
         if not _is_alone(piece, player, real_hands, collector):
             continue
         standin_path = np.zeros(2) if rests else standin(piece, player, tick_frames, collector)
         positions = _with_standin(positions_known, standin_path)
-        mat = assembly.mats[key.name, key.struck]
-        index = timeline.hand(mat, tick_frames, positions=positions * key.reach)
+        mat = assembly.mats[player_key.name, player_key.struck]
+        index = timeline.hand(mat, tick_frames, positions=positions * player_key.reach)
         yield LiveHand(
-            name, key.name, index, mat, tick_frames, key.reach, positions, len(standin_path)
+            player_name,
+            player_key.name,
+            index,
+            mat,
+            tick_frames,
+            player_key.reach,
+            positions,
+            len(standin_path),
         )
 
 
@@ -141,13 +148,13 @@ def held(piece: Piece, real_hands: Real) -> Piece:
 
     The real key has its own modes, friction and delay, so those that were measured are left out.
     """
-    keys = {
+    reduced_keys = {
         name: replace(key, modules=struck_modules, delay=0.0)
         for name in dict.fromkeys(piece.players[player].key for player in real_hands)
         for key in [piece.keys[name]]
         if len(struck_modules := _struck(key)) < len(key.modules) or key.delay
     }
-    return replace(piece, keys={**piece.keys, **keys}) if keys else piece
+    return replace(piece, keys={**piece.keys, **reduced_keys}) if reduced_keys else piece
 
 
 def _struck(key: Key) -> tuple[Module, ...]:
@@ -193,13 +200,13 @@ def standin(
 
     network, hands = played_alone(piece, player, collector)
     # A part that is shifted to before the beginning has ended when the piece begins.
-    end = max([0.0, *(gesture.stop for gesture in hands.gestures)])
-    n_ticks = int(end * piece.rate) // tick_frames + 2
+    end_seconds = max([0.0, *(gesture.stop for gesture in hands.gestures)])
+    n_ticks = int(end_seconds * piece.rate) // tick_frames + 2
     if n_ticks > MAX_TICKS:
         longest = MAX_TICKS * tick_frames / piece.rate
         message = (
             f"{quote(player.name)}: the part that plays in place "
-            f"of a real hand lasts {end:,.0f} s; "
+            f"of a real hand lasts {end_seconds:,.0f} s; "
             f"with ticks of {piece.rate / tick_frames:g} Hz the maximum is {longest:,.0f} s"
         )
         help = "write a lower `tick` or a shorter part"
@@ -229,7 +236,7 @@ def played_alone(piece: Piece, player: Player, collector: Collector) -> tuple[_c
 
 def leading(
     piece: Piece,
-    name: str,
+    player_name: str,
     spans: Sequence[tuple[Piece, Window]],
     tick_frames: int,
     ticks: range,
@@ -242,13 +249,15 @@ def leading(
     """
     collector = Collector()
     settling_tick = max(0, ticks.start - int(_SETTLED * piece.rate) // tick_frames)
-    network, hands = _key(_alone(piece, piece.players[name]), piece.players[name], collector)
+    network, hands = _key(
+        _alone(piece, piece.players[player_name]), piece.players[player_name], collector
+    )
     hands.timeline.open()
     settling_start, end = (tick * tick_frames / piece.rate for tick in (settling_tick, ticks.stop))
     for piece_of_span, window in spans:
-        if name not in piece_of_span.players:
+        if player_name not in piece_of_span.players:
             continue
-        piece_alone = _alone(piece_of_span, piece_of_span.players[name])
+        piece_alone = _alone(piece_of_span, piece_of_span.players[player_name])
         until = min(window.until, piece_of_span.tempo_map.beats(end) + SAME)
         span_hands = hands.other(piece_alone, window._replace(until=until, after=settling_start))
         span_hands.play_parts(piece_alone)
@@ -283,13 +292,13 @@ def _path(simulation: _core.Simulation, tick_frames: int, n_ticks: int) -> NDArr
     import numpy as np
 
     block = max(1, _BLOCK // tick_frames)
-    positions = np.zeros(n_ticks)
+    tick_positions = np.zeros(n_ticks)
     for first_tick in range(0, n_ticks, block):
         count = min(block, n_ticks - first_tick)
         path = np.zeros((count * tick_frames, 1))
         simulation.process(path)
-        positions[first_tick : first_tick + count] = path[::tick_frames, 0]
-    return positions
+        tick_positions[first_tick : first_tick + count] = path[::tick_frames, 0]
+    return tick_positions
 
 
 def _sparse_path(
@@ -308,10 +317,12 @@ def _sparse_path(
     n_moving = n_ticks - sum(begins - busy_until for busy_until, begins in pauses)
     if n_moving > moving_max:
         return None
-    positions = np.zeros(n_ticks)
+    tick_positions = np.zeros(n_ticks)
     simulation, first_tick = _core.Simulation(network, hands.timeline), 0
     for busy_until, begins in pauses:
-        positions[first_tick:busy_until] = _path(simulation, tick_frames, busy_until - first_tick)
+        tick_positions[first_tick:busy_until] = _path(
+            simulation, tick_frames, busy_until - first_tick
+        )
         first_tick, resumed_tick = busy_until, begins - round(rate) // tick_frames
         anew = _core.Simulation(network, hands.timeline, start=resumed_tick * tick_frames)
         resting_path = _path(anew, tick_frames, 2)
@@ -319,34 +330,34 @@ def _sparse_path(
         if np.ptp(resting_path) > _STILL:
             n_moving += begins - busy_until
         while first_tick < resumed_tick and np.ptp(resting_path) <= _STILL:
-            count = min(block, resumed_tick - first_tick)
-            n_moving += count
+            tick_count = min(block, resumed_tick - first_tick)
+            n_moving += tick_count
             if n_moving > moving_max:
                 return None
-            computed_path = positions[first_tick : first_tick + count] = _path(
-                simulation, tick_frames, count
+            computed_path = tick_positions[first_tick : first_tick + tick_count] = _path(
+                simulation, tick_frames, tick_count
             )
-            first_tick += count
+            first_tick += tick_count
             if np.abs(computed_path - resting_path[0]).max() <= _STILL:
-                positions[first_tick : resumed_tick + 2] = resting_path[0]
+                tick_positions[first_tick : resumed_tick + 2] = resting_path[0]
                 simulation, first_tick = anew, resumed_tick + 2
     if n_moving > moving_max:
         return None
-    positions[first_tick:] = _path(simulation, tick_frames, n_ticks - first_tick)
-    return positions
+    tick_positions[first_tick:] = _path(simulation, tick_frames, n_ticks - first_tick)
+    return tick_positions
 
 
 def _pauses(hands: Hands, tick_frames: int, n_ticks: int) -> Iterator[tuple[int, int]]:
     """Long pauses without gestures, as the tick after the last one and the tick of the next."""
-    rate, stop = hands.piece.rate, 0.0
+    rate, stop_seconds = hands.piece.rate, 0.0
     for gesture in sorted(hands.gestures, key=lambda gesture: gesture.start):
-        if gesture.start > stop + _PAUSE:
+        if gesture.start > stop_seconds + _PAUSE:
             # A throw may move a key beyond the end of its gesture.
             yield (
-                int(stop * rate) // tick_frames + 1,
+                int(stop_seconds * rate) // tick_frames + 1,
                 min(n_ticks, int(gesture.start * rate) // tick_frames),
             )
-        stop = max(stop, gesture.stop)
+        stop_seconds = max(stop_seconds, gesture.stop)
 
 
 def _alone(piece: Piece, player: Player) -> Piece:

@@ -61,21 +61,21 @@ class NotOver(Generic[_Line]):
         that is over must be over on all later beats.
         """
         look = self._last(columns, since, plays)
-        counts, counted = dict(look.counts), dict(look.counted)
+        play_counts, counted = dict(look.counts), dict(look.counted)
         numbers_left: list[int] = []
         waiting: set[Hashable] = set()
-        for number in look.left if look.since < since else ():
-            line = _line(columns, number)
+        for line_number in look.left if look.since < since else ():
+            line = _line(columns, line_number)
             played_name, n_played = plays(line) or (None, 0)
             if played_name in waiting or not is_over(line):
-                numbers_left.append(number)
+                numbers_left.append(line_number)
                 if played_name is not None:
                     waiting.add(played_name)
             elif played_name is not None:
-                counts[played_name] = counts.get(played_name, 0) + n_played
-                counted[played_name] = number
+                play_counts[played_name] = play_counts.get(played_name, 0) + n_played
+                counted[played_name] = line_number
         if look.since < since:
-            look = _Look(columns, since, numbers_left, counts, counted)
+            look = _Look(columns, since, numbers_left, play_counts, counted)
             self._looks = [*self._looks[1 - _REMEMBERED :], look]
         return [_line(columns, number) for number in look.left], look.counts
 
@@ -100,37 +100,41 @@ def _line(columns: _Columns, number: int) -> Any:
 
 
 def _carried_over(
-    look: _Look, columns: _Columns, plays: Callable[..., Plays | None]
+    look: _Look, table_columns: _Columns, plays: Callable[..., Plays | None]
 ) -> _Look | None:
     """A look for nearly the same lines: changed lines are left. None if one of them was over, or
     changes the count of one that was.
     """
-    pairs = zip(look.columns, columns, strict=True)
+    pairs = zip(look.columns, table_columns, strict=True)
     changes = [change for pair in pairs if (change := changed_part(*pair))]
     if not changes:
         return look
-    n_before, n_now = len(look.columns[0]), len(columns[0])
-    start = min(change.start for change in changes)
+    n_before, n_now = len(look.columns[0]), len(table_columns[0])
+    change_start = min(change.start for change in changes)
     n_after = min(n_before - change.start - len(change.before) for change in changes)
     first_changed, stop_changed = (
-        bisect_left(look.left, index) for index in (start, n_before - n_after)
+        bisect_left(look.left, index) for index in (change_start, n_before - n_after)
     )
-    if stop_changed - first_changed < n_before - n_after - start:
+    if stop_changed - first_changed < n_before - n_after - change_start:
         return None
-    new_numbers = range(start, n_now - n_after)
+    new_numbers = range(change_start, n_now - n_after)
     for number in new_numbers:
-        played_name, _ = plays(_line(columns, number)) or (None, 0)
-        if look.counted.get(played_name, -1) >= start:
+        played_name, _ = plays(_line(table_columns, number)) or (None, 0)
+        if look.counted.get(played_name, -1) >= change_start:
             return None
-    shift = n_now - n_before
+    line_shift = n_now - n_before
     numbers_left = [
         *look.left[:first_changed],
         *new_numbers,
-        *(number + shift for number in look.left[stop_changed:]),
+        *(number + line_shift for number in look.left[stop_changed:]),
     ]
     counted = {
-        played_before: number_counted if number_counted < start else number_counted + shift
+        played_before: number_counted
+        if number_counted < change_start
+        else number_counted + line_shift
         for played_before, number_counted in look.counted.items()
     }
     # The changed lines are looked at again, on the same beat too.
-    return _Look(columns, math.nextafter(look.since, -math.inf), numbers_left, look.counts, counted)
+    return _Look(
+        table_columns, math.nextafter(look.since, -math.inf), numbers_left, look.counts, counted
+    )

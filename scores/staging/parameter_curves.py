@@ -91,41 +91,52 @@ class Extent(NamedTuple):
     begins: float = -math.inf
 
 
-def add_pattern(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> float:
+def add_pattern(piece: Piece, entry: Entry, parameter_curve: Curve, extent: Extent) -> float:
     """Add the values of a pattern to a curve; returns the beat on which the pattern ends."""
-    tempo, line = piece.tempo_map, entry.automation
-    places = line.steps(tempo, piece.seed)
-    course = places.course
-    first_place, stop_place = held_places(places, extent.since, min(entry.stop, extent.until))
-    for place in range(first_place, stop_place):
-        if not place % 1024:
+    tempo, automation_line = piece.tempo_map, entry.automation
+    pattern_steps = automation_line.steps(tempo, piece.seed)
+    course = pattern_steps.course
+    first_place, stop_place = held_places(
+        pattern_steps, extent.since, min(entry.stop, extent.until)
+    )
+    for place_index in range(first_place, stop_place):
+        if not place_index % 1024:
             _core.poll(_PLACE_STEPS * 1024)
-        name, instant = course.played(place), tempo.seconds(places[place])
-        if instant >= NEVER:
+        value_name, instant_seconds = (
+            course.played(place_index),
+            tempo.seconds(pattern_steps[place_index]),
+        )
+        if instant_seconds >= NEVER:
             break
-        if name is not None and line.struck:
+        if value_name is not None and automation_line.struck:
             # The pitch of a note is reached one step of the grid before its strike.
             early = GRID / piece.rate
-            curve.set(instant - 2 * early, line.amounts[name].value, instant - early)
-        elif name is not None:
-            following = tempo.seconds(places.beat(place + 1))
-            curve.set(
-                instant, line.amounts[name].applied_to(curve.initial), max(following, instant)
+            parameter_curve.set(
+                instant_seconds - 2 * early,
+                automation_line.amounts[value_name].value,
+                instant_seconds - early,
             )
-    return places.beat(len(places))
+        elif value_name is not None:
+            following = tempo.seconds(pattern_steps.beat(place_index + 1))
+            parameter_curve.set(
+                instant_seconds,
+                automation_line.amounts[value_name].applied_to(parameter_curve.initial),
+                max(following, instant_seconds),
+            )
+    return pattern_steps.beat(len(pattern_steps))
 
 
-def held_places(places: Steps, since: float, stop: float) -> tuple[int, int]:
+def held_places(pattern_steps: Steps, since: float, stop: float) -> tuple[int, int]:
     """The places before beat `stop` from the value on that holds at `since` and the one that it
     comes from: the first, and the one behind the last.
     """
-    stop_place = n_before(places, stop - SAME)
-    first_place, n_values_missing = min(stop_place, n_before(places, since - SAME)), 2
+    stop_place = n_before(pattern_steps, stop - SAME)
+    first_place, n_values_missing = min(stop_place, n_before(pattern_steps, since - SAME)), 2
     for _ in range(_BACK):
         if first_place == 0 or n_values_missing == 0:
             break
         first_place -= 1
-        n_values_missing -= places.course.played(first_place) is not None
+        n_values_missing -= pattern_steps.course.played(first_place) is not None
     return first_place, stop_place
 
 
@@ -147,70 +158,91 @@ class GlidePath(NamedTuple):
         return self.last == self.instants[-1]
 
 
-def glide_path(piece: Piece, entry: Entry, value: float) -> GlidePath:
+def glide_path(piece: Piece, automation_entry: Entry, value: float) -> GlidePath:
     """The path of an entry, for a glide without the value from which it starts. Raises TextError.
 
     `value` is that of the parameter as written.
     """
-    tempo, line = piece.tempo_map, entry.automation
-    to_path, _ = _SCALES.get(line.parameter, (_unscaled, _unscaled))
-    values = [to_path(point.amount.applied_to(value)) for point in line.points]
-    approaches: list[Approach] = [point.way for point in line.points]
-    if line.over is not None:
-        start_instant = tempo.seconds(entry.begin)
-        instants = [start_instant, tempo.seconds(tempo.after(entry.begin, line.over))]
+    tempo, automation_line = piece.tempo_map, automation_entry.automation
+    to_path, _ = _SCALES.get(automation_line.parameter, (_unscaled, _unscaled))
+    values = [to_path(point.amount.applied_to(value)) for point in automation_line.points]
+    approaches: list[Approach] = [point.way for point in automation_line.points]
+    if automation_line.over is not None:
+        start_instant = tempo.seconds(automation_entry.begin)
+        point_instants = [
+            start_instant,
+            tempo.seconds(tempo.after(automation_entry.begin, automation_line.over)),
+        ]
         approaches.insert(0, "line")
     else:
-        instants = [tempo.instant(entry.begin, point.at) for point in line.points]
-    if any(instant_after <= instant_before for instant_before, instant_after in pairwise(instants)):
+        point_instants = [
+            tempo.instant(automation_entry.begin, point.at) for point in automation_line.points
+        ]
+    if any(
+        instant_after <= instant_before
+        for instant_before, instant_after in pairwise(point_instants)
+    ):
         raise TextError("the points of the curve do not rise in time at this tempo")
-    return GlidePath(instants, values, approaches, min(instants[-1], tempo.seconds(entry.stop)))
+    return GlidePath(
+        point_instants,
+        values,
+        approaches,
+        min(point_instants[-1], tempo.seconds(automation_entry.stop)),
+    )
 
 
-def add_glide(piece: Piece, entry: Entry, curve: Curve, begins: float = -math.inf) -> None:
+def add_glide(
+    piece: Piece, automation_entry: Entry, parameter_curve: Curve, begins: float = -math.inf
+) -> None:
     """Add a glide or a written curve up to the end of its entry; afterwards the value stays.
 
     Points before the last one at or before the instant `begins` [s] may be left out.
     """
-    tempo, line = piece.tempo_map, entry.automation
-    start_instant = tempo.seconds(entry.begin)
+    tempo, automation_line = piece.tempo_map, automation_entry.automation
+    start_instant = tempo.seconds(automation_entry.begin)
     if isinstance(tempo, StoppedTempoMap):
         if start_instant < NEVER:  # the value on the beat at which the piece stands
             goes = ShiftedTempoMap(tempo, 0.0)
             moving = Curve(
-                curve.initial, [goes.seconds(entry.begin)], [curve.evaluate(start_instant)]
+                parameter_curve.initial,
+                [goes.seconds(automation_entry.begin)],
+                [parameter_curve.evaluate(start_instant)],
             )
-            add_glide(replace(piece, tempo_map=goes), entry, moving)
-            curve.to(start_instant, moving.evaluate(goes.seconds(tempo.stop_beat)))
+            add_glide(replace(piece, tempo_map=goes), automation_entry, moving)
+            parameter_curve.to(start_instant, moving.evaluate(goes.seconds(tempo.stop_beat)))
         return
-    to_path, from_scale = _SCALES.get(line.parameter, (_unscaled, _unscaled))
-    instants, values, approaches, stop_instant = glide_path(piece, entry, curve.initial)
-    value_before = curve.evaluate(start_instant)
+    to_path, from_scale = _SCALES.get(automation_line.parameter, (_unscaled, _unscaled))
+    point_instants, parameter_values, approaches, stop_instant = glide_path(
+        piece, automation_entry, parameter_curve.initial
+    )
+    value_before = parameter_curve.evaluate(start_instant)
     is_over = (
         stop_instant <= begins and stop_instant > start_instant + GLIDE
     )  # only its end is heard
-    if line.over is not None:
-        values.insert(0, to_path(value_before))
+    if automation_line.over is not None:
+        parameter_values.insert(0, to_path(value_before))
         if not is_over:  # it starts from the value on the grid before it
             step = GRID / piece.rate
-            curve.to(math.floor(start_instant / step) * step, value_before)
-    elif values[0] != to_path(value_before) and not is_over:
-        curve.set(
-            start_instant, from_scale(values[0]), instants[1] if len(instants) > 1 else math.inf
+            parameter_curve.to(math.floor(start_instant / step) * step, value_before)
+    elif parameter_values[0] != to_path(value_before) and not is_over:
+        parameter_curve.set(
+            start_instant,
+            from_scale(parameter_values[0]),
+            point_instants[1] if len(point_instants) > 1 else math.inf,
         )
-    path = list(zip(instants, values, approaches, strict=True))
+    path = list(zip(point_instants, parameter_values, approaches, strict=True))
     if len(path) > 1 and not is_over:
-        times, spacing = _glide_instants(piece, curve, start_instant, stop_instant)
+        times, spacing = _glide_instants(piece, parameter_curve, start_instant, stop_instant)
         times = times[max(0, bisect_right(times, begins) - 1) :]
         # Points near a corner are not corrected for curvature.
         corner_reach = spacing * (1.0 + SAME)
-        curve.within.update(
-            t for t in times if all(abs(t - corner) > corner_reach for corner in instants)
+        parameter_curve.within.update(
+            t for t in times if all(abs(t - corner) > corner_reach for corner in point_instants)
         )
         for t, value in zip(times, _core.path_values(path, times), strict=True):
-            curve.to(t, from_scale(value))
+            parameter_curve.to(t, from_scale(value))
     (end,) = _core.path_values(path, [stop_instant])
-    curve.to(stop_instant, from_scale(end))
+    parameter_curve.to(stop_instant, from_scale(end))
 
 
 def _glide_instants(
@@ -243,20 +275,20 @@ def swing_beats(tempo: TempoMap, entry: Entry, swing: Swing) -> Callable[[int], 
     """The beat of each point of a swing, by number: `tempo.after` the beginning, with what does not
     depend on the number computed once.
     """
-    begin, period = entry.begin, swing.period
+    begin_beat, period = entry.begin, swing.period
     if period.seconds:
-        return lambda number: tempo.after(begin, period.times(number / PIECES))
-    beats = period.beats
+        return lambda number: tempo.after(begin_beat, period.times(number / PIECES))
+    period_beats = period.beats
     if not period.bars:
-        return lambda number: begin + beats * (number / PIECES)
-    (bar, beat), n_bars, start = tempo.bar_beat(begin), period.bars, tempo.bars.start
+        return lambda number: begin_beat + period_beats * (number / PIECES)
+    (bar, beat), n_bars, start = tempo.bar_beat(begin_beat), period.bars, tempo.bars.start
     beats_into_bar = beat - 1.0
 
     def beat_of(number: int) -> float:
         share = number / PIECES
         # Nothing is added in number 0, as `after` adds no bars then.
-        base = start(bar + n_bars * share) + beats_into_bar if number else begin
-        return base + beats * share
+        base = start(bar + n_bars * share) + beats_into_bar if number else begin_beat
+        return base + period_beats * share
 
     return beat_of
 
@@ -266,41 +298,46 @@ def swing_points_before(beat_of: Callable[[int], float], beat: float) -> int:
     return first_from(beat_of, _FARTHEST, beat)
 
 
-def add_swing(piece: Piece, entry: Entry, curve: Curve, extent: Extent) -> None:
+def add_swing(
+    piece: Piece, automation_entry: Entry, parameter_curve: Curve, extent: Extent
+) -> None:
     """Add a swing to a curve, from one period before the extent to its first point behind it."""
-    swing = entry.automation.swing
+    swing = automation_entry.automation.swing
     assert swing is not None
-    tempo, curve_value = piece.tempo_map, curve.initial
-    low, high = swing.low.applied_to(curve_value), swing.high.applied_to(curve_value)
-    beat_of = swing_beats(tempo, entry, swing)
+    tempo, curve_value = piece.tempo_map, parameter_curve.initial
+    low_value, high = swing.low.applied_to(curve_value), swing.high.applied_to(curve_value)
+    beat_of = swing_beats(tempo, automation_entry, swing)
     first_point = 0
-    if extent.since > entry.begin:
+    if extent.since > automation_entry.begin:
         first_point = max(0, swing_points_before(beat_of, extent.since) - PIECES)
     offset = round(swing.phase * PIECES)
     edges = {"square": (0, PIECES // 2), "ramp": (0,)}.get(swing.shape, ())
-    for number in range(first_point, first_point + _POINTS_MAX):
-        beat, place = beat_of(number), (number + offset) % PIECES
-        if beat > entry.stop or (instant := tempo.seconds(beat)) >= NEVER:
+    for point_number in range(first_point, first_point + _POINTS_MAX):
+        point_beat, place = beat_of(point_number), (point_number + offset) % PIECES
+        if (
+            point_beat > automation_entry.stop
+            or (instant_seconds := tempo.seconds(point_beat)) >= NEVER
+        ):
             break
-        value = low + (high - low) * _share(swing.shape, place)
-        if number == 0 or place in edges:
-            curve.set(instant, value, tempo.seconds(beat_of(number + 1)))
-        elif swing.shape != "square" or not curve.t:
-            curve.to(instant, value)
-        if beat > extent.until:
+        value = low_value + (high - low_value) * _share(swing.shape, place)
+        if point_number == 0 or place in edges:
+            parameter_curve.set(instant_seconds, value, tempo.seconds(beat_of(point_number + 1)))
+        elif swing.shape != "square" or not parameter_curve.t:
+            parameter_curve.to(instant_seconds, value)
+        if point_beat > extent.until:
             break
 
 
-def _share(shape: Shape, place: int) -> float:
+def _share(swing_shape: Shape, segment_index: int) -> float:
     """The position of a swing between its low end (0) and its high end (1), at a segment of its
     period.
     """
-    if shape == "sine":
-        return 0.5 + 0.5 * _SINE[place]
-    if shape == "square":
-        return 1.0 if place < PIECES // 2 else 0.0
-    if shape == "ramp":
-        return place / PIECES
+    if swing_shape == "sine":
+        return 0.5 + 0.5 * _SINE[segment_index]
+    if swing_shape == "square":
+        return 1.0 if segment_index < PIECES // 2 else 0.0
+    if swing_shape == "ramp":
+        return segment_index / PIECES
     quarter = PIECES // 4
-    level = place if place <= quarter else 2 * quarter - place
-    return 0.5 + 0.5 * (max(level, place - 4 * quarter) / quarter)
+    level = segment_index if segment_index <= quarter else 2 * quarter - segment_index
+    return 0.5 + 0.5 * (max(level, segment_index - 4 * quarter) / quarter)

@@ -45,15 +45,15 @@ class Led:
     def from_piece(cls, piece: Piece, module_key: ModuleKey) -> Led | None:
         """A module of a piece; None if it does not exist."""
         name, module_name = module_key
-        key = piece.keys.get(name)
-        part = key or piece.instruments.get(name)
+        named_key = piece.keys.get(name)
+        part = named_key or piece.instruments.get(name)
         modules = () if part is None else part.modules
         module = next((candidate for candidate in modules if candidate.name == module_name), None)
         if module is None and not module_name:
             module = pitched_module(part)
         if module is None:
             return None
-        return cls(module, 1.0 if key is None else 1.0 / (key.reach * key.reach))
+        return cls(module, 1.0 if named_key is None else 1.0 / (named_key.reach * named_key.reach))
 
     def is_same(self, other_led: Led) -> bool:
         """Whether another module has the same numbers for all values."""
@@ -67,19 +67,19 @@ class Led:
 
     def numbers(self, values_by_name: Mapping[str, float]) -> tuple[float, ...]:
         """The module's numbers, if some parameters have the values `values_by_name`."""
-        kind = self.module.kind
-        if kind == "CEL":
+        module_kind = self.module.kind
+        if module_kind == "CEL":
             return _tied(self.module, self.numbers_written, values_by_name, self.scale)
-        if kind == "INSTRUMENT":
+        if module_kind == "INSTRUMENT":
             return ()  # its modules have numbers
-        if kind == "BANK":
+        if module_kind == "BANK":
             f, t60 = values_by_name.get("f", 1.0), values_by_name.get("t60", 1.0)
             return f * f, 1.0 / t60
-        if kind in BODIES:
+        if module_kind in BODIES:
             k, sigma = _square_and_sigma(self.numbers_written)
             new_k, new_sigma = _square_and_sigma({**self.numbers_written, **values_by_name})
             return new_k / k, new_sigma / sigma if sigma else 1.0
-        scaled = KINDS[kind].scaled
+        scaled = KINDS[module_kind].scaled
         return tuple(
             values_by_name[name] / self.numbers_written[name] if name in values_by_name else 1.0
             for name in scaled
@@ -108,21 +108,23 @@ class Led:
         timeline.lead(links.start, pairs, n=len(links))
 
 
-def _module_numbers(module: Module) -> dict[str, float]:
+def _module_numbers(part_module: Module) -> dict[str, float]:
     """The parameters of a module as written."""
-    fields = module.fields
-    if module.kind == "INSTRUMENT":
-        return {"f": float(fields["f"])}
-    if module.kind == "BANK":
+    module_fields = part_module.fields
+    if part_module.kind == "INSTRUMENT":
+        return {"f": float(module_fields["f"])}
+    if part_module.kind == "BANK":
         return {"f": 1.0, "t60": 1.0}  # each member has its own
-    if module.kind in BODIES:
-        t60 = fields.get("t60")
-        return {"f": float(fields["f"]), "t60": t60 if isinstance(t60, float) else _FOR_EVER}
-    if module.kind != "CEL":
-        return {name: float(fields.get(name) or 0.0) for name in KINDS[module.kind].scaled}
-    k, z, m = ties(fields)
+    if part_module.kind in BODIES:
+        t60 = module_fields.get("t60")
+        return {"f": float(module_fields["f"]), "t60": t60 if isinstance(t60, float) else _FOR_EVER}
+    if part_module.kind != "CEL":
+        return {
+            name: float(module_fields.get(name) or 0.0) for name in KINDS[part_module.kind].scaled
+        }
+    k, z, m = ties(module_fields)
     sigma = z / (2.0 * m)
-    f, t60 = fields.get("f"), fields.get("t60")
+    f, t60 = module_fields.get("f"), module_fields.get("t60")
     return {
         "K": k,
         "Z": z,
@@ -139,16 +141,20 @@ def _tied(
     scale: float,
 ) -> tuple[float, float, float]:
     """K, Z and M of a CEL, if some parameters have the values `values_by_name`."""
-    fields: dict[str, Any] = dict(module.fields)
-    if values_by_name.keys() & {"f", "t60"} and not fields.get("f"):
-        fields |= values_alone
-    fields |= values_by_name
-    if float(fields.get("t60") or 0.0) >= _FOR_EVER:
-        fields["t60"] = None
-    if values_by_name.keys() & {"K", "Z"} and fields.get("f"):
-        k, z, _ = ties(fields)
-        fields |= {"f": None, "K": values_by_name.get("K", k), "Z": values_by_name.get("Z", z)}
-    k, z, m = ties(fields)
+    module_fields: dict[str, Any] = dict(module.fields)
+    if values_by_name.keys() & {"f", "t60"} and not module_fields.get("f"):
+        module_fields |= values_alone
+    module_fields |= values_by_name
+    if float(module_fields.get("t60") or 0.0) >= _FOR_EVER:
+        module_fields["t60"] = None
+    if values_by_name.keys() & {"K", "Z"} and module_fields.get("f"):
+        k, z, _ = ties(module_fields)
+        module_fields |= {
+            "f": None,
+            "K": values_by_name.get("K", k),
+            "Z": values_by_name.get("Z", z),
+        }
+    k, z, m = ties(module_fields)
     return k * scale, z * scale, m * scale
 
 

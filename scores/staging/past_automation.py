@@ -43,41 +43,45 @@ def slack(piece: Piece, orders: Iterable[Sequence[Entry]], begins: float) -> flo
     Within a glide a point is corrected by its neighbours, so that of the last point at or before
     the instant must be there too.
     """
-    step = GRID / piece.rate
+    grid_seconds = GRID / piece.rate
     longest = 0.0
-    for order in orders:
-        place = _begun(piece.tempo_map, order, begins) - 1
-        if place >= 0 and order[place].automation.points:
+    for entry_order in orders:
+        entry_index = _begun(piece.tempo_map, entry_order, begins) - 1
+        if entry_index >= 0 and entry_order[entry_index].automation.points:
             try:
-                path = glide_path(piece, order[place], 1.0)
+                path = glide_path(piece, entry_order[entry_index], 1.0)
             except TextError:
                 continue  # it is reported when it is expanded
             if path.last >= begins:
-                span = path.last - min(begins, piece.tempo_map.seconds(order[place].begin))
-                longest = max(longest, span / PLACES + 2.0 * step)
-    return 2.0 * longest + step
+                span = path.last - min(
+                    begins, piece.tempo_map.seconds(entry_order[entry_index].begin)
+                )
+                longest = max(longest, span / PLACES + 2.0 * grid_seconds)
+    return 2.0 * longest + grid_seconds
 
 
-def needed(piece: Piece, order: Sequence[Entry], value: float, extent: Extent) -> Needed:
+def needed(
+    piece: Piece, entry_order: Sequence[Entry], initial_value: float, extent: Extent
+) -> Needed:
     """The entries of one parameter, in order, that its curve needs within an extent."""
     tempo, begins = piece.tempo_map, extent.begins
     if begins == -math.inf:
-        return Needed(0, Curve(value))
-    place = _begun(tempo, order, begins) - 1
-    while place >= 0:
-        entry = order[place]
-        following = order[place + 1] if place + 1 < len(order) else None
+        return Needed(0, Curve(initial_value))
+    entry_index = _begun(tempo, entry_order, begins) - 1
+    while entry_index >= 0:
+        needed_entry = entry_order[entry_index]
+        following = entry_order[entry_index + 1] if entry_index + 1 < len(entry_order) else None
         try:
-            release = _release_instant(piece, entry, following, extent.until)
+            release = _release_instant(piece, needed_entry, following, extent.until)
             if release <= begins:  # the parameter has its own value again
-                return Needed(place + 1, Curve(value, [release], [value]))
-            if _stands_alone(piece, entry, value, extent.since, begins):
+                return Needed(entry_index + 1, Curve(initial_value, [release], [initial_value]))
+            if _stands_alone(piece, needed_entry, initial_value, extent.since, begins):
                 break
         except TextError:
             pass  # it is reported when it is expanded
-        begins = tempo.seconds(entry.begin)
-        place -= 1
-    return Needed(max(0, place), Curve(value))
+        begins = tempo.seconds(needed_entry.begin)
+        entry_index -= 1
+    return Needed(max(0, entry_index), Curve(initial_value))
 
 
 def _begun(tempo: TempoMap, order: Sequence[Entry], instant: float) -> int:
@@ -103,46 +107,50 @@ def _release_instant(piece: Piece, entry: Entry, following: Entry | None, until:
     )
 
 
-def _stands_alone(piece: Piece, entry: Entry, value: float, since: float, begins: float) -> bool:
+def _stands_alone(
+    piece: Piece, automation_entry: Entry, value: float, since: float, begins: float
+) -> bool:
     """Whether the points of an entry, from the last one at or before an instant [s] on, depend on
     no entry before it.
 
     What entries before it have left lasts until GLIDE after its beginning at most.
     """
-    tempo, line = piece.tempo_map, entry.automation
-    glide_end = tempo.seconds(entry.begin) + GLIDE
-    if line.points:
-        path = glide_path(piece, entry, value)
+    tempo, automation_line = piece.tempo_map, automation_entry.automation
+    glide_end = tempo.seconds(automation_entry.begin) + GLIDE
+    if automation_line.points:
+        path = glide_path(piece, automation_entry, value)
         is_over = glide_end < path.last <= begins
-        return is_over and (path.is_complete or line.over is None)
-    if line.swing is not None:
-        beat_of = swing_beats(tempo, entry, line.swing)
+        return is_over and (path.is_complete or automation_line.over is None)
+    if automation_line.swing is not None:
+        beat_of = swing_beats(tempo, automation_entry, automation_line.swing)
         number = swing_points_before(beat_of, tempo.beats(glide_end)) + 1
-        if line.swing.shape == "square":  # it has points where it changes
+        if automation_line.swing.shape == "square":  # it has points where it changes
             number += PIECES // 2
         beat = beat_of(number)
-        return beat <= entry.stop and tempo.seconds(beat) <= begins
-    return _has_values_of_its_own(piece, entry, since, begins)
+        return beat <= automation_entry.stop and tempo.seconds(beat) <= begins
+    return _has_values_of_its_own(piece, automation_entry, since, begins)
 
 
-def _has_values_of_its_own(piece: Piece, entry: Entry, since: float, begins: float) -> bool:
+def _has_values_of_its_own(
+    piece: Piece, automation_entry: Entry, since: float, begins: float
+) -> bool:
     """Whether a pattern has set a value before an instant [s], so that no earlier one holds."""
-    tempo, line = piece.tempo_map, entry.automation
-    glide_end = tempo.seconds(entry.begin) + GLIDE
-    places = line.steps(tempo, piece.seed)
+    tempo, automation_line = piece.tempo_map, automation_entry.automation
+    glide_end = tempo.seconds(automation_entry.begin) + GLIDE
+    pattern_steps = automation_line.steps(tempo, piece.seed)
     grid_step = GRID / piece.rate
-    for place in range(*held_places(places, since, entry.stop)):
-        if places.course.played(place) is None:
+    for place_index in range(*held_places(pattern_steps, since, automation_entry.stop)):
+        if pattern_steps.course.played(place_index) is None:
             continue
-        instant = tempo.seconds(places[place])
-        if instant > begins:
+        place_instant = tempo.seconds(pattern_steps[place_index])
+        if place_instant > begins:
             break
-        if line.struck:
-            if instant - 2 * grid_step > glide_end:
+        if automation_line.struck:
+            if place_instant - 2 * grid_step > glide_end:
                 return True
         else:
-            following = tempo.seconds(places.beat(place + 1))
-            is_first_over = instant + GLIDE <= min(begins, following)
-            if is_first_over or (instant > glide_end and following <= begins):
+            following = tempo.seconds(pattern_steps.beat(place_index + 1))
+            is_first_over = place_instant + GLIDE <= min(begins, following)
+            if is_first_over or (place_instant > glide_end and following <= begins):
                 return True
     return False

@@ -187,10 +187,10 @@ def make(
         may_recall = recalls_sound and store is not None and like is None and not is_free
         return _drafted(planner, accuracy, may_recall=may_recall)
     plan_made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
-    notes = _notes(plan_made, accuracy, is_foreseen=is_foreseen)
+    plan_notes = _notes(plan_made, accuracy, is_foreseen=is_foreseen)
     cost_factor = 1.0 if is_free else correction
     if accuracy.cpu is None or (not is_free and cost_factor * cost(plan_made) <= accuracy.cpu):
-        return Planned(plan_made, accuracy, notes, planner.finish())
+        return Planned(plan_made, accuracy, plan_notes, planner.finish())
     looser = {error: Accuracy(error=error) for error in _LOOSER}
     looser_plans = {error: planner.plan(wished, _LOOSER_SHARE) for error, wished in looser.items()}
     fits = [
@@ -210,7 +210,7 @@ def make(
     allowed = _percent(accuracy.cpu)
     cost_text = _percent(cost_factor * cost(plan_made))
     excess = f"the plan takes {cost_text} of a core, above the {allowed} allowed; {hint}"
-    notes_with_cost = (*notes, ("W402", excess))
+    notes_with_cost = (*plan_notes, ("W402", excess))
     chosen = (cheapest, its_accuracy) if is_free else (plan_made, accuracy)
     return Planned(*chosen, notes_with_cost, planner.finish())
 
@@ -260,17 +260,17 @@ def needs_trial(row: _core.PlanRow) -> bool:
 
 def draft_error(plan: _core.Plan) -> str:
     """A sentence on the known error of a plan that was made with few trials, at least in part."""
-    rows = [row for row in plan.rows() if row.cost > 0.0]
-    drafted = [row for row in rows if row.drafted]
-    is_mixed = 0 < len(drafted) < len(rows)
-    rows = drafted or rows
-    left_out = [row.left_out_db for row in rows if row.left_out_db is not None]
-    tried = [row for row in rows if needs_trial(row) and row.error_db is None]
+    plan_rows = [row for row in plan.rows() if row.cost > 0.0]
+    drafted = [row for row in plan_rows if row.drafted]
+    is_mixed = 0 < len(drafted) < len(plan_rows)
+    plan_rows = drafted or plan_rows
+    left_out = [row.left_out_db for row in plan_rows if row.left_out_db is not None]
+    tried = [row for row in plan_rows if needs_trial(row) and row.error_db is None]
     known_error = "nothing is left out"
     if left_out:
         known_error = f"modes that are left out are {max(left_out):.0f} dB below the sound"
     unknown = f"; the error of {_names(tried)} is not measured" if tried else ""
-    parts = f" of {_names(rows)}" if is_mixed else ""
+    parts = f" of {_names(plan_rows)}" if is_mixed else ""
     others = "; all else is planned as an earlier render" if is_mixed else ""
     methods = "by the cheapest stable methods and few trials"
     return f"draft{parts}, {methods}: {known_error}{unknown}{others}"
@@ -344,16 +344,16 @@ def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) 
         return []
     islands: dict[tuple[float, float, float | None], list[str]] = {}
     unknown: list[str] = []
-    for row in plan.rows():
-        db, seconds = row.error_db, row.error_s
-        if row.cut_short or row.diverges:
+    for plan_row in plan.rows():
+        db, trial_seconds = plan_row.error_db, plan_row.error_s
+        if plan_row.cut_short or plan_row.diverges:
             continue
-        if db is None or seconds is None:
-            if row.what in _BY_TRIAL and is_foreseen:
-                unknown.extend(row.parts)
+        if db is None or trial_seconds is None:
+            if plan_row.what in _BY_TRIAL and is_foreseen:
+                unknown.extend(plan_row.parts)
             continue
-        if db > error or row.spectral_db is not None:
-            islands.setdefault((db, seconds, row.spectral_db), []).extend(row.parts)
+        if db > error or plan_row.spectral_db is not None:
+            islands.setdefault((db, trial_seconds, plan_row.spectral_db), []).extend(plan_row.parts)
     sentences = [
         f"{' + '.join(dict.fromkeys(parts))}: the error is {db:.0f} dB over the first "
         f"{seconds:.2g} s"
@@ -377,31 +377,33 @@ def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) 
 def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
     """A sentence for parts whose audible error is above what is allowed by ear, or in cents."""
     allowed = _allowed_by_ear(cents)
-    limits = _core.AudibleError(*allowed)
+    allowed_error = _core.AudibleError(*allowed)
     islands: dict[str, list[str]] = {}
-    for row in plan.rows():
-        audible, seconds, spectral = row.audible, row.error_s, row.spectral_db
-        if seconds is None or row.cut_short:
+    for plan_row in plan.rows():
+        audible, trial_seconds, spectral = plan_row.audible, plan_row.error_s, plan_row.spectral_db
+        if trial_seconds is None or plan_row.cut_short:
             continue
         if audible is not None and not _is_allowed(audible, allowed):
-            sentence = (
-                f"over the first {seconds:.2g} s {error_text(audible)}; allowed are "
-                f"{limits.cents:.2g} cents, {100 * limits.t60:.2g}%, "
-                f"{limits.third_octave_db:.2g} dB, {1e3 * limits.first_stroke_s:.2g} ms at the "
-                f"first stroke, {1e3 * limits.later_stroke_s:.2g} ms at others and "
-                f"{limits.stroke_db:.2g} dB"
+            error_sentence = (
+                f"over the first {trial_seconds:.2g} s {error_text(audible)}; allowed are "
+                f"{allowed_error.cents:.2g} cents, {100 * allowed_error.t60:.2g}%, "
+                f"{allowed_error.third_octave_db:.2g} dB, {1e3 * allowed_error.first_stroke_s:.2g} "
+                "ms at the "
+                f"first stroke, {1e3 * allowed_error.later_stroke_s:.2g} ms at others and "
+                f"{allowed_error.stroke_db:.2g} dB"
             )
         elif spectral is not None and spectral > _core.SPECTRUM_NOISE:
             noise = _core.SPECTRUM_NOISE
-            sentence = (
-                f"after the first {seconds:.2g} s the motion is chaotic, and third octaves of a "
+            error_sentence = (
+                f"after the first {trial_seconds:.2g} s the motion is chaotic, and third octaves "
+                "of a "
                 "more "
                 f"exact run differ by {spectral:.1f} dB on average, above the {noise:.2g} dB by "
                 "which rounding alone changes such a motion"
             )
         else:
             continue
-        islands.setdefault(sentence, []).extend(row.parts)
+        islands.setdefault(error_sentence, []).extend(plan_row.parts)
     return [
         f"{' + '.join(dict.fromkeys(parts))}: {sentence}" for sentence, parts in islands.items()
     ]
@@ -430,10 +432,10 @@ def error_text(audible: _core.AudibleError) -> str:
 
 
 def requested_accuracy(
-    accuracy: Accuracy, *, method: str | None, error: float | None, cents: float | None
+    accuracy: Accuracy, *, asked_method: str | None, error: float | None, cents: float | None
 ) -> Accuracy:
     """The accuracy with what the command line asks for in place of the score's; `cpu` stays."""
-    if method is None and error is None and cents is None:
+    if asked_method is None and error is None and cents is None:
         return accuracy
     upto = accuracy.upto if cents is not None else None
-    return replace(Accuracy(method, error, cents, upto), cpu=accuracy.cpu)  # type: ignore[arg-type]
+    return replace(Accuracy(asked_method, error, cents, upto), cpu=accuracy.cpu)  # type: ignore[arg-type]

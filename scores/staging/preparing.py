@@ -125,21 +125,29 @@ def prepare(
         played = [Span(piece, ALL)] if spans is None else spans
         sounds = sounds_in(piece, timeline, takes)
         drive(piece, assembly, hands, {name: index for name, (index, _) in sounds.items()})
-        begin = -math.inf if stage_before is None else start / piece.rate
-        drawn = DrawnNotes(timeline, stage_before.drawn if stage_before else (), begin, piece.rate)
+        begin_seconds = -math.inf if stage_before is None else start / piece.rate
+        drawn = DrawnNotes(
+            timeline, stage_before.drawn if stage_before else (), begin_seconds, piece.rate
+        )
         plays_until = _play(piece, assembly, hands, couplings, real_hands, played, memory, drawn)
-        end = max(plays_until, _length(piece, live))
-        end = max([end, *(seconds for _, seconds in sounds.values())])
+        end_seconds = max(plays_until, _length(piece, live))
+        end_seconds = max([end_seconds, *(seconds for _, seconds in sounds.values())])
         check_overlaps(piece, hands.gestures, collector)
         check_travel(piece, timeline, hands.gestures, collector)
         check_delays(computed, collector)
         check_mix(piece, collector)
-        n_frames = _frames(piece, end, collector) if spans is None else 0
+        n_frames = _frames(piece, end_seconds, collector) if spans is None else 0
         (paths, moved), paths_until = _automate(
-            piece, spans, n_frames, collector, begin, known_automation
+            piece, spans, n_frames, collector, begin_seconds, known_automation
         )
         if stage_before is not None:
-            takeover_arguments = stage_before.paths, paths, piece, begin, stage_before.paths_until
+            takeover_arguments = (
+                stage_before.paths,
+                paths,
+                piece,
+                begin_seconds,
+                stage_before.paths_until,
+            )
             paths = takeover_points(*takeover_arguments, moved, known_automation)
         for module_key, points in paths.items():
             if led := known_automation.led(piece, module_key):
@@ -151,7 +159,7 @@ def prepare(
         raise refused(piece, collector, error) from error
     if collector.has_errors():
         raise StageError(collector.finish())
-    fades_from = int(end * piece.rate + 0.5) if piece.render.tail == "auto" else None
+    fades_from = int(end_seconds * piece.rate + 0.5) if piece.render.tail == "auto" else None
     path_arguments = paths, paths_until
     piece_arguments = built, timeline, n_frames, hands, collector, live
     return PreparedPiece(*piece_arguments, *path_arguments, fades_from, memory, drawn.notes)
@@ -159,7 +167,7 @@ def prepare(
 
 def _automate(
     piece: Piece,
-    spans: Sequence[Span] | None,
+    piece_spans: Sequence[Span] | None,
     n_frames: int,
     collector: Collector,
     begins: float,
@@ -172,13 +180,13 @@ def _automate(
     tempo = piece.tempo_map
     if not piece.automation and not any(strikes.moves_pitches for strikes in piece.strikes):
         return Automated({}), math.inf
-    if spans is None:
+    if piece_spans is None:
         end = tempo.beats(n_frames / piece.rate)
         return automation_points(piece, -math.inf, end, collector), math.inf
-    if isinstance(tempo, StoppedTempoMap) or not spans:
+    if isinstance(tempo, StoppedTempoMap) or not piece_spans:
         stopped_beat = tempo.beats(0.0)
         return automation_points(piece, stopped_beat, stopped_beat, collector), math.inf
-    since, until, _ = spans[-1].window
+    since, until, _ = piece_spans[-1].window
     points = automation_points(piece, since, until, collector, begins, known_automation)
     return points, complete_until(piece, until)
 
@@ -194,7 +202,7 @@ def _play(
     hands: Hands,
     couplings: Sequence[int],
     real_hands: Real,
-    spans: Sequence[Span],
+    piece_spans: Sequence[Span],
     memory: StageMemory,
     drawn: DrawnNotes,
 ) -> float:
@@ -204,7 +212,7 @@ def _play(
     for name, key in piece.keys.items():
         if name not in live_keys:
             hands.key(name, assembly.mats[name, key.struck])
-    for played, window in spans:
+    for played, window in piece_spans:
         span_hands = hands if window is ALL else hands.other(played, window)
         span_hands.play_parts(played, live_keys, None if live_keys else memory.plays)
     players = [one for one in piece.players.values() if one.hand == "live" and one.standin]
@@ -215,7 +223,7 @@ def _play(
         if player.name not in players_with_part:
             hands.standin(player)
     event_ends = [gesture.stop for gesture in hands.gestures]
-    for played, window in spans:
+    for played, window in piece_spans:
         within = _within(played, window)
         for strikes in memory.strikes.left(played, window.since):
             targets = (t for t in strikes.to if (t.part, t.module) in assembly.mats)

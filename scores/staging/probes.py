@@ -61,23 +61,31 @@ def probed(piece: Piece) -> ProbedPiece:
     """
     contacts, rubbings = list(_contacts(piece)), list(_rubbings(piece))
     end_targets = (end for _, _, module in (*contacts, *rubbings) for end in module.ends)
-    targets = {_identity(target): target for target in (*end_targets, *_single(piece))}
-    first_targets = list(targets.items())[:MAX_POINTS]
+    probed_targets = {_identity(target): target for target in (*end_targets, *_single(piece))}
+    first_targets = list(probed_targets.items())[:MAX_POINTS]
     kinds = {(part, module.name): module for part, module in piece.modules()}
-    points = {
+    points_by_target = {
         identity: _point(target, number, kinds[target.part, target.module])
         for number, (identity, target) in enumerate(first_targets)
     }
     measured = []
-    for name, contact_name, module in contacts:
-        a, b = (points.get(_identity(end)) for end in module.ends)
-        if a is not None and b is not None:
-            measured.append(ProbedLink(name, contact_name, module, a, b))
+    for module_name, contact_name, part_module in contacts:
+        first_point, second_point = (
+            points_by_target.get(_identity(end)) for end in part_module.ends
+        )
+        if first_point is not None and second_point is not None:
+            measured.append(
+                ProbedLink(module_name, contact_name, part_module, first_point, second_point)
+            )
     rubbed = []
-    for name, contact_name, module in rubbings:
-        a, b = (points.get(_identity(end)) for end in module.ends)
-        if a is not None and b is not None:
-            rubbed.append(ProbedLink(name, contact_name, module, a, b))
+    for module_name, contact_name, part_module in rubbings:
+        first_point, second_point = (
+            points_by_target.get(_identity(end)) for end in part_module.ends
+        )
+        if first_point is not None and second_point is not None:
+            rubbed.append(
+                ProbedLink(module_name, contact_name, part_module, first_point, second_point)
+            )
     outputs = tuple(
         Output(str(number), "SOX", (target,), None, piece.place)
         for number, (_, target) in enumerate(first_targets)
@@ -85,9 +93,9 @@ def probed(piece: Piece) -> ProbedPiece:
     listener = Instrument(_NAME, (), outputs, None, piece.place)
     mix = replace(piece.mix, routes=(Route(_NAME, None, (1,), 1.0, None, piece.place),))
     probed_piece = replace(piece, instruments={**piece.instruments, _NAME: listener}, mix=mix)
-    left_out = len(targets) - len(first_targets) + len(contacts) - len(measured)
+    left_out = len(probed_targets) - len(first_targets) + len(contacts) - len(measured)
     return ProbedPiece(
-        probed_piece, tuple(points.values()), tuple(measured), left_out, tuple(rubbed)
+        probed_piece, tuple(points_by_target.values()), tuple(measured), left_out, tuple(rubbed)
     )
 
 

@@ -61,7 +61,9 @@ class FreezeObstacle:
         return f"{self.part} cannot be frozen without {self.other}: {path_text}"
 
 
-def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[FreezeObstacle]:
+def ties(
+    piece: Piece, frozen_parts: Collection[str], players: Iterable[str]
+) -> list[FreezeObstacle]:
     """Reasons why instruments cannot be frozen; empty if they can. `players` have live hands."""
     web = _LinkGraph(piece)
     hands = {}
@@ -71,11 +73,12 @@ def ties(piece: Piece, parts: Collection[str], players: Iterable[str]) -> list[F
     other_players = {
         mat: part
         for part in dict.fromkeys(instrument.name for _, instrument, _ in audible_outputs(piece))
-        if part not in parts
+        if part not in frozen_parts
         for mat in web.audible_points(piece, part)
     }
     ties_found = (
-        web.tie(part, web.audible_points(piece, part), hands, other_players) for part in parts
+        web.tie(part, web.audible_points(piece, part), hands, other_players)
+        for part in frozen_parts
     )
     return [tie for tie in ties_found if tie is not None]
 
@@ -92,35 +95,41 @@ class _LinkGraph:
         self._wholes: set[tuple[str, str]] = set()
         self._links: dict[int, list[tuple[int, Link]]] = {}
         self._ends: dict[tuple[str, str], set[int]] = {}
-        modules = [*piece.modules()]
-        for part, module in modules:
-            if module.kind in ("STRING", "PLATE") or "axes" in module.fields:
-                self._wholes.add((part, module.name))
+        piece_modules = [*piece.modules()]
+        for part_name, part_module in piece_modules:
+            if part_module.kind in ("STRING", "PLATE") or "axes" in part_module.fields:
+                self._wholes.add((part_name, part_module.name))
         self._held = {
             mat
-            for part, module in modules
+            for part, module in piece_modules
             if module.kind == "SOL" or (module.kind == "ENX" and self._is_alone(module))
             for mat in self._held_by(part, module)
         }
-        for part, module in modules:
-            if module.kind in LINKS:
-                link = Link(".".join(filter(None, (part, module.name))), module.place)
-                pairs = dict.fromkeys(
-                    self._pair(link_module) for link_module in single_links(module)
+        for part_name, part_module in piece_modules:
+            if part_module.kind in LINKS:
+                link = Link(
+                    ".".join(filter(None, (part_name, part_module.name))), part_module.place
                 )
-                self._ends[part, module.name] = {end for pair in pairs for end in pair}
+                pairs = dict.fromkeys(
+                    self._pair(link_module) for link_module in single_links(part_module)
+                )
+                self._ends[part_name, part_module.name] = {end for pair in pairs for end in pair}
                 for pair in pairs:
                     self._link(link, *pair)
-            elif module.kind == "PROXY":
-                link_module = Link(".".join(filter(None, (part, module.name))), module.place)
-                module_mats = self.assembly.mats[part, module.name]
-                for target in proxies.targets(module.fields):
+            elif part_module.kind == "PROXY":
+                link_module = Link(
+                    ".".join(filter(None, (part_name, part_module.name))), part_module.place
+                )
+                module_mats = self.assembly.mats[part_name, part_module.name]
+                for target in proxies.targets(part_module.fields):
                     for mat in self._points(target):
                         self._link(link_module, module_mats, mat)
-            elif module.kind == "SURFACE":
-                link_module = Link(".".join(filter(None, (part, module.name))), module.place)
-                module_mats = self.assembly.mats[part, module.name]
-                self._link(link_module, module_mats, self._points(module.fields["of"])[0])
+            elif part_module.kind == "SURFACE":
+                link_module = Link(
+                    ".".join(filter(None, (part_name, part_module.name))), part_module.place
+                )
+                module_mats = self.assembly.mats[part_name, part_module.name]
+                self._link(link_module, module_mats, self._points(part_module.fields["of"])[0])
         for coupling in piece.duet:
             a, b = (self._points(target)[0] for target in (coupling.a, coupling.b))
             name = f"the coupling of {coupling.a.part} and {coupling.b.part}"
@@ -153,20 +162,20 @@ class _LinkGraph:
 
     def audible_points(self, piece: Piece, part: str) -> set[int]:
         """Points whose movement an instrument's outputs give."""
-        points: set[int] = set()
+        audible_mats: set[int] = set()
         for _, instrument, output in audible_outputs(piece):
             if instrument.name != part:
                 continue
             for target in targets_of(instrument, output):
                 if (target.part, target.module) in self._ends:
-                    points.update(self._ends[target.part, target.module])
+                    audible_mats.update(self._ends[target.part, target.module])
                 else:
-                    points.update(self._points(target))
-        return points - self._held
+                    audible_mats.update(self._points(target))
+        return audible_mats - self._held
 
     def tie(
         self,
-        part: str,
+        part_name: str,
         start: set[int],
         hands: Mapping[int, tuple[str, str]],
         other_players: Mapping[int, str],
@@ -178,9 +187,9 @@ class _LinkGraph:
         while queue:
             mat = queue.popleft()
             if mat in hands:
-                return FreezeObstacle(part, _path_to(mat, came), *hands[mat])
+                return FreezeObstacle(part_name, _path_to(mat, came), *hands[mat])
             if mat in other_players and path is None:
-                path = FreezeObstacle(part, _path_to(mat, came), other=other_players[mat])
+                path = FreezeObstacle(part_name, _path_to(mat, came), other=other_players[mat])
             if mat in self._held:
                 continue
             for other_mat, link in self._links.get(mat, ()):

@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 _FINE, _FINEST = 64, 4096
 
 
-def stage_or_plan(piece: Piece, **options: Any) -> Stage:
+def stage_or_plan(piece: Piece, **stage_options: Any) -> Stage:
     """Stage every module as written, or by a plan if the engine refuses that.
 
-    A command that needs no plan then accepts the same pieces as `render`. `options` are those of
-    `stage`. Raises StageError.
+    A command that needs no plan then accepts the same pieces as `render`. `stage_options` are those
+    of `stage`. Raises StageError.
     """
     try:
-        return stage(piece, **options)
+        return stage(piece, **stage_options)
     except StageError:
-        return stage(piece, planned=True, **options)
+        return stage(piece, planned=True, **stage_options)
 
 
 def stage_recording(piece: Piece, *, seed: int | None = None, store: Store | None = None) -> Stage:
@@ -71,13 +71,13 @@ def _ways(piece: Piece, store: Store | None) -> Iterator[dict[str, Any]]:
     yield from ({"piece": _oversampled(piece, times)} for times in multiples if times > _FINE)
 
 
-def _oversampled(piece: Piece, factor: int) -> Piece:
+def _oversampled(piece: Piece, rate_factor: int) -> Piece:
     """The piece at a multiple of its audio rate; parts with a slow rate keep it."""
     return replace(
         piece,
-        rate=piece.rate * factor,
-        keys=_slowed(piece.keys, factor),
-        instruments=_slowed(piece.instruments, factor),
+        rate=piece.rate * rate_factor,
+        keys=_slowed(piece.keys, rate_factor),
+        instruments=_slowed(piece.instruments, rate_factor),
     )
 
 
@@ -90,18 +90,18 @@ def _slowed(parts: Mapping[str, Any], factor: int) -> dict[str, Any]:
 
 def solo(
     piece: Piece,
-    name: str,
-    key: str,
+    gesture_name: str,
+    key_name: str,
     do: tuple[Transform, ...] = (),
     playing_options: PlayingOptions | None = None,
 ) -> Stage:
     """One gesture or take alone on a key, at the beginning of the piece."""
-    key_place = piece.keys[key].place
-    player = Player(key, "virtual", key, None, None, None, key_place)
-    gesture_or_take = piece.gestures.get(name) or piece.takes[name]
+    key_place = piece.keys[key_name].place
+    player = Player(key_name, "virtual", key_name, None, None, None, key_place)
+    gesture_or_take = piece.gestures.get(gesture_name) or piece.takes[gesture_name]
     play = Play(
         player.name,
-        name,
+        gesture_name,
         Position(),
         every=None,
         times=1,

@@ -20,11 +20,11 @@ class StageError(ErgonError):
         self.diagnostics = list(diagnostics)
 
 
-def place_of(piece: Piece, name: str | None) -> Place:
+def place_of(piece: Piece, engine_name: str | None) -> Place:
     """Where the module that the engine names is written; if in another file, where its part is
     written.
     """
-    name = name or ""
+    engine_name = engine_name or ""
     links = [("duet", duet.link, duet.link.place) for duet in piece.duet]
     keys = [(key.name, module, key.place) for key in piece.keys.values() for module in key.modules]
     instrument_modules = [
@@ -32,7 +32,7 @@ def place_of(piece: Piece, name: str | None) -> Place:
     ]
     for part, module, place in (*keys, *instrument_modules, *links):
         full = ".".join(filter(None, (part, module.name)))
-        if name == full or name.startswith(f"{full}."):
+        if engine_name == full or engine_name.startswith(f"{full}."):
             return module.place if module.place.file == place.file else place
     return piece.place
 

@@ -141,13 +141,13 @@ class Stage:
         """
         wet = {way.part for way in self.listening.ways if way.room is not None}
         stems = []
-        for name, parts in self._stem_parts().items():
+        for name, instrument_parts in self._stem_parts().items():
             pieces: dict[str, bool | None] = {name: None}
-            if is_split and not wet.isdisjoint(parts):
+            if is_split and not wet.isdisjoint(instrument_parts):
                 pieces = {f"{name}-dry": False, f"{name}-wet": True}
             for piece, is_wet in pieces.items():
                 mixer = self.mixer(
-                    highpass=highpass, reference=reference, parts=parts, is_wet=is_wet
+                    highpass=highpass, reference=reference, parts=instrument_parts, is_wet=is_wet
                 )
                 stems.append((piece, mixer))
         return stems
@@ -456,14 +456,14 @@ def _report_motion(piece: Piece, plan: _core.Plan, collector: Collector) -> None
     """Report parts that are only seen but computed at the audio rate, or that there are none
     (N403).
     """
-    rows = plan.seen()
-    for row in rows:
+    plan_rows = plan.seen()
+    for row in plan_rows:
         if row.stays is not None:
             names = " + ".join(map(quote, row.parts))
             message = f"{names} is computed at the audio rate, not at that of motion: {row.stays}"
             collector.error("N403", message, piece.place)
     offered = (row for row in plan.rows() if row.offered)
-    if not rows and all(piece.keys.keys() & set(row.parts) for row in offered):
+    if not plan_rows and all(piece.keys.keys() & set(row.parts) for row in offered):
         message = (
             "no part goes at the rate of motion: all that moves is heard, is felt by a hand, or "
             "would be heard at that rate"

@@ -68,7 +68,7 @@ class Striking:
         piece, strikes, tempo = self.piece, self.strikes, self.piece.tempo_map
         if strikes.along:
             return max(axis.play(collector) for axis in self._axes())
-        begin, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
+        begin, stop_beat = tempo.resolve(strikes.at), strikes.stop(tempo)
         try:
             if strikes.is_melody:
                 return self._melody()
@@ -76,19 +76,22 @@ class Striking:
                 return self._passed(strikes.passing)
             if strikes.pattern is not None:
                 return self._by_pattern(strikes.steps(piece))
-            if strikes.rate is not None and strikes.levels is not None and stop is not None:
-                end = tempo.seconds(stop)
+            if strikes.rate is not None and strikes.levels is not None and stop_beat is not None:
+                end_seconds = tempo.seconds(stop_beat)
                 if self._gain == 0.0:
-                    return end
-                level, reach = strikes.levels.steps[0], next(iter(strikes.reaches.values()), None)
+                    return end_seconds
+                first_level, impulse_reach = (
+                    strikes.levels.steps[0],
+                    next(iter(strikes.reaches.values()), None),
+                )
                 self.timeline.rain(
                     self.mats,
                     start=tempo.seconds(begin),
-                    stop=end,
+                    stop=end_seconds,
                     rate=strikes.rate,
                     impulse=(
-                        self._gain * level.impulse(reach, _first),
-                        self._gain * level.impulse(reach, _last),
+                        self._gain * first_level.impulse(impulse_reach, _first),
+                        self._gain * first_level.impulse(impulse_reach, _last),
                     ),
                     seed=piece.seed,
                     name=strikes.name,
@@ -96,7 +99,7 @@ class Striking:
                     source=self.source,
                     within=self.within,
                 )
-                return end
+                return end_seconds
             return self._each()
         except _core.EngineError as error:
             collector.error("E308", str(error), strikes.place)
@@ -124,27 +127,27 @@ class Striking:
             )
             yield replace(self, strikes=axis_strikes, mats=self.mats[axis * n : (axis + 1) * n])
 
-    def _by_pattern(self, places: Steps) -> float:
+    def _by_pattern(self, pattern_steps: Steps) -> float:
         """Strike in the places of a pattern; chance is drawn for each member separately."""
-        course, tempo = places.course, self.piece.tempo_map
+        course, tempo = pattern_steps.course, self.piece.tempo_map
         pattern = course.pattern
 
         def seconds(place: int) -> float:
-            return tempo.seconds(places[place])
+            return tempo.seconds(pattern_steps[place])
 
         first_place, stop_place = (
-            first_from(seconds, len(places), instant) for instant in self.within
+            first_from(seconds, len(pattern_steps), instant) for instant in self.within
         )
         for place in range(max(0, first_place - 1), stop_place):  # the note before ends in this one
             name = course.named(place)
             if name is None:
                 continue
             instant, number = seconds(place), place + pattern.skip
-            end = seconds(place + 1) if place + 1 < len(places) else None
+            end = seconds(place + 1) if place + 1 < len(pattern_steps) else None
             for member, mat in enumerate(self._voice(name)):
                 if pattern.chance is None or course.draws.happens(pattern.chance, number, member):
-                    self._strike(mat, (instant, end), member, number, len(places))
-        return self._last_end(tempo.seconds(places[-1])) if places else 0.0
+                    self._strike(mat, (instant, end), member, number, len(pattern_steps))
+        return self._last_end(tempo.seconds(pattern_steps[-1])) if pattern_steps else 0.0
 
     def _voice(self, name: str) -> Sequence[int]:
         """The MATs that a name of the pattern strikes: all, unless it is a note of an
@@ -156,30 +159,32 @@ class Striking:
 
     def _melody(self) -> float:
         """The strikes of a melody, one by one."""
-        tempo, end = self.piece.tempo_map, 0.0
+        tempo, end_seconds = self.piece.tempo_map, 0.0
         since, before = (_beat(tempo, instant) for instant in self.within)
         if self.strikes.rhythm is not None:  # notes that began before may end here
             begin = tempo.resolve(self.strikes.at)
             since -= self.strikes.rhythm.begin(tempo, begin, int(LONGEST_CYCLES)) - begin
-        for beat, number, hit in self.strikes.falls(self.piece, since, before):
-            instant = tempo.seconds(beat)
-            if hit.jitter != Length():
-                chance = _core.Chance(self.piece.seed, "jitter", self.strikes.name, 0, number)
-                reach = tempo.seconds(tempo.after(beat, hit.jitter)) - instant
-                instant = max(0.0, instant + chance.uniform(-reach, reach))
-            end = max(end, instant)
-            mats = [mat for target in hit.to for mat in self._members(target)]
-            lasting = hit.lasting
-            stop = None if lasting is None else tempo.seconds(tempo.after(beat, lasting))
+        for hit_beat, hit_number, melody_hit in self.strikes.falls(self.piece, since, before):
+            hit_seconds = tempo.seconds(hit_beat)
+            if melody_hit.jitter != Length():
+                chance = _core.Chance(self.piece.seed, "jitter", self.strikes.name, 0, hit_number)
+                reach = tempo.seconds(tempo.after(hit_beat, melody_hit.jitter)) - hit_seconds
+                hit_seconds = max(0.0, hit_seconds + chance.uniform(-reach, reach))
+            end_seconds = max(end_seconds, hit_seconds)
+            mats = [mat for target in melody_hit.to for mat in self._members(target)]
+            lasting = melody_hit.lasting
+            stop = None if lasting is None else tempo.seconds(tempo.after(hit_beat, lasting))
             if stop is not None and any(map(self._is_drawn, mats)):
-                end = max(end, stop)
+                end_seconds = max(end_seconds, stop)
             for member, mat in enumerate(mats):
-                self._impel(mat, (instant, stop), hit.level, hit.reach, member, number)
-        return end
+                self._impel(
+                    mat, (hit_seconds, stop), melody_hit.level, melody_hit.reach, member, hit_number
+                )
+        return end_seconds
 
     def _passed(self, passing: Passing) -> float:
         """Strike the members that a sweep or a path passes, in every round."""
-        strikes, tempo, end = self.strikes, self.piece.tempo_map, 0.0
+        strikes, tempo, end_seconds = self.strikes, self.piece.tempo_map, 0.0
         draws = Draws(self.piece.seed, strikes.who)
         assert self.assembly is not None
         assert strikes.length is not None
@@ -188,16 +193,22 @@ class Striking:
         rounds = strikes.rounds(tempo)
         for turn, start in enumerate(rounds):
             lasting = tempo.after(start, strikes.length) - start
-            end = max(end, tempo.seconds(start + lasting))
+            end_seconds = max(end_seconds, tempo.seconds(start + lasting))
             _core.poll(_STRIKE_STEPS * len(visited))
-            for number, (share, member) in enumerate(visited, turn * len(visited)):
+            for strike_number, (share, struck_member) in enumerate(visited, turn * len(visited)):
                 instant = tempo.seconds(start + share * lasting)
                 if not self._is_inside(instant):
                     continue
-                if draws.happens(passing.chance, number, member):
+                if draws.happens(passing.chance, strike_number, struck_member):
                     count = len(visited) * len(rounds)
-                    self._strike(self.mats[member], (instant, None), member, number, count)
-        return end
+                    self._strike(
+                        self.mats[struck_member],
+                        (instant, None),
+                        struck_member,
+                        strike_number,
+                        count,
+                    )
+        return end_seconds
 
     def _members(self, target: Target) -> Sequence[int]:
         """The MATs of a target; none if it is not in the network."""
@@ -209,13 +220,13 @@ class Striking:
     def _each(self) -> float:
         """Strike all members at written instants: once, or once per `every`."""
         tempo = self.piece.tempo_map
-        instants = [tempo.seconds(beat) for beat in self.strikes.beats(tempo)]
-        for occurrence, instant in enumerate(instants):
-            is_last = occurrence + 1 == len(instants)
-            span = instant, None if is_last else instants[occurrence + 1]
+        strike_instants = [tempo.seconds(beat) for beat in self.strikes.beats(tempo)]
+        for occurrence, instant in enumerate(strike_instants):
+            is_last = occurrence + 1 == len(strike_instants)
+            span = instant, None if is_last else strike_instants[occurrence + 1]
             for member, mat in enumerate(self.mats):
-                self._strike(mat, span, member, occurrence, len(instants))
-        return self._last_end(instants[-1]) if instants else 0.0
+                self._strike(mat, span, member, occurrence, len(strike_instants))
+        return self._last_end(strike_instants[-1]) if strike_instants else 0.0
 
     def _last_end(self, instant: float) -> float:
         """When strikes end whose last begins at an instant, both in s."""
@@ -224,44 +235,44 @@ class Striking:
 
     def _strike(self, mat: int, span: Span, member: int, number: int, count: int) -> None:
         """Strike a MAT as hard as the strikes say for one number of so many."""
-        strikes, gain = self.strikes, self._gain
+        strikes, strike_gain = self.strikes, self._gain
         if strikes.levels is not None:
             level = strikes.levels.step(number, count)
             self._impel(mat, span, level, self._reaches.get(mat), member, number)
             return
         self._hold(mat, span, MEZZO_FORTE.low)
-        if gain > 0.0 and self._is_inside(span[0]):
-            speed = None if strikes.speed is None else strikes.speed * gain
+        if strike_gain > 0.0 and self._is_inside(span[0]):
+            speed = None if strikes.speed is None else strikes.speed * strike_gain
             self.timeline.strike(mat, span[0], mass=strikes.mass, speed=speed, source=self.source)
 
     def _impel(
         self,
         mat: int,
-        span: Span,
+        stroke_span: Span,
         level: Level,
-        reach: ImpulseRange | None,
+        impulse_reach: ImpulseRange | None,
         member: int,
-        number: int,
+        strike_number: int,
     ) -> None:
         """Strike a MAT at a level; from a range by chance."""
 
         def draw(low: float, high: float) -> float:
             name = self.strikes.name
-            chance = _core.Chance(self.piece.seed, "strikes", name, member, number)
+            chance = _core.Chance(self.piece.seed, "strikes", name, member, strike_number)
             return chance.uniform(low, high)
 
         holds = self._held_mats.get(mat)
-        if holds is None and not self._is_inside(span[0]):
+        if holds is None and not self._is_inside(stroke_span[0]):
             return  # most notes of a version that plays from its middle
-        impulse = level.impulse(reach, draw)
-        if reach is not None and reach.turns and number % 2:
+        impulse = level.impulse(impulse_reach, draw)
+        if impulse_reach is not None and impulse_reach.turns and strike_number % 2:
             impulse = -impulse
         if holds is not None:
-            self._hold(mat, span, holds.strength(impulse))
+            self._hold(mat, stroke_span, holds.strength(impulse))
         if self._is_drawn(mat):
-            self._draw(mat, span, self._gain * impulse)
+            self._draw(mat, stroke_span, self._gain * impulse)
         elif self._gain > 0.0:
-            self._push(mat, span[0], self._gain * impulse)
+            self._push(mat, stroke_span[0], self._gain * impulse)
 
     def _draw(self, mat: int, span: Span, impulse: float) -> None:
         """Strike a MAT, and by the opposite impulse where the note ends."""
@@ -275,17 +286,17 @@ class Striking:
             lasts = self._lasts(mat)
             self.timeline.strike(mat, instant, impulse=impulse, lasts=lasts, source=self.source)
 
-    def _hold(self, mat: int, span: Span, strength: float) -> None:
+    def _hold(self, mat: int, stroke_span: Span, strength: float) -> None:
         """Let what lasts as long as a note begin and end with it."""
         holds = self._held_mats.get(mat)
         for held, hold in () if holds is None else holds.mats:
             impulse = hold.impulse(strength)
             if not hold.is_lifted:
-                self._draw(held, span, impulse if self._gain > 0.0 else 0.0)
+                self._draw(held, stroke_span, impulse if self._gain > 0.0 else 0.0)
             elif self.strikes.passing is None:  # what passes says of no end
-                self._push(held, span[0], impulse)
-                if span[1] is not None:
-                    self._push(held, span[1], -impulse)
+                self._push(held, stroke_span[0], impulse)
+                if stroke_span[1] is not None:
+                    self._push(held, stroke_span[1], -impulse)
 
     def _is_drawn(self, mat: int) -> bool:
         """Whether what strikes a MAT lasts as long as the note."""

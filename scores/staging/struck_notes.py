@@ -59,18 +59,20 @@ def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterato
         for stroke in _strikes_on(stage, mat)
         if stroke.impulse > 0.0
     )
-    spans = [*_drawn_spans(stage, instrument)]
-    for number, (begin, impulse) in enumerate(strokes):
+    note_spans = [*_drawn_spans(stage, instrument)]
+    for number, (note_begin, impulse) in enumerate(strokes):
         next_strike = strokes[number + 1][0] if number + 1 < len(strokes) else math.inf
-        let_down = next((instant for instant in lifted if instant > begin + _TOGETHER), math.inf)
+        let_down = next(
+            (instant for instant in lifted if instant > note_begin + _TOGETHER), math.inf
+        )
         # A damper that comes down after the next stroke ends that one.
         is_ended = let_down <= next_strike + _TOGETHER and math.isfinite(let_down)
-        end = min(next_strike, let_down if is_ended else begin + _LONGEST)
-        spans.append((begin, end, impulse))
-    loudest = max((impulse for *_, impulse in spans), default=0.0)
-    for begin, end, impulse in sorted(spans):
+        end = min(next_strike, let_down if is_ended else note_begin + _LONGEST)
+        note_spans.append((note_begin, end, impulse))
+    loudest = max((impulse for *_, impulse in note_spans), default=0.0)
+    for note_begin, end, impulse in sorted(note_spans):
         strength = _strength(impulse, loudest, reach)
-        yield StruckNote(family, instrument.name, _pitch(instrument), begin, end, strength)
+        yield StruckNote(family, instrument.name, _pitch(instrument), note_begin, end, strength)
 
 
 def _held_mats(assembly: Assembly, instrument: Instrument) -> Iterator[int]:

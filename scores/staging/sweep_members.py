@@ -48,14 +48,14 @@ def visits(
     return sorted(order)
 
 
-def _along(quantity: str, places: _Floats) -> list[float]:
+def _along(quantity: str, member_places: _Floats) -> list[float]:
     """The position of each place along a sweep, from 0 to 1."""
     if quantity == "angle":  # a turn, from the front to the left
-        azimuths = (angles((x, y, 0.0))[0] for x, y in places.tolist())
+        azimuths = (angles((x, y, 0.0))[0] for x, y in member_places.tolist())
         return [azimuth / 360.0 % 1.0 for azimuth in azimuths]
     if quantity == "radius":
-        return _stretched([sqrt(x * x + y * y) for x, y in places.tolist()])
-    return _stretched(places[:, "xy".index(quantity)].tolist())
+        return _stretched([sqrt(x * x + y * y) for x, y in member_places.tolist()])
+    return _stretched(member_places[:, "xy".index(quantity)].tolist())
 
 
 def _stretched(values: Sequence[float]) -> list[float]:
@@ -86,36 +86,40 @@ def _pitches(network: _core.Network, parts: Sequence[str], mats: Sequence[int]) 
     return pitches
 
 
-def _by_path(path: tuple[Point, ...], width: float, places: _Floats) -> list[Visit]:
+def _by_path(path: tuple[Point, ...], point_width: float, member_places: _Floats) -> list[Visit]:
     """Every pass of a member within half the width of the moving point, at its nearest approach."""
-    x, y = places[:, 0], places[:, 1]
+    x, y = member_places[:, 0], member_places[:, 1]
     radius_squared = float((x * x + y * y).max())
     scale = 1.0 / sqrt(radius_squared) if radius_squared > 0.0 else 1.0
     x, y = x * scale, y * scale
-    reach_squared = width * width / 4.0
+    reach_squared = point_width * point_width / 4.0
     visits_found: list[Visit] = []
-    is_near = np.zeros(len(places), bool)
-    nearest_squared = np.full(len(places), np.inf)
-    share = np.zeros(len(places))
+    is_near = np.zeros(len(member_places), bool)
+    nearest_squared = np.full(len(member_places), np.inf)
+    nearest_share = np.zeros(len(member_places))
     for (t0, x0, y0), (t1, x1, y1) in pairwise(_corners(path)):
-        _core.poll(_MEMBER_STEPS * len(places))
+        _core.poll(_MEMBER_STEPS * len(member_places))
         dx, dy = x1 - x0, y1 - y0
         length = dx * dx + dy * dy
         chord_share = (
-            ((x - x0) * dx + (y - y0) * dy) / length if length > 0.0 else np.zeros(len(places))
+            ((x - x0) * dx + (y - y0) * dy) / length
+            if length > 0.0
+            else np.zeros(len(member_places))
         )
         chord_share = np.minimum(np.maximum(chord_share, 0.0), 1.0)
         away_x, away_y = x - (x0 + chord_share * dx), y - (y0 + chord_share * dy)
         distance_squared = away_x * away_x + away_y * away_y
         is_near_now = distance_squared <= reach_squared
         for member in np.flatnonzero(is_near & ~is_near_now):
-            visits_found.append((float(share[member]), int(member)))
+            visits_found.append((float(nearest_share[member]), int(member)))
         nearest_squared[~is_near_now] = np.inf
         nearer = is_near_now & (distance_squared < nearest_squared)
         nearest_squared[nearer] = distance_squared[nearer]
-        share[nearer] = (t0 + chord_share * (t1 - t0))[nearer]
+        nearest_share[nearer] = (t0 + chord_share * (t1 - t0))[nearer]
         is_near = is_near_now
-    visits_found += [(float(share[member]), int(member)) for member in np.flatnonzero(is_near)]
+    visits_found += [
+        (float(nearest_share[member]), int(member)) for member in np.flatnonzero(is_near)
+    ]
     return sorted(visits_found)
 
 

@@ -47,14 +47,14 @@ def check_travel(
     farthest: dict[Place, tuple[float, str, str]] = {}
     singular: set[Place] = set()
     limits = {name: _limits(key) for name, key in piece.keys.items()}
-    for gesture, (low, high) in zip(gestures, timeline.ranges(), strict=True):
+    for gesture, (low_position, high_position) in zip(gestures, timeline.ranges(), strict=True):
         least, greatest = limits[gesture.key]
         if gesture.stop - gesture.start > _LONGEST:
             continue  # too long for a piece: reported elsewhere
-        is_inside = low >= least - _SLACK and high <= greatest + _SLACK
+        is_inside = low_position >= least - _SLACK and high_position <= greatest + _SLACK
         if gesture.layer or (is_inside and "throw" not in gesture.curves):
             continue
-        key = piece.keys[gesture.key]
+        player_key = piece.keys[gesture.key]
         if gesture.throws and rehearsed[gesture.place] == _REHEARSALS:
             continue
         points = zip(gesture.t, gesture.x, strict=True)
@@ -64,20 +64,26 @@ def check_travel(
             continue
         reported_keys.add(gesture_key)
         rehearsed[gesture.place] += 1
-        if gesture.place not in singular and (message := _singular(key, gesture)):
+        if gesture.place not in singular and (message := _singular(player_key, gesture)):
             singular.add(gesture.place)
             collector.error("W312", message, gesture.place)
-        if key.travel is None:
+        if player_key.travel is None:
             continue
         swing = ""
         if gesture.throws:
-            thrown_low, thrown_high, thrown_at = _rehearse(piece, key, gesture)
-            if thrown_low < low or thrown_high > high:
+            thrown_low, thrown_high, thrown_at = _rehearse(piece, player_key, gesture)
+            if thrown_low < low_position or thrown_high > high_position:
                 swing = f"between {_throw_bounds(gesture, thrown_at)} the free key swings"
-            low, high = min(low, thrown_low), max(high, thrown_high)
-        excess = max(least - low, high - greatest)
+            low_position, high_position = (
+                min(low_position, thrown_low),
+                max(high_position, thrown_high),
+            )
+        excess = max(least - low_position, high_position - greatest)
         if excess > max(_SLACK, farthest.get(gesture.place, (0.0,))[0]):
-            farthest[gesture.place] = excess, *_sentence(key, gesture, low, high, swing)
+            farthest[gesture.place] = (
+                excess,
+                *_sentence(player_key, gesture, low_position, high_position, swing),
+            )
     for place, (_, message, help) in farthest.items():
         collector.error("E307", message, place, help=help)
 
@@ -89,36 +95,41 @@ def _limits(key: Key) -> tuple[float, float]:
 
 
 def _sentence(
-    key: Key, gesture: StagedGesture, low: float, high: float, swing: str
+    player_key: Key, gesture: StagedGesture, low_position: float, high_position: float, swing: str
 ) -> tuple[str, str]:
-    assert key.travel is not None
-    is_low = key.travel[0] * key.reach - low > high - key.travel[1] * key.reach
-    farthest = (low if is_low else high) / key.reach
-    travel = f"{key.travel[0] * 1e3:g}mm..{key.travel[1] * 1e3:g}mm"
+    assert player_key.travel is not None
+    is_low = (
+        player_key.travel[0] * player_key.reach - low_position
+        > high_position - player_key.travel[1] * player_key.reach
+    )
+    farthest = (low_position if is_low else high_position) / player_key.reach
+    travel = f"{player_key.travel[0] * 1e3:g}mm..{player_key.travel[1] * 1e3:g}mm"
     message = (
         f"{quote(gesture.name)}: {swing or 'its path goes'} to {farthest * 1e3:.1f} mm, outside "
-        f"the travel of key {quote(key.name)} ({travel})"
+        f"the travel of key {quote(player_key.name)} ({travel})"
     )
-    return message, _remedy(gesture, _limits(key), (low, high), is_throw=bool(swing))
+    return message, _remedy(
+        gesture, _limits(player_key), (low_position, high_position), is_throw=bool(swing)
+    )
 
 
 def _remedy(
     gesture: StagedGesture,
-    limits: tuple[float, float],
+    travel_limits: tuple[float, float],
     reached: tuple[float, float],
     *,
     is_throw: bool,
 ) -> str:
     if is_throw:
         return "write `smooth` instead of `throw` to keep the key on a path"
-    least, greatest = limits
+    least, greatest = travel_limits
     if gesture.x and min(gesture.x) >= least - _SLACK and max(gesture.x) <= greatest + _SLACK:
         return (
             "write a `hold` at the turning point, or more time, "
             "against the overshoot of the smooth path"
         )
     # A take, or points that lie outside themselves.
-    pairs = zip(limits, reached, strict=True)
+    pairs = zip(travel_limits, reached, strict=True)
     factors = [limit / x for limit, x in pairs if x != 0.0 and abs(x) > abs(limit)]
     factor = math.floor(100.0 * min(factors, default=0.0)) / 100.0
     if 0.0 < factor < 1.0:
@@ -126,20 +137,20 @@ def _remedy(
     return "write positions within the travel, or a key with more `travel`"
 
 
-def _rehearse(piece: Piece, key: Key, gesture: StagedGesture) -> tuple[float, float, float]:
+def _rehearse(piece: Piece, player_key: Key, gesture: StagedGesture) -> tuple[float, float, float]:
     """Lowest and highest position of the free key, and the instant of the farthest one [s after the
     start].
 
     A long gesture is rehearsed at a lower rate, because every frame of it is computed.
     """
     seconds = gesture.stop - gesture.start
-    rate = min(piece.rate, max(_FRAMES / max(seconds, 1.0), _least_rate(key)))
+    rate = min(piece.rate, max(_FRAMES / max(seconds, 1.0), _least_rate(player_key)))
     while rate < piece.rate:
         try:
-            return _rehearsed(key, gesture, rate, piece.seed)
+            return _rehearsed(player_key, gesture, rate, piece.seed)
         except _core.EngineError:  # too low for the key, or for another throw of the gesture
             rate = min(piece.rate, 2.0 * rate)
-    return _rehearsed(key, gesture, piece.rate, piece.seed)
+    return _rehearsed(player_key, gesture, piece.rate, piece.seed)
 
 
 def _least_rate(key: Key) -> float:
@@ -148,17 +159,17 @@ def _least_rate(key: Key) -> float:
 
 
 def _rehearsed(
-    key: Key, gesture: StagedGesture, rate: float, seed: int
+    player_key: Key, gesture: StagedGesture, rate: float, seed: int
 ) -> tuple[float, float, float]:
     import numpy as np
 
     assembly = Assembly(seed=seed)
-    assembly.part(key.name, key.modules, reach=key.reach)
-    assembly.joins(key.name, key.modules, reach=key.reach)
-    network, struck = assembly.network, assembly.mats[key.name, key.struck]
+    assembly.part(player_key.name, player_key.modules, reach=player_key.reach)
+    assembly.joins(player_key.name, player_key.modules, reach=player_key.reach)
+    network, struck = assembly.network, assembly.mats[player_key.name, player_key.struck]
     network.listen("key", positions=[(struck, 1, 1.0)])
     timeline = _core.Timeline(network, rate)
-    index = timeline.key(key.name, struck)
+    index = timeline.key(player_key.name, struck)
     # Time to reach the first point, wherever it is.
     lead = 0.05
     t = [time - gesture.start + lead for time in gesture.t]
@@ -166,16 +177,21 @@ def _rehearsed(
     simulation = _core.Simulation(network, timeline)
     start_frame, stop_frame = int(lead * rate), int(t[-1] * rate) + 1
     simulation.process(np.zeros((start_frame, 1)))
-    low, high = (math.inf, 0), (-math.inf, 0)
+    low_position, high_position = (math.inf, 0), (-math.inf, 0)
     for first_frame in range(start_frame, stop_frame, _BLOCK):
         block = np.zeros((min(_BLOCK, stop_frame - first_frame), 1))
         simulation.process(block)
         lowest_index, highest_index = int(block.argmin()), int(block.argmax())
-        low = min(low, (float(block[lowest_index, 0]), first_frame + lowest_index - start_frame))
-        if block[highest_index, 0] > high[0]:
-            high = float(block[highest_index, 0]), first_frame + highest_index - start_frame
-    farthest = high if high[0] > -low[0] else low
-    return low[0], high[0], farthest[1] / rate
+        low_position = min(
+            low_position, (float(block[lowest_index, 0]), first_frame + lowest_index - start_frame)
+        )
+        if block[highest_index, 0] > high_position[0]:
+            high_position = (
+                float(block[highest_index, 0]),
+                first_frame + highest_index - start_frame,
+            )
+    farthest = high_position if high_position[0] > -low_position[0] else low_position
+    return low_position[0], high_position[0], farthest[1] / rate
 
 
 def _throw_bounds(gesture: StagedGesture, instant: float) -> str:
@@ -187,8 +203,8 @@ def _throw_bounds(gesture: StagedGesture, instant: float) -> str:
     return "its points"
 
 
-def _singular(key: Key, gesture: StagedGesture) -> str | None:
-    omega = _natural_frequency(key)
+def _singular(player_key: Key, gesture: StagedGesture) -> str | None:
+    omega = _natural_frequency(player_key)
     if omega is None:
         return None
     for i in gesture.throws:
@@ -198,20 +214,20 @@ def _singular(key: Key, gesture: StagedGesture) -> str | None:
             return (
                 f"{quote(gesture.name)}: a throw (one strike, then free "
                 f"motion) of {dt:.3f} s on key "
-                f"{quote(key.name)} lasts nearly a multiple of half the period of the key "
+                f"{quote(player_key.name)} lasts nearly a multiple of half the period of the key "
                 f"({half:.3f} s), so the strike would be very strong; write a shorter or longer "
                 "throw"
             )
     return None
 
 
-def _natural_frequency(key: Key) -> float | None:
+def _natural_frequency(player_key: Key) -> float | None:
     """ω of a key that is one underdamped CEL [rad/s], used in a warning only, so its last bit does
     not matter.
     """
-    if len(key.modules) != 1 or key.modules[0].kind != "CEL":
+    if len(player_key.modules) != 1 or player_key.modules[0].kind != "CEL":
         return None
-    f = key.modules[0].fields
+    f = player_key.modules[0].fields
     if f.get("f"):
         return 2.0 * math.pi * float(f["f"])
     k, z, m = float(f.get("K") or 0.0), float(f.get("Z") or 0.0), float(f["M"])

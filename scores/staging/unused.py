@@ -37,43 +37,46 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     W321 is reported only if the piece has some output that is heard, W322 only if it has parts or
     strikes.
     """
-    groups = _Groups()
-    links = {}
-    for part, module in piece.modules():
-        for target in following.targets(module):
-            groups.join(part, target.part)
-        if module.kind in LINKS:
-            end_parts = tuple(end.part for end in module.ends)
-            links[part, module.name] = end_parts
-            groups.join(*end_parts)
-        elif module.kind == "PROXY":
-            for target in proxies.targets(module.fields):
-                groups.join(part, target.part)
-        elif module.kind == "SURFACE":
-            groups.join(part, module.fields["of"].part)
+    part_groups = _Groups()
+    links_by_part = {}
+    for part_name, part_module in piece.modules():
+        for link_target in following.targets(part_module):
+            part_groups.join(part_name, link_target.part)
+        if part_module.kind in LINKS:
+            end_parts = tuple(end.part for end in part_module.ends)
+            links_by_part[part_name, part_module.name] = end_parts
+            part_groups.join(*end_parts)
+        elif part_module.kind == "PROXY":
+            for link_target in proxies.targets(part_module.fields):
+                part_groups.join(part_name, link_target.part)
+        elif part_module.kind == "SURFACE":
+            part_groups.join(part_name, part_module.fields["of"].part)
     for coupling in piece.duet:
-        groups.join(coupling.a.part, coupling.b.part)
+        part_groups.join(coupling.a.part, coupling.b.part)
     family_names = piece.note_families()
     for members in piece.families.values():  # one instrument: not all notes need be played
         for member in members[1:]:
-            groups.join(member, members[0])
-    listened = {groups.representative(part) for part in _listened(piece, links)}
-    moved = {groups.representative(part) for part in _moved(piece)}
+            part_groups.join(member, members[0])
+    listened = {part_groups.representative(part) for part in _listened(piece, links_by_part)}
+    moved = {part_groups.representative(part) for part in _moved(piece)}
     is_played = bool(piece.parts or piece.strikes)
     warnings = []
     for instrument in piece.instruments.values():
         if not any(module.kind in HOLDERS for module in instrument.modules):
             continue
-        name = quote(family_names.get(instrument.name, instrument.name))
-        group = groups.representative(instrument.name)
-        if listened and group not in listened:
+        instrument_name = quote(family_names.get(instrument.name, instrument.name))
+        part_group = part_groups.representative(instrument.name)
+        if listened and part_group not in listened:
             message = (
-                f"{name} cannot be heard: no output of it, or of what it is linked to, is routed"
+                f"{instrument_name} cannot be heard: no output of it, or of what it is linked to, "
+                "is routed"
             )
             help = "add a route to the mix, or an output (`out: {SOX: …}`)"
             warnings.append(Diagnostic("W321", message, instrument.place, None, help))
-        elif is_played and group in listened and group not in moved:
-            message = f"nothing moves {name}: no key that is played and no strike reaches it"
+        elif is_played and part_group in listened and part_group not in moved:
+            message = (
+                f"nothing moves {instrument_name}: no key that is played and no strike reaches it"
+            )
             help = "link it to a key that a player plays, strike it, or give it X0 or V0"
             warnings.append(Diagnostic("W322", message, instrument.place, None, help))
     return list(dict.fromkeys(warnings))

@@ -89,47 +89,61 @@ class Glide:
 
 
 def glides(
-    piece_before: Piece, piece_after: Piece, running: Iterable[Glide], start: float, seconds: float
+    piece_before: Piece,
+    piece_after: Piece,
+    running: Iterable[Glide],
+    start_seconds: float,
+    glide_seconds: float,
 ) -> tuple[Glide, ...]:
-    """Glides from `start` [s] on, when a piece takes over from another: values that differ glide
-    for `seconds`, `running` glides to the same values go on to their end. A new link fades in
-    from no force if it joins parts that were there before.
+    """Glides from `start_seconds` [s] on, when a piece takes over from another: values that differ
+    glide for `glide_seconds`, `running` glides to the same values go on to their end. A new link
+    fades in from no force if it joins parts that were there before.
     """
-    under_way = {(g.part, g.module): g for g in running if g.stop > start}
-    old, new = (
+    under_way = {(g.part, g.module): g for g in running if g.stop > start_seconds}
+    values_before, new = (
         dict(_gliding_values(*pair, under_way))
         for pair in ((piece_before, piece_after), (piece_after, piece_before))
     )
-    forms = (
+    body_forms = (
         dict(_body_forms(piece_before, piece_after)),
         dict(_body_forms(piece_after, piece_before)),
     )
     glides_by_module = {}
-    for module_key, values in new.items():
-        current = under_way.get(module_key)
-        if module_key not in old or len(old[module_key]) != len(values):
+    for module_key, module_values in new.items():
+        running_glide = under_way.get(module_key)
+        if module_key not in values_before or len(values_before[module_key]) != len(module_values):
             continue
-        if len(values) == 2 and forms[0].get(module_key) != forms[1].get(module_key):
+        if len(module_values) == 2 and body_forms[0].get(module_key) != body_forms[1].get(
+            module_key
+        ):
             continue  # another body takes its place
-        if current is not None and current.after == values:
-            glides_by_module[module_key] = current
-        elif old[module_key] != values:
-            values_now = old[module_key] if current is None else current.evaluate(start)
+        if running_glide is not None and running_glide.after == module_values:
+            glides_by_module[module_key] = running_glide
+        elif values_before[module_key] != module_values:
+            values_now = (
+                values_before[module_key]
+                if running_glide is None
+                else running_glide.evaluate(start_seconds)
+            )
             glides_by_module[module_key] = Glide(
-                *module_key, values_now, values, start, start + seconds
+                *module_key, values_now, module_values, start_seconds, start_seconds + glide_seconds
             )
     links_before = _links(piece_before, piece_after)
     for module_key, module in _links(piece_after, piece_before).items():
-        current = under_way.get(module_key)
+        running_glide = under_way.get(module_key)
         if module_key not in links_before and _joins_earlier_part(module, piece_before):
-            values = _module_values(module) or (1.0,)
-            values_now = (0.0,) if current is None else current.evaluate(start)
-            glide = Glide(*module_key, values_now, values, start, start + seconds)
+            module_values = _module_values(module) or (1.0,)
+            values_now = (0.0,) if running_glide is None else running_glide.evaluate(start_seconds)
+            glide = Glide(
+                *module_key, values_now, module_values, start_seconds, start_seconds + glide_seconds
+            )
             if (
                 glide.written not in glides_by_module
             ):  # else the whole link over a range glides already
                 glides_by_module[module_key] = (
-                    current if current is not None and current.after == values else glide
+                    running_glide
+                    if running_glide is not None and running_glide.after == module_values
+                    else glide
                 )
     return tuple(glides_by_module.values())
 
@@ -147,28 +161,37 @@ def leaving_links(
     piece_after: Piece,
     running: Iterable[Glide],
     earlier_links: Iterable[LeavingLink],
-    start: float,
+    start_seconds: float,
 ) -> tuple[LeavingLink, ...]:
-    """Links that fade out from `start` [s] on if both their ends stay, and `earlier_links` ones
-    that still do.
+    """Links that fade out from `start_seconds` [s] on if both their ends stay, and `earlier_links`
+    ones that still do.
     """
     staying = _links(piece_after, piece_before)
-    under_way = {(g.part, g.module): g for g in running if g.stop > start}
-    leaving = [link for link in earlier_links if link.glide.stop > start]
+    under_way = {(g.part, g.module): g for g in running if g.stop > start_seconds}
+    leaving = [link for link in earlier_links if link.glide.stop > start_seconds]
     gone_links = {
         module_key: link
         for module_key, link in _links(piece_before, piece_after).items()
         if module_key not in staying
     }
-    for module_key, module in gone_links.items():
-        values_alone = _module_values(module) or (1.0,)
+    for module_key, gone_module in gone_links.items():
+        values_alone = _module_values(gone_module) or (1.0,)
         values_now = (
-            under_way[module_key].evaluate(start) if module_key in under_way else values_alone
+            under_way[module_key].evaluate(start_seconds)
+            if module_key in under_way
+            else values_alone
         )
         leaving.append(
             LeavingLink(
-                module,
-                Glide(*module_key, values_now, (0.0,), start, start + _LEAVES, values_alone[0]),
+                gone_module,
+                Glide(
+                    *module_key,
+                    values_now,
+                    (0.0,),
+                    start_seconds,
+                    start_seconds + _LEAVES,
+                    values_alone[0],
+                ),
             )
         )
     return tuple(
@@ -191,16 +214,18 @@ def with_leaving(piece: Piece, links: Iterable[LeavingLink]) -> Piece:
 
 def _changed_modules(piece: Piece, other_piece: Piece) -> Iterator[tuple[Key | Instrument, Module]]:
     """The modules of a piece, with their parts, that are not the same objects in another piece."""
-    for part in _parts(piece):
-        part_before = other_piece.keys.get(part.name) or other_piece.instruments.get(part.name)
-        if part_before is part:
+    for piece_part in _parts(piece):
+        part_before = other_piece.keys.get(piece_part.name) or other_piece.instruments.get(
+            piece_part.name
+        )
+        if part_before is piece_part:
             continue
         unchanged_ids: set[int] = set()
-        if part_before is not None and _setting(part_before) == _setting(part):
+        if part_before is not None and _setting(part_before) == _setting(piece_part):
             unchanged_ids = {id(module) for module in part_before.modules}
-        for module in part.modules:
+        for module in piece_part.modules:
             if id(module) not in unchanged_ids:
-                yield part, module
+                yield piece_part, module
 
 
 def _parts(piece: Piece) -> tuple[Key | Instrument, ...]:
@@ -258,14 +283,14 @@ def _gliding_values(
         (part.name, module.name) for part, module in _changed_modules(piece, other_piece)
     }.union(gliding)
     names = {name for name, _ in gliding_keys}
-    for part in _parts(piece):
-        for module in part.modules if part.name in names else ():
-            module_key = part.name, module.name
+    for piece_part in _parts(piece):
+        for part_module in piece_part.modules if piece_part.name in names else ():
+            module_key = piece_part.name, part_module.name
             if module_key not in gliding_keys:
                 continue
             # Parameters under `units: ca` belong to their rate: they are set at once.
-            reach, ca_rate = _setting(part)
-            if ca_rate is None and (values := _module_values(module)) is not None:
+            reach, ca_rate = _setting(piece_part)
+            if ca_rate is None and (values := _module_values(part_module)) is not None:
                 scale = 1.0 if reach is None else 1.0 / (reach * reach)
                 yield module_key, tuple(value * scale for value in values)
 
@@ -274,14 +299,14 @@ def _body_forms(
     piece: Piece, other_piece: Piece
 ) -> Iterator[tuple[tuple[str, str], Mapping[str, Any]]]:
     """The fields of changed STRINGs and PLATEs except pitch, decay, mass and initial state."""
-    for part, module in _changed_modules(piece, other_piece):
-        if isinstance(part, Instrument) and module.kind in BODIES:
+    for module_part, part_module in _changed_modules(piece, other_piece):
+        if isinstance(module_part, Instrument) and part_module.kind in BODIES:
             form = {
                 name: field_value
-                for name, field_value in module.fields.items()
+                for name, field_value in part_module.fields.items()
                 if name not in _TUNING
             }
-            yield (part.name, module.name), {**form, "kind": module.kind}
+            yield (module_part.name, part_module.name), {**form, "kind": part_module.kind}
 
 
 def ties(fields: Mapping[str, Any]) -> tuple[float, float, float]:
@@ -294,13 +319,13 @@ def ties(fields: Mapping[str, Any]) -> tuple[float, float, float]:
     return mass * (omega * omega + sigma * sigma), 2.0 * mass * sigma, mass
 
 
-def _module_values(module: Module) -> _Values | None:
-    if module.kind == "CEL":
-        return ties(module.fields)
-    if module.kind in BODIES:
-        return _body_values(module.fields)
-    fields: Mapping[str, Any] = module.fields
-    if module.kind in LINKS and fields.get("K"):
+def _module_values(part_module: Module) -> _Values | None:
+    if part_module.kind == "CEL":
+        return ties(part_module.fields)
+    if part_module.kind in BODIES:
+        return _body_values(part_module.fields)
+    fields: Mapping[str, Any] = part_module.fields
+    if part_module.kind in LINKS and fields.get("K"):
         return (float(fields["K"]),)
     return None
 
