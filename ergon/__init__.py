@@ -246,14 +246,14 @@ _PLACES = {
 }
 
 
-def __getattr__(name: str) -> object:
-    place = "api.version" if name == "__version__" else _PLACES.get(name)
+def __getattr__(public_name: str) -> object:
+    place = "api.version" if public_name == "__version__" else _PLACES.get(public_name)
     if place is None:
-        raise AttributeError(f"module 'ergon' has no attribute '{name}'", name=name)
+        raise AttributeError(f"module 'ergon' has no attribute '{public_name}'", name=public_name)
     from importlib import import_module
 
-    attribute: object = getattr(import_module(f"ergon.{place}"), name)
-    globals()[name] = attribute
+    attribute: object = getattr(import_module(f"ergon.{place}"), public_name)
+    globals()[public_name] = attribute
     return attribute
 
 

@@ -54,13 +54,15 @@ class AdmittanceOptions(ReadOptions):
             ):
                 raise OptionError("frequencies", "write a row of numbers above 0 [Hz]")
             return frequencies_asked
-        low, high = hertz("low", self.low), hertz("high", self.high)
-        if not low < high:
-            raise OptionError("high", f"is {high:g} Hz; it must be above low, {low:g} Hz")
+        low_hertz, high_hertz = hertz("low", self.low), hertz("high", self.high)
+        if not low_hertz < high_hertz:
+            raise OptionError(
+                "high", f"is {high_hertz:g} Hz; it must be above low, {low_hertz:g} Hz"
+            )
         if self.count < 2:
             raise OptionError("count", f"is {self.count}; it must be at least 2")
         even = np.linspace if self.linear else np.geomspace
-        return np.asarray(even(low, high, self.count))
+        return np.asarray(even(low_hertz, high_hertz, self.count))
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,37 +146,37 @@ def admittance(
     from ergon.scores.staging.preparing import prepare
 
     options = options or AdmittanceOptions()
-    axis = options.axis()
+    frequency_axis = options.axis()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    names = (observed,) if isinstance(observed, str) else tuple(observed) or (forced,)
-    place = point(piece, "forced", forced)
-    observed_points = [point(piece, "observed", name) for name in names]
-    parts = tuple(dict.fromkeys(end.part for end in (place, *observed_points)))
-    for number, end in enumerate((place, *observed_points)):
+    observed_names = (observed,) if isinstance(observed, str) else tuple(observed) or (forced,)
+    forced_point = point(piece, "forced", forced)
+    observed_points = [point(piece, "observed", name) for name in observed_names]
+    part_names = tuple(dict.fromkeys(end.part for end in (forced_point, *observed_points)))
+    for number, end in enumerate((forced_point, *observed_points)):
         refuse_several_axes("observed" if number else "forced", piece, end.part)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("solving"):
         built = prepare(piece).built
         network = built.network
-        part_elements = [network.elements([part]) for part in parts]
+        part_elements = [network.elements([part]) for part in part_names]
         if len({elements.ca_rate for elements in part_elements}) > 1:
             reason = "lies in a part whose `units` or rate differ from those of the force's part"
             raise OptionError("observed", reason)
         if options.peaks and options.frequencies is None:
-            axis = _with_peaks(network, parts, axis)
+            frequency_axis = _with_peaks(network, part_names, frequency_axis)
         mats = [
             _masses(
                 "observed" if number else "forced", end, built.assembly.members(end), part_elements
             )
-            for number, end in enumerate((place, *observed_points))
+            for number, end in enumerate((forced_point, *observed_points))
         ]
-        values = network.admittance(list(parts), mats[0], mats[1:], axis)  # type: ignore[arg-type]
-        together = network.elements(list(parts)).kinds
+        values = network.admittance(list(part_names), mats[0], mats[1:], frequency_axis)  # type: ignore[arg-type]
+        together = network.elements(list(part_names)).kinds
     return Admittance(
-        parts,
+        part_names,
         forced,
-        names,
-        axis,
+        observed_names,
+        frequency_axis,
         values,
         sum(kind in ("LNL", "BRISTLE", "DRY") for kind in together),
         together.count("BUT"),
@@ -196,19 +198,19 @@ def _masses(
 
 
 def _with_peaks(
-    network: _core.Network, parts: Sequence[str], axis: NDArray[np.float64]
+    network: _core.Network, part_names: Sequence[str], frequency_axis: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The frequencies, with the resonances between them added. Raises OptionError."""
     import numpy as np
 
-    if len(parts) > 1:
+    if len(part_names) > 1:
         raise OptionError(
             "peaks",
-            f"peaks are those of one part; name points of one part, not of {', '.join(parts)}",
+            f"peaks are those of one part; name points of one part, not of {', '.join(part_names)}",
         )
-    poles = network.part_modes(parts[0], to=float(axis[-1])).poles
+    poles = network.part_modes(part_names[0], to=float(frequency_axis[-1])).poles
     swinging = poles[(poles.real < 0.0) & (poles.imag > 0.0)]
     # Velocity is largest at the frequency that a mode has without its damping.
     resonances = np.abs(swinging) / (2 * np.pi)
-    inside = resonances[(resonances > axis[0]) & (resonances < axis[-1])]
-    return np.unique(np.concatenate([axis, inside]))
+    inside = resonances[(resonances > frequency_axis[0]) & (resonances < frequency_axis[-1])]
+    return np.unique(np.concatenate([frequency_axis, inside]))

@@ -94,44 +94,47 @@ def staged_scores(
 
 
 def _wanted(
-    paths: Sequence[str | Path], folder: str | Path | None, options: FileOptions, report: Report
+    paths: Sequence[str | Path],
+    folder: str | Path | None,
+    file_options: FileOptions,
+    report: Report,
 ) -> list[_Wanted]:
     """The scores to render, each into a file of its own. Raises ErgonError."""
     for name in ("text", "plan", "hands"):
-        if getattr(options, name) is not None:
+        if getattr(file_options, name) is not None:
             raise OptionError(name, "this option is for one score; render the score alone")
     if folder is not None and Path(folder).exists() and not Path(folder).is_dir():
         raise OptionError("output", f"{folder} is a file; several scores need a folder here")
-    if options.on is not None:
-        check_shared(options)
+    if file_options.on is not None:
+        check_shared(file_options)
     for path in paths:
         if Path(path).suffix == scores.JOURNAL or str(path) == scores.STDIN:
             raise ErgonError(
                 f"{path} cannot be rendered together with other scores; render it alone"
             )
-    read = [(str(path), scores.read(path, options, report)) for path in paths]
+    read = [(str(path), scores.read(path, file_options, report)) for path in paths]
     _refuse_mistakes([loaded for _, loaded in read])
     wanted_by_path: dict[Path, _Wanted] = {}
     for path, loaded in read:
-        file = target(path, loaded, None)
+        target_file = target(path, loaded, None)
         if folder is not None:
-            file = str(Path(folder, Path(file).name))
-        place = Path(file).resolve()
-        if place in wanted_by_path:
+            target_file = str(Path(folder, Path(target_file).name))
+        resolved_file = Path(target_file).resolve()
+        if resolved_file in wanted_by_path:
             raise OptionError(
                 "output",
-                f"{wanted_by_path[place].score} and {path} would both be written to "
-                f"{file}; render one alone",
+                f"{wanted_by_path[resolved_file].score} and {path} would both be written to "
+                f"{target_file}; render one alone",
             )
-        stems = options.stems
+        stems = file_options.stems
         score_options = replace(
-            options, stems=None if stems is None else Path(stems, Path(file).stem)
+            file_options, stems=None if stems is None else Path(stems, Path(target_file).stem)
         )
-        wanted_by_path[place] = _Wanted(path, loaded, file, score_options)
+        wanted_by_path[resolved_file] = _Wanted(path, loaded, target_file, score_options)
     inputs = [Path(input) for score in wanted_by_path.values() for input in score.loaded.inputs]
     for score in wanted_by_path.values():
         check_ending(score.target)
-        check_target(Path(score.target), force=options.force, inputs=inputs)
+        check_target(Path(score.target), force=file_options.force, inputs=inputs)
     return list(wanted_by_path.values())
 
 

@@ -25,17 +25,21 @@ def choose_routes(loaded: Loaded, only: str | None, except_: str | None) -> Load
         return loaded
     if only is not None and except_ is not None:
         raise OptionError("only", "; leave one of the two out", excludes="except_")
-    option, text = ("only", only) if only is not None else ("except_", except_ or "")
+    option_name, names_text = ("only", only) if only is not None else ("except_", except_ or "")
     piece = scores.piece_of(loaded)
     if not piece.mix.routes:
-        raise OptionError(option, "the score has no routes; write them in `mix`, or use --stems")
-    names = [name.strip() for name in text.split(",")]
-    _check(piece, option, names)
+        raise OptionError(
+            option_name, "the score has no routes; write them in `mix`, or use --stems"
+        )
+    names = [name.strip() for name in names_text.split(",")]
+    _check(piece, option_name, names)
     routes = tuple(
-        route for route in piece.mix.routes if _is_from(piece, route, names) == (option == "only")
+        route
+        for route in piece.mix.routes
+        if _is_from(piece, route, names) == (option_name == "only")
     )
     if not routes:
-        raise OptionError(option, "no instrument is left that is heard", value=text)
+        raise OptionError(option_name, "no instrument is left that is heard", value=names_text)
     return replace(loaded, piece=replace(piece, mix=replace(piece.mix, routes=routes)))
 
 
@@ -48,12 +52,12 @@ def _check(piece: Piece, option: str, names: Collection[str]) -> None:
     from ergon.notation.text.spelling import nearest
 
     part_names = [*piece.instruments, *piece.families]
-    for name in names:
-        if name not in part_names:
-            suggestion = nearest(name, part_names)
+    for part_name in names:
+        if part_name not in part_names:
+            suggestion = nearest(part_name, part_names)
             advice = (
                 f"; did you mean {suggestion}?"
                 if suggestion
                 else f"; the instruments: {', '.join(part_names)}"
             )
-            raise OptionError(option, f"no instrument is called so{advice}", value=name)
+            raise OptionError(option, f"no instrument is called so{advice}", value=part_name)

@@ -131,14 +131,14 @@ class Cluster:
     def tell(self, report: Report) -> None:
         """Report a line for each worker that computed stretches."""
         total_seconds = sum(worker.seconds for worker in self._shares_by_worker.values())
-        for name, worker in sorted(self._shares_by_worker.items()):
+        for worker_name, worker in sorted(self._shares_by_worker.items()):
             share = 100.0 * worker.seconds / total_seconds if total_seconds else 0.0
             report.say(
-                f"worker {name}: {worker.n_stretches} stretches in {worker.seconds:.1f} s, "
+                f"worker {worker_name}: {worker.n_stretches} stretches in {worker.seconds:.1f} s, "
                 f"{share:.0f} % of the work that was shared"
             )
             fields = {"stretches": worker.n_stretches, "seconds": worker.seconds}
-            report.event("worker", worker=name, **fields)
+            report.event("worker", worker=worker_name, **fields)
 
     def _n_workers(self) -> int:
         return len(self.client.scheduler_info(n_workers=-1)["workers"])
@@ -261,21 +261,21 @@ def _silence() -> None:
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
-def _begun(stack: contextlib.ExitStack, count: int) -> Any:
+def _begun(stack: contextlib.ExitStack, process_count: int) -> Any:
     """Start processes on this machine, and try again if one dies meanwhile. Raises ClusterError."""
     from .local_workers import local_cluster
 
-    reason = ""
+    failure_reason = ""
     for _ in range(_BEGINNINGS):
         try:
-            return stack.enter_context(local_cluster(count, _RETRIES))
+            return stack.enter_context(local_cluster(process_count, _RETRIES))
         except ImportError:  # of what makes certificates
             raise ClusterError(_missing("cryptography")) from None
         except NotPrivateError as error:
-            raise ClusterError(f"local:{count}: {error}") from None
+            raise ClusterError(f"local:{process_count}: {error}") from None
         except (RuntimeError, OSError) as error:
-            reason = str(error)
-    raise ClusterError(f"local:{count}: the processes did not start: {reason}")
+            failure_reason = str(error)
+    raise ClusterError(f"local:{process_count}: the processes did not start: {failure_reason}")
 
 
 def _missing(what: str) -> str:
@@ -297,15 +297,15 @@ def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -
     assert plan is not None
     assert wished is not None
     score = next(iter(loaded.files))  # the score is read first
-    content = bundled(score, loaded)
+    score_content = bundled(score, loaded)
     text = plan_file.text(plan.choices(), plan.hash, budget=dict(budget_of(wished)))
     score_digest = hashlib.sha256(text.encode()).hexdigest()
     return Job(
         version=cluster_worker.version(),
-        content=content,
+        content=score_content,
         plan=text,
         plan_hash=plan.hash,
         rate=rate,
         seed=seed,
-        digest=digest(content, score_digest, rate, seed, os.getpid()),
+        digest=digest(score_content, score_digest, rate, seed, os.getpid()),
     )

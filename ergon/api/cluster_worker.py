@@ -89,7 +89,7 @@ def return_job(job: Job) -> Job:
 def stretch(job: Job, request: Request) -> Answer:
     """Compute a stretch of some islands of a job."""
     start_time = time.perf_counter()
-    answer = Answer(
+    stretch_answer = Answer(
         worker=f"{socket.gethostname()}:{os.getpid()}", seconds=0.0, sounds=[], states=[]
     )
     with lock:
@@ -97,16 +97,16 @@ def stretch(job: Job, request: Request) -> Answer:
             staged_job = _staged(job)
             for island_request in request["islands"]:
                 sound, state = _advanced(staged_job, request, island_request)
-                answer["sounds"].append(sound)
-                answer["states"].append(state)
+                stretch_answer["sounds"].append(sound)
+                stretch_answer["states"].append(state)
         except _core.DivergedError:
-            answer["diverged"] = True
+            stretch_answer["diverged"] = True
         except (ErgonError, _core.EngineError, KeyError) as error:
-            answer["refused"] = str(error)
-        if "diverged" in answer or "refused" in answer:
-            answer["sounds"], answer["states"] = [], []
-    answer["seconds"] = time.perf_counter() - start_time
-    return answer
+            stretch_answer["refused"] = str(error)
+        if "diverged" in stretch_answer or "refused" in stretch_answer:
+            stretch_answer["sounds"], stretch_answer["states"] = [], []
+    stretch_answer["seconds"] = time.perf_counter() - start_time
+    return stretch_answer
 
 
 def _staged(job: Job) -> _Ready:
@@ -144,14 +144,14 @@ def _advanced(
     staged_job: _Ready, request: Request, island_request: IslandRequest
 ) -> tuple[bytes, bytes]:
     """Compute a stretch of an island: its sound, and its state after it."""
-    first_frame, stop, number = request["at"], request["stop"], island_request["number"]
+    first_frame, stop_frame, number = request["at"], request["stop"], island_request["number"]
     if not 0 <= number < len(staged_job.islands):
         raise ClusterError(
             "this worker finds other islands in the same score; install the same ergon"
         )
     island, simulation = staged_job.islands[number], staged_job.simulation
     if (
-        simulation.island_key(island, first_frame, stop, island_request["before"])
+        simulation.island_key(island, first_frame, stop_frame, island_request["before"])
         != island_request["key"]
     ):
         raise ClusterError(
@@ -159,7 +159,9 @@ def _advanced(
         )
     try:
         simulation.set_state(island, island_request["state"])
-        sound = simulation.advance(island, stop - first_frame).astype("<f8", copy=False).tobytes()
+        sound = (
+            simulation.advance(island, stop_frame - first_frame).astype("<f8", copy=False).tobytes()
+        )
         return sound, simulation.recorded(island).state
     except BaseException:
         _ready.remove(staged_job)  # stopped in the middle of a frame

@@ -155,7 +155,7 @@ def emulate(
     usual = DEVICES[device]
     _check(device, options)
     transport, port = _transport(device, options)
-    axes = options.axes or usual.axes
+    axis_count = options.axes or usual.axes
     suffix = "?lockstep" if options.lockstep else ""
 
     def tell_url(event: str, text: str) -> None:
@@ -167,9 +167,9 @@ def emulate(
         transport,
         tell_url,
         port=port,
-        paths=_paths(options, 0 if options.free else axes),
+        paths=_paths(options, 0 if options.free else axis_count),
         hand=(options.hand, options.grip),
-        axes=axes,
+        axes=axis_count,
         force_max=usual.force if options.force_max is None else options.force_max,
         model=_model(options),
         network=None if options.calib is None else _measured(options.calib, options.travel),
@@ -190,44 +190,59 @@ def emulate(
     )
 
 
-def _check(device: DeviceName, options: EmulationOptions) -> None:
+def _check(device: DeviceName, emulation_options: EmulationOptions) -> None:
     """Refuse options that contradict each other, or the device. Raises EmulationError."""
     usual = DEVICES[device]
-    if options.axes not in (None, usual.axes) and device != "frame":
+    if emulation_options.axes not in (None, usual.axes) and device != "frame":
         raise EmulationError(f"a {device} has {usual.axes} axes")
-    if options.force_max is not None and device != "frame":
+    if emulation_options.force_max is not None and device != "frame":
         raise EmulationError(
             f"--force-max is for a frame alone; the motors of a {device} have a fixed limit"
         )
-    axes = options.axes or usual.axes
-    if len(options.gesture) > axes:
-        raise EmulationError(f"{len(options.gesture)} gestures are given for {axes} keys")
-    if options.noise < 0:
+    axes = emulation_options.axes or usual.axes
+    if len(emulation_options.gesture) > axes:
+        raise EmulationError(f"{len(emulation_options.gesture)} gestures are given for {axes} keys")
+    if emulation_options.noise < 0:
         raise EmulationError("--noise must not be negative")
-    if options.dry is None and (options.presliding or options.static):
+    if emulation_options.dry is None and (emulation_options.presliding or emulation_options.static):
         raise EmulationError(
             "--presliding and --static say how dry friction begins; give --dry too"
         )
-    is_cel = (options.mass, options.stiffness, options.damping) == _CEL
-    dynamic_options = options.weight, *options.friction, options.mode, options.delay
-    if options.calib is not None and (not is_cel or any(dynamic_options)):
+    is_cel = (
+        emulation_options.mass,
+        emulation_options.stiffness,
+        emulation_options.damping,
+    ) == _CEL
+    dynamic_options = (
+        emulation_options.weight,
+        *emulation_options.friction,
+        emulation_options.mode,
+        emulation_options.delay,
+    )
+    if emulation_options.calib is not None and (not is_cel or any(dynamic_options)):
         raise EmulationError(
             "--calib says what the key is made of; leave the other options of it out"
         )
 
 
-def _model(options: EmulationOptions) -> NDArray[np.float64] | None:
+def _model(emulation_options: EmulationOptions) -> NDArray[np.float64] | None:
     """The parameters of the model of a key (`_core.key_path`); None if the key is a plain CEL."""
-    weight, friction, delay = options.weight, options.friction, options.delay or 0.0
-    if not (weight or any(friction) or options.mode or delay):
+    key_weight, friction, delay = (
+        emulation_options.weight,
+        emulation_options.friction,
+        emulation_options.delay or 0.0,
+    )
+    if not (key_weight or any(friction) or emulation_options.mode or delay):
         return None
     import numpy as np
 
-    rest_position = -weight / options.stiffness if options.stiffness else 0.0
+    rest_position = (
+        -key_weight / emulation_options.stiffness if emulation_options.stiffness else 0.0
+    )
     dry, *friction_curve = friction
-    cel = options.mass, options.stiffness, options.damping
-    modes = (number for mode in options.mode for number in mode)
-    return np.array([*cel, weight, dry, rest_position, delay, *friction_curve, *modes])
+    cel = emulation_options.mass, emulation_options.stiffness, emulation_options.damping
+    modes = (number for mode in emulation_options.mode for number in mode)
+    return np.array([*cel, key_weight, dry, rest_position, delay, *friction_curve, *modes])
 
 
 def _measured(calib: Path, travel: float) -> tuple[_core.Network, int, float, float]:
@@ -244,22 +259,27 @@ def _measured(calib: Path, travel: float) -> tuple[_core.Network, int, float, fl
         raise EmulationError(
             f"{calib}: {'; '.join(mistake.message for mistake in loaded.diagnostics)}"
         )
-    key = loaded.piece.keys["k"]
+    calibrated_key = loaded.piece.keys["k"]
     assembly = Assembly()
-    assembly.part(key.name, key.modules)
-    assembly.joins(key.name, key.modules)
-    push = sum(module.fields["from"] for module in key.modules if module.kind == "ENF")
-    assert key.measured is not None
-    return assembly.network, assembly.mats[key.name, key.struck], push, key.measured[2] or 0.0
+    assembly.part(calibrated_key.name, calibrated_key.modules)
+    assembly.joins(calibrated_key.name, calibrated_key.modules)
+    push = sum(module.fields["from"] for module in calibrated_key.modules if module.kind == "ENF")
+    assert calibrated_key.measured is not None
+    return (
+        assembly.network,
+        assembly.mats[calibrated_key.name, calibrated_key.struck],
+        push,
+        calibrated_key.measured[2] or 0.0,
+    )
 
 
-def _transport(device: DeviceName, options: EmulationOptions) -> tuple[Transport, int]:
+def _transport(device: DeviceName, emulation_options: EmulationOptions) -> tuple[Transport, int]:
     """The transport asked for, or the device's own, and its port."""
     schemes = DEVICES[device].schemes
     ports: dict[Transport, int | None] = {
-        "pty": 0 if options.pty else None,
-        "udp": options.udp,
-        "ws": options.ws,
+        "pty": 0 if emulation_options.pty else None,
+        "udp": emulation_options.udp,
+        "ws": emulation_options.ws,
     }
     ports_asked = [(name, port) for name, port in ports.items() if port is not None]
     if len(ports_asked) > 1:
@@ -272,7 +292,7 @@ def _transport(device: DeviceName, options: EmulationOptions) -> tuple[Transport
     return name, port
 
 
-def _paths(options: EmulationOptions, fingers: int) -> list[NDArray[np.float64]]:
+def _paths(emulation_options: EmulationOptions, fingers: int) -> list[NDArray[np.float64]]:
     """The positions (n,) [m] of each hand; then an empty path for each finger that rests."""
     import numpy as np
 
@@ -281,9 +301,15 @@ def _paths(options: EmulationOptions, fingers: int) -> list[NDArray[np.float64]]
     from ergon.scores.gesture.sampled import sampled
 
     paths = []
-    for text in options.gesture:
+    for text in emulation_options.gesture:
         try:
-            paths.append(sampled(notation.parse(text).points, 60 / options.tempo, options.rate))
+            paths.append(
+                sampled(
+                    notation.parse(text).points,
+                    60 / emulation_options.tempo,
+                    emulation_options.rate,
+                )
+            )
         except TextError as error:
             raise EmulationError(f"--gesture: {error.message}: {text}") from None
     return paths + [np.empty(0)] * (fingers - len(paths))

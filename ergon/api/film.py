@@ -109,11 +109,12 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
     from ergon import _core
 
     piece = stage.piece
-    point = {mat: index for index, mat in enumerate(look.mats())}
+    point_index = {mat: index for index, mat in enumerate(look.mats())}
     players = {player.key: player.name for player in piece.players.values()}
-    in_space = ([point.get(mat) for mat in axes] for axes in stage.built.points_in_space())
+    in_space = ([point_index.get(mat) for mat in axes] for axes in stage.built.points_in_space())
     contacts = [
-        (contact.name, point.get(contact.a), point.get(contact.b)) for contact in look.contacts()
+        (contact.name, point_index.get(contact.a), point_index.get(contact.b))
+        for contact in look.contacts()
     ]
     return {
         "made_by": f"{MARK.decode()} {_core.__version__}",
@@ -127,12 +128,17 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
         "rate": stage.rate,
         "fps": FPS,
         "duration": duration,
-        "points": len(point),
+        "points": len(point_index),
         "modes": look.n_modes,
         "parts": [_part(stage, run.part, run) for run in look.runs()],
         "space": [axes for axes in in_space if None not in axes],
         "keys": [
-            {"name": name, "point": point.get(mat), "player": players.get(name), "hand": is_real}
+            {
+                "name": name,
+                "point": point_index.get(mat),
+                "player": players.get(name),
+                "hand": is_real,
+            }
             for name, mat, is_real in _keys(stage)
         ],
         "contacts": [{"name": name, "a": a, "b": b} for name, a, b in contacts],
@@ -146,20 +152,20 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
     }
 
 
-def _part(stage: Stage, name: str, run: LookRun) -> dict[str, Any]:
-    modes = None
+def _part(stage: Stage, instrument_name: str, run: LookRun) -> dict[str, Any]:
+    mode_table = None
     if run.modes is not None:
-        modes = dict(zip(("first", "count", "of"), run.modes, strict=True))
-    is_frozen = run.why == "unheard" and name in stage.listening.silent
+        mode_table = dict(zip(("first", "count", "of"), run.modes, strict=True))
+    is_frozen = run.why == "unheard" and instrument_name in stage.listening.silent
     return {
-        "name": name,
+        "name": instrument_name,
         "first": run.first,
         "count": run.count,
         "kind": run.kind,
-        "layout": _layout(stage, name),
+        "layout": _layout(stage, instrument_name),
         "why": "frozen" if is_frozen else run.why,
-        "modes": modes,
-        "exaggeration": 1.0 if _axes(stage, name) > 1 else None,  # it is where it is
+        "modes": mode_table,
+        "exaggeration": 1.0 if _axes(stage, instrument_name) > 1 else None,  # it is where it is
     }
 
 
@@ -190,15 +196,15 @@ def _speakers(stage: Stage) -> Iterator[dict[str, Any]]:
         places, channels = layout.speakers, layout.channels
     elif n == 2:
         places = (point(30.0, 0.0, 3.0), point(-30.0, 0.0, 3.0))
-    for channel, place in zip(channels, places, strict=True):
-        az, el, r = angles(place)
+    for channel, speaker_place in zip(channels, places, strict=True):
+        az, el, r = angles(speaker_place)
         yield {
             "name": str(channel + 1),
             "channel": channel,
             "az": az,
             "el": el,
             "r": r,
-            "xyz": list(place),
+            "xyz": list(speaker_place),
         }
 
 
@@ -212,22 +218,26 @@ def _places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
 
     piece, network = stage.piece, stage.network
     mats = look.mats()
-    places = np.zeros((len(mats), 3))
+    point_places = np.zeros((len(mats), 3))
     members: dict[str, list[int]] = {}
     for run in look.runs():
         members.setdefault(run.part, []).extend(range(run.first, run.first + run.count))
     instruments = [name for name in members if name not in piece.keys]
-    for name, points in members.items():
-        points.sort(key=lambda point: mats[point])
-        if name in piece.keys:
-            places[points] = _key_places(list(piece.keys).index(name), len(piece.keys), len(points))
+    for instrument_name, point_indices in members.items():
+        point_indices.sort(key=lambda point: mats[point])
+        if instrument_name in piece.keys:
+            point_places[point_indices] = _key_places(
+                list(piece.keys).index(instrument_name), len(piece.keys), len(point_indices)
+            )
         else:
-            size, middle = _placing(stage, name, instruments)
-            if _axes(stage, name) == 1:  # points in space are where their coordinates say
-                bench = np.array([network.position_of(mats[point]) for point in points])
-                places[points, :2] = size * _spread(bench)
-            places[points] += middle
-    return places
+            size, middle = _placing(stage, instrument_name, instruments)
+            if (
+                _axes(stage, instrument_name) == 1
+            ):  # points in space are where their coordinates say
+                bench = np.array([network.position_of(mats[point]) for point in point_indices])
+                point_places[point_indices, :2] = size * _spread(bench)
+            point_places[point_indices] += middle
+    return point_places
 
 
 def _key_places(number: int, n_keys: int, n_points: int) -> NDArray[np.float64]:
@@ -241,16 +251,16 @@ def _key_places(number: int, n_keys: int, n_points: int) -> NDArray[np.float64]:
 
 
 def _placing(
-    stage: Stage, name: str, instruments: list[str]
+    stage: Stage, instrument_name: str, instruments: list[str]
 ) -> tuple[float, tuple[float, float, float]]:
     """The size of an instrument, and where its middle lies [m]."""
-    instrument = stage.piece.instruments.get(name)
+    instrument = stage.piece.instruments.get(instrument_name)
     placing = instrument.placing if instrument else None
     if placing is not None:
         return placing.across, (*placing.at, placing.height or 0.0)
     if stage.piece.mix.layout is not None:
         return 1.0, (0.0, 0.0, 0.0)
-    number = instruments.index(name)
+    number = instruments.index(instrument_name)
     columns = max(1, math.isqrt(max(0, len(instruments) - 1)) + 1)
     x = (number % columns - 0.5 * (columns - 1)) * _INSTRUMENT_SPACING
     return 1.0, (x, number // columns * _INSTRUMENT_SPACING, 0.0)

@@ -94,15 +94,15 @@ def fold_file(
 
     from .layouts import chunks_of
 
-    report, path, target = report or Report(), Path(source), str(out)
+    report, path, target_path = report or Report(), Path(source), str(out)
     options = options or FoldOptions()
     try:
         info = sound.read_info(path)
     except NotWaveError as error:
         raise FoldError(f"{path}: {error}") from None
-    inputs = (path, *([Path(options.head)] if options.head else []))
-    if target != "-":
-        check_target(Path(target), force=options.force, inputs=inputs)
+    input_files = (path, *([Path(options.head)] if options.head else []))
+    if target_path != "-":
+        check_target(Path(target_path), force=options.force, inputs=input_files)
     source_file, effects = _source(path, info, options, report)
     filters, adm_chunks = _filters(source_file, (to, options.head), info.format.rate, report)
     filters = _without(effects, filters)
@@ -110,43 +110,47 @@ def fold_file(
     if info.damage is not None:
         report.warn(f"{path}: {info.damage}")
     format = WaveFormat(info.format.rate, filters.shape[1], bits)
-    sound.check_format(target, format)
+    sound.check_format(target_path, format)
     fold = _core.Fold(filters)
     n_frames = info.n_frames + fold.tail
     title = info.title if info.originator == ORIGINATOR else path.stem
     chunks = b"" if adm_chunks is None else chunks_of(adm_chunks, title)
     stamp = Stamp(title, chunks=chunks)
-    folder = None if target == "-" else Path(target).resolve().parent
+    folder = None if target_path == "-" else Path(target_path).resolve().parent
     with (
-        open_for_writing(target, binary=True, force=options.force, inputs=inputs) as file,
+        open_for_writing(target_path, binary=True, force=options.force, inputs=input_files) as file,
         FrameSpool(folder, format.n_channels) as spool,
         report.progress("folding", n_frames, format.rate) as progress,
     ):
         true_peak, n_folded = _core.TruePeak(format.n_channels), 0
         blocks = _folded_file(path, info, sound.read_blocks(path), fold.tail)
-        for block in _folded(blocks, fold, format.n_channels):
-            spool.take(block)
-            true_peak.process(block)
-            n_folded += len(block)
+        for fold_block in _folded(blocks, fold, format.n_channels):
+            spool.take(fold_block)
+            true_peak.process(fold_block)
+            n_folded += len(fold_block)
             progress.update(n_folded)
-        gain = _gain(options, format, spool.peak, true_peak.peak)
-        writer = sound.writer(target, file, format, n_frames, stamp)
-        for block in spool.blocks(_BLOCK):
+        fold_gain = _gain(options, format, spool.peak, true_peak.peak)
+        writer = sound.writer(target_path, file, format, n_frames, stamp)
+        for fold_block in spool.blocks(_BLOCK):
             if format.bits == "float":
-                writer.write(_core.single(block * gain, 1.0))  # type: ignore[arg-type]
+                writer.write(_core.single(fold_block * fold_gain, 1.0))  # type: ignore[arg-type]
             else:
-                writer.write(_core.pcm(block * gain, 1.0, 16 if format.bits == 16 else 24))
+                writer.write(
+                    _core.pcm(fold_block * fold_gain, 1.0, 16 if format.bits == 16 else 24)
+                )
         writer.close()
-    peaks = spool.peak * gain, true_peak.peak * gain
-    return Folded(target, format.n_channels, n_frames, format.rate, *peaks, gain, writer.sha256)
+    peaks = spool.peak * fold_gain, true_peak.peak * fold_gain
+    return Folded(
+        target_path, format.n_channels, n_frames, format.rate, *peaks, fold_gain, writer.sha256
+    )
 
 
-def _gain(options: FoldOptions, format: WaveFormat, peak: float, true_peak: float) -> float:
+def _gain(fold_options: FoldOptions, format: WaveFormat, peak: float, true_peak: float) -> float:
     """The gain (a ratio) of a fold: as asked, or less where it would clip. Raises OptionError."""
-    gain_asked = 1.0 if options.gain is None else asked_gain(options.gain)
+    gain_asked = 1.0 if fold_options.gain is None else asked_gain(fold_options.gain)
     if format.bits == "float" or gain_asked * peak <= 1.0:
         return gain_asked
-    if options.gain is None:
+    if fold_options.gain is None:
         return gain_to_peak(true_peak)
     raise OptionError(
         "gain",
@@ -154,7 +158,7 @@ def _gain(options: FoldOptions, format: WaveFormat, peak: float, true_peak: floa
         "most "
         f"is {-20.0 * log10(peak):.2f} dB in {format.bits} bits. Leave the option out, and the "
         "fold is turned down as far as it must be, or write floats",
-        value=options.gain,
+        value=fold_options.gain,
     )
 
 
@@ -215,16 +219,16 @@ def _folded_file(
     yield np.zeros((tail, info.format.n_channels))
 
 
-def _order(word: str, option: str) -> int | None:
+def _order(layout_word: str, option: str) -> int | None:
     """The order of `ambix5`; None for another word. Raises OptionError."""
     from ergon.space.ambisonics import ORDER_MAX
 
-    if not word.startswith(_AMBISONICS) or Path(word).suffix:
+    if not layout_word.startswith(_AMBISONICS) or Path(layout_word).suffix:
         return None
-    digits = word.removeprefix(_AMBISONICS)
+    digits = layout_word.removeprefix(_AMBISONICS)
     if digits not in map(str, range(1, ORDER_MAX + 1)):
         reason = f"the order of Ambisonics is 1 to {ORDER_MAX}, such as {_AMBISONICS}5"
-        raise OptionError(option, reason, value=word)
+        raise OptionError(option, reason, value=layout_word)
     return int(digits)
 
 
@@ -236,7 +240,7 @@ def _in_order(layout: Layout) -> Field:
     return Field(tuple(place for _, place in placed))
 
 
-def _named(word: str, option: str, report: Report) -> tuple[Field, tuple[int, ...]]:
+def _named(field_word: str, option_name: str, report: Report) -> tuple[Field, tuple[int, ...]]:
     """The field that a word names: an order of Ambisonics, or the loudspeakers of a layout; and the
     channels, from 0, that lie between those of the field.
     """
@@ -245,15 +249,15 @@ def _named(word: str, option: str, report: Report) -> tuple[Field, tuple[int, ..
 
     from .layouts import NoLayoutError, read_layout
 
-    order = _order(word, option)
+    order = _order(field_word, option_name)
     if order is not None:
         return Field(order=order), ()
     try:
-        layout = read_layout(word, report)
+        layout = read_layout(field_word, report)
         return _in_order(layout), layout.others(layout.n_channels)
     except NoLayoutError as error:
         raise OptionError(
-            option, f"{error}, or {_AMBISONICS}1 to {_AMBISONICS}{ORDER_MAX}"
+            option_name, f"{error}, or {_AMBISONICS}1 to {_AMBISONICS}{ORDER_MAX}"
         ) from None
 
 
@@ -269,47 +273,48 @@ def _without(left_out: tuple[int, ...], filters: NDArray[np.float64]) -> NDArray
 
 
 def _source(
-    path: Path, info: WaveInfo, options: FoldOptions, report: Report
+    path: Path, info: WaveInfo, fold_options: FoldOptions, report: Report
 ) -> tuple[Field, tuple[int, ...]]:
-    """What the channels of a file are: as `options` say, or else as the file says; and which of
-    them, from 0, are for low-frequency effects or no loudspeakers. Raises FoldError.
+    """What the channels of a file are: as `fold_options` say, or else as the file says; and which
+    of them, from 0, are for low-frequency effects or no loudspeakers. Raises FoldError.
     """
     from ergon.common.xml_text import XmlError
     from ergon.exchange import adm
     from ergon.space.directions import point
     from ergon.space.fold_filters import Field
 
-    kind = "for low-frequency effects"
-    if options.layout is not None:
-        field_names, effects = _named(options.layout, "layout", report)
-        kind = "not among the loudspeakers of the layout"
+    channel_kind = "for low-frequency effects"
+    if fold_options.layout is not None:
+        field_names, effects = _named(fold_options.layout, "layout", report)
+        channel_kind = "not among the loudspeakers of the layout"
     else:
-        reason = "it does not say what its channels are"
+        unknown_reason = "it does not say what its channels are"
         try:
             adm_field = adm.read(info)
         except XmlError as error:
-            adm_field, reason = None, str(error)
+            adm_field, unknown_reason = None, str(error)
         if adm_field is None:
-            raise FoldError(f"{path}: {reason}; name them, such as by --layout dome24")
+            raise FoldError(f"{path}: {unknown_reason}; name them, such as by --layout dome24")
         field_names = Field(tuple(point(*angles) for angles in adm_field.speakers), adm_field.order)
         effects = adm_field.effects
     if field_names.n_channels + len(effects) != info.format.n_channels:
-        channel_text = f"{options.layout or 'its description'} has {field_names.n_channels}"
+        channel_text = f"{fold_options.layout or 'its description'} has {field_names.n_channels}"
         raise FoldError(f"{path} has {info.format.n_channels} channels, but {channel_text}")
     if effects:
         *first_channels, last_channel = (str(channel + 1) for channel in effects)
-        words = f"channel {last_channel} is {kind}, and is left out"
+        channel_words = f"channel {last_channel} is {channel_kind}, and is left out"
         if first_channels:
-            words = (
-                f"channels {', '.join(first_channels)} and {last_channel} are {kind}, and are "
+            channel_words = (
+                f"channels {', '.join(first_channels)} and {last_channel} are {channel_kind}, and "
+                "are "
                 "left out"
             )
-        report.warn(f"{path}: {words}")
+        report.warn(f"{path}: {channel_words}")
     return field_names, effects
 
 
 def _filters(
-    source: Field, fold_to: tuple[str, str | Path | None], rate: float, report: Report
+    source_field: Field, fold_to: tuple[str, str | Path | None], rate: float, report: Report
 ) -> tuple[NDArray[np.float64], Field | None]:
     """Filters (n_in, n_out, n_taps), and the target if it is a field, not stereo or two ears.
 
@@ -324,17 +329,17 @@ def _filters(
     if sofa is not None and to != "binaural":
         raise OptionError("head", "a head is used by `--to binaural` only; leave this option out")
     if to == "stereo":
-        return fold_filters.to_stereo(source), None
+        return fold_filters.to_stereo(source_field), None
     if to == "binaural":
-        head_responses = head.kemar() if sofa is None else _head(sofa, source)
-        return fold_filters.to_ears(source, head_responses, rate), None
-    target, left_out = _named(to, "to", report)
+        head_responses = head.kemar() if sofa is None else _head(sofa, source_field)
+        return fold_filters.to_ears(source_field, head_responses, rate), None
+    target_field, left_out = _named(to, "to", report)
     try:
-        filters = fold_filters.to_field(source, target)
+        filters = fold_filters.to_field(source_field, target_field)
         if left_out:
             turned = _without(left_out, filters.transpose(1, 0, 2)).transpose(1, 0, 2)
             return np.ascontiguousarray(turned), None
-        return filters, target
+        return filters, target_field
     except ArrayError as error:
         raise OptionError("to", str(error), value=to) from None
 

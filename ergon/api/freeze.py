@@ -132,18 +132,18 @@ def _are_there(piece: Piece, parts: Iterable[str]) -> None:
     from ergon.notation.text.spelling import nearest
 
     audible_names = _audible_parts(piece)
-    for part in parts:
-        if part in audible_names:
+    for frozen_part in parts:
+        if frozen_part in audible_names:
             continue
-        if part in piece.instruments:
+        if frozen_part in piece.instruments:
             raise OptionError(
                 "freeze",
                 "this instrument has no route to a channel; add a route to the mix",
-                value=part,
+                value=frozen_part,
             )
-        close = nearest(part, audible_names)
+        close = nearest(frozen_part, audible_names)
         hint = f"; did you mean '{close}'?" if close else f"; there are {', '.join(audible_names)}"
-        raise OptionError("freeze", f"the score has no instrument '{part}'{hint}")
+        raise OptionError("freeze", f"the score has no instrument '{frozen_part}'{hint}")
 
 
 def _are_free(piece: Piece, parts: Collection[str], live: Iterable[str], option: str) -> None:
@@ -184,31 +184,35 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
         frozen = read_manifest(folder)
     except NotFrozenError as error:
         raise OptionError("frozen", str(error)) from None
-    source = frozen.source
+    frozen_source = frozen.source
     freeze_command = f"ergon render SCORE --freeze {','.join(frozen.parts)} -o {folder}"
     seed = piece.seed if seed is None else seed
 
     def refused(reason: str) -> OptionError:
         return OptionError("frozen", reason, value=str(folder))
 
-    if source.score != digest_of(piece):
+    if frozen_source.score != digest_of(piece):
         raise refused(
             f"the score has changed since its parts were frozen; `{freeze_command}` freezes them "
             "again"
         )
-    if source.seed != seed:
+    if frozen_source.seed != seed:
         raise refused(
-            f"the parts were frozen with seed {source.seed}, and this performance has seed {seed}; "
-            f"--seed {source.seed} plays them, `{freeze_command} --seed {seed}` freezes them again"
+            f"the parts were frozen with seed {frozen_source.seed}, and this performance has seed "
+            f"{seed}; "
+            f"--seed {frozen_source.seed} plays them, `{freeze_command} --seed {seed}` freezes "
+            "them again"
         )
-    if source.rate != piece.rate:
+    if frozen_source.rate != piece.rate:
         raise refused(
-            f"the parts were frozen at {source.rate:g} Hz, and the score has {piece.rate:g} Hz; "
+            f"the parts were frozen at {frozen_source.rate:g} Hz, and the score has {piece.rate:g} "
+            "Hz; "
             f"`{freeze_command}` freezes them again"
         )
-    if source.version != _core.__version__:
+    if frozen_source.version != _core.__version__:
         report.warn(
-            f"{folder} was frozen by ergon {source.version}: this version may compute other sound"
+            f"{folder} was frozen by ergon {frozen_source.version}: this version may compute other "
+            "sound"
         )
     return frozen
 

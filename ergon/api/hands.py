@@ -53,24 +53,29 @@ def driven_players(
     driven = frozenset(text.partition("=")[0] for text in options.drive)
     with_part = {play.player for play in piece.parts}
     for board in boards:
-        for _, name in board.axes:
-            player = piece.players[name]
-            if name not in driven:
+        for _, player_name in board.axes:
+            player = piece.players[player_name]
+            if player_name not in driven:
                 continue
             key = piece.keys[player.key]
             if is_led(board.url):
-                reason = f"{board.url} has no motor that could move a key; --live {name}=… plays it"
+                refusal_reason = (
+                    f"{board.url} has no motor that could move a key; --live {player_name}=… plays "
+                    "it"
+                )
             elif key.measured is None or (len(key.modules) > 1 and key.struck):
-                reason = (
+                refusal_reason = (
                     f"the key {player.key} is not measured, so nobody knows by which force it "
                     f"moves; measure it with `ergon metrology {board.url}`, and write "
                     f"`calib: FILE` in the key"
                 )
-            elif name not in with_part and not player.standin:
-                reason = f"{name} has no written part and no stand-in that could drive the key"
+            elif player_name not in with_part and not player.standin:
+                refusal_reason = (
+                    f"{player_name} has no written part and no stand-in that could drive the key"
+                )
             else:
                 continue
-            raise OptionError("drive", reason, value=name)
+            raise OptionError("drive", refusal_reason, value=player_name)
     return driven
 
 
@@ -96,13 +101,13 @@ def led_hands(piece: Piece, boards: Sequence[Board], report: Report) -> LedHands
     return opened
 
 
-def _led_key(key: Key) -> LedKey:
+def _led_key(score_key: Key) -> LedKey:
     """Travel, spring and rest of a key of the score, for one that is played without a device."""
     from ergon.live.led_address import LedKey
     from ergon.scores.staging.version_glides import ties
 
-    travel = key.travel or LedKey().travel
-    (struck,) = (module for module in key.modules if module.name == key.struck)
+    travel = score_key.travel or LedKey().travel
+    (struck,) = (module for module in score_key.modules if module.name == score_key.struck)
     if struck.kind != "CEL":
         return LedKey(travel)
     stiffness, _, _ = ties(struck.fields)
@@ -159,13 +164,13 @@ def _tried_together(
 
     from ergon.live.calibration import axes_as_known
 
-    def trial(index: int) -> dict[int, Axis]:
-        numbers = [number for number, _ in unsure[index]]
-        if not numbers or boards[index].kind == "haply":
+    def trial(axis_number: int) -> dict[int, Axis]:
+        numbers = [number for number, _ in unsure[axis_number]]
+        if not numbers or boards[axis_number].kind == "haply":
             return {}
-        calibrations_before = calibrations[index]
+        calibrations_before = calibrations[axis_number]
         return axes_as_known(
-            boards[index].url, {number: calibrations_before.get(number) for number in numbers}
+            boards[axis_number].url, {number: calibrations_before.get(number) for number in numbers}
         )
 
     if sum(map(len, unsure)) < 2:
@@ -176,22 +181,24 @@ def _tried_together(
 
 def _try(
     board: Board,
-    number: int,
+    axis_number: int,
     player: str,
     calibrations: dict[int, Axis],
-    axis: Axis | None,
+    known_axis: Axis | None,
     report: Report,
 ) -> None:
-    """Put the direction of an axis into `calibrations`; push it a little unless `axis` is known."""
+    """Put the direction of an axis into `calibrations`; push it a little without a `known_axis`."""
     from ergon import _core
     from ergon.live.calibration import axis_key, find_direction, store_axis
 
-    calibration_before = calibrations.get(number)
-    sign = 1 if calibration_before is None else calibration_before.sign
+    calibration_before = calibrations.get(axis_number)
+    motor_sign = 1 if calibration_before is None else calibration_before.sign
     try:
-        axis = axis or find_direction(board.url, number, calibration_before)
-        if board.is_emulated and axis.sign != sign:  # perhaps a hand moved the key with the pulse
-            axis = find_direction(board.url, number, calibration_before)
+        known_axis = known_axis or find_direction(board.url, axis_number, calibration_before)
+        if (
+            board.is_emulated and known_axis.sign != motor_sign
+        ):  # perhaps a hand moved the key with the pulse
+            known_axis = find_direction(board.url, axis_number, calibration_before)
     except _core.UnsureError as error:
         if board.is_emulated:
             report.warn(f"{player}: {error}; the key is emulated, so it plays all the same")
@@ -199,22 +206,22 @@ def _try(
         raise OptionError(
             "live", f"{error} (--unchecked plays without a trial)", value=player
         ) from None
-    if axis.sign != sign and board.is_emulated:
+    if known_axis.sign != motor_sign and board.is_emulated:
         raise OptionError(
             "live",
             f"the motor pushes the wrong way; `ergon devices calibrate {board.url} "
-            f"--axis {number}` corrects that (--unchecked plays without a trial)",
+            f"--axis {axis_number}` corrects that (--unchecked plays without a trial)",
             value=player,
         )
-    if axis is calibration_before or board.is_emulated:
+    if known_axis is calibration_before or board.is_emulated:
         return
     if calibration_before is not None:
         report.warn(
-            f"{player}: {axis_key(board.url, number)} moves against the direction of its "
+            f"{player}: {axis_key(board.url, axis_number)} moves against the direction of its "
             "calibration, so it is taken for another board, whose ends are not known"
         )
-    calibrations[number] = axis
-    store_axis(board.url, number, axis)
+    calibrations[axis_number] = known_axis
+    store_axis(board.url, axis_number, known_axis)
 
 
 def guide_stiffnesses(
@@ -227,19 +234,19 @@ def guide_stiffnesses(
 
     real_players = {player for board in boards for _, player in board.axes}
     stiffness_by_player = {}
-    for text in stiffness_options:
-        player, is_said, stiffness = text.partition("=")
+    for stiffness_text in stiffness_options:
+        player, is_said, stiffness = stiffness_text.partition("=")
         if player not in real_players:
             if player not in piece.players:
                 raise OptionError("guide", no_player_message(piece, player))
             reason = f"{player} has no device; --live {player}=DEVICE gives one"
-            raise OptionError("guide", reason, value=text)
+            raise OptionError("guide", reason, value=stiffness_text)
         try:
             stiffness_by_player[player] = (
                 quantity(stiffness, STIFFNESS) if is_said else GUIDANCE_MAX[0]
             )
         except TextError as error:
-            raise OptionError("guide", error.message, value=text) from None
+            raise OptionError("guide", error.message, value=stiffness_text) from None
     return stiffness_by_player
 
 

@@ -47,13 +47,13 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
             raise NoLayoutError(message.replace("; The", "; the"))
         path = shipped[path.name]
     collector = Collector()
-    files = Files(collector, path.parent, bounds=FileBounds.around(path.parent, trust=True))
-    layout = build_mix.layout(path.name, path.parent, Place(str(path), 1, 1), files)
+    score_files = Files(collector, path.parent, bounds=FileBounds.around(path.parent, trust=True))
+    layout = build_mix.layout(path.name, path.parent, Place(str(path), 1, 1), score_files)
     is_refused = collector.has_errors()
     diagnostics = collector.finish()
-    (report or Report()).diagnostics(diagnostics, files.documents, collector.left_out())
+    (report or Report()).diagnostics(diagnostics, score_files.documents, collector.left_out())
     if layout is None or is_refused:
-        raise ScoreError(diagnostics, files.documents)
+        raise ScoreError(diagnostics, score_files.documents)
     return layout
 
 

@@ -177,7 +177,7 @@ class _Beginning:
     frozen: FrozenFolder | None = None
 
 
-def _beginning(path: str | None, options: SessionOptions, report: Report) -> _Beginning:
+def _beginning(path: str | None, session_options: SessionOptions, report: Report) -> _Beginning:
     """The beginning of a session of a score, or of the journal that it resumes."""
     from ergon.repl.session.clock import Clock
     from ergon.repl.session.journal import JournalError
@@ -186,20 +186,23 @@ def _beginning(path: str | None, options: SessionOptions, report: Report) -> _Be
     from ergon.repl.session.version import NotTakenError, Version
     from ergon.scores.edits.texts import Texts
 
-    if options.resume is not None:
-        resume = Path(options.resume)
-        if options.frozen is not None:
+    if session_options.resume is not None:
+        resume = Path(session_options.resume)
+        if session_options.frozen is not None:
             raise OptionError(
                 "frozen", "the journal of --resume names its frozen parts; leave this option out"
             )
         try:
-            replay = read_journal(resume, path, resumes=True, trust=options.trust)
-            if gap := replay.gaps.sentence(str(resume)):
+            journal_content = read_journal(resume, path, resumes=True, trust=session_options.trust)
+            if gap := journal_content.gaps.sentence(str(resume)):
                 report.warn(gap)
-            opening = replay.start
+            opening = journal_content.start
             gain_and_reference = opening.gain, opening.reference
             return _Beginning(
-                *resumed_state(replay), gain_and_reference, replay.disk, opening.frozen
+                *resumed_state(journal_content),
+                gain_and_reference,
+                journal_content.disk,
+                opening.frozen,
             )
         except JournalError as error:
             raise OptionError("resume", str(error)) from None
@@ -207,9 +210,11 @@ def _beginning(path: str | None, options: SessionOptions, report: Report) -> _Be
             raise OptionError("resume", f"{resume}: {error}") from None
     if path is None:
         return _empty_piece()
-    loaded = scores.read(path, ReadOptions(trust=options.trust), report, leave_out=("N401",))
+    loaded = scores.read(
+        path, ReadOptions(trust=session_options.trust), report, leave_out=("N401",)
+    )
     piece = scores.piece_of(loaded)
-    texts = Texts.read(path, scores.bounds(path, options.trust))
+    texts = Texts.read(path, scores.bounds(path, session_options.trust))
     return _Beginning(Version(0, "", texts, piece), Clock())
 
 
@@ -230,7 +235,7 @@ def _frozen(
     version: Version,
     folder: FrozenFolder | None,
     real_players: Collection[str],
-    options: SessionOptions,
+    session_options: SessionOptions,
     report: Report,
 ) -> tuple[FrozenFolder | None, tuple[LoadedPart, ...]]:
     """The folder of frozen parts (of the resumed session, or the one asked for), and the parts that
@@ -241,31 +246,31 @@ def _frozen(
     from ergon.scores.staging.built_network import build_network
 
     piece, option = version.piece, "frozen" if folder is None else "resume"
-    if folder is None and options.frozen is None:
+    if folder is None and session_options.frozen is None:
         return None, ()
     try:
         if folder is None:
-            path = Path(options.frozen or "")
+            path = Path(session_options.frozen or "")
             frozen = freeze.read(piece, path, None, report)
             freeze.are_free(piece, frozen, real_players)
             listening = build_network(piece, frozenset(frozen.parts)).listening
             folder = frozen_folder(path, frozen, piece, listening)
-        parts = load_frozen(folder, version, real_players)
+        loaded_parts = load_frozen(folder, version, real_players)
     except NotFrozenError as error:
         raise OptionError(option, str(error)) from None
-    names = [part.name for part in parts]
+    names = [part.name for part in loaded_parts]
     if names:
-        end = scores.where(piece, min(part.n_frames for part in parts) / piece.rate)
+        end = scores.where(piece, min(part.n_frames for part in loaded_parts) / piece.rate)
         report.say(f"from {folder.folder}: {', '.join(names)}, up to {end} of the score")
     other_parts = [part.name for part in folder.parts if part.name not in names]
     if other_parts:
         report.say(f"computed live, because the session has changed them: {', '.join(other_parts)}")
-    return folder.beside(Path(options.journal)), parts
+    return folder.beside(Path(session_options.journal)), loaded_parts
 
 
 def _config(
     piece: Piece,
-    options: SessionOptions,
+    session_options: SessionOptions,
     boards: Sequence[Board],
     gain_and_reference: _GainAndReference | None,
     frozen: Sequence[LoadedPart],
@@ -275,12 +280,14 @@ def _config(
 
     master = piece.mix.master
     scores.integer_rate(piece.rate)
-    audio = options.card
+    audio = session_options.card
     if audio.startswith("file:"):  # typed lines need a session in real time
         audio = audio.replace("file:", "clock:", 1)
     gain, reference = gain_and_reference or (None, piece.mix.reference())
-    if gain is None or options.gain is not None:
-        gain = gain_of(piece, partial(_preflight_stage, piece, frozen), options.gain, report)
+    if gain is None or session_options.gain is not None:
+        gain = gain_of(
+            piece, partial(_preflight_stage, piece, frozen), session_options.gain, report
+        )
     return PlaybackConfig(
         audio=audio,
         gain=gain,
@@ -288,10 +295,10 @@ def _config(
         highpass=HIGHPASS,
         reference=reference,
         boards=boards,
-        force_max=options.force_max,
-        ahead=options.ahead,
-        audio_in=options.audio_in,
-        fold=fold_of(piece, options, report),
+        force_max=session_options.force_max,
+        ahead=session_options.ahead,
+        audio_in=session_options.audio_in,
+        fold=fold_of(piece, session_options, report),
     )
 
 

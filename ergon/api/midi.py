@@ -40,28 +40,28 @@ def midi_ports(options: SessionOptions, report: Report) -> MidiPorts:
 
     opened: list[InputPort | TimedSender] = []
 
-    def port(option: str, name: str, make: Callable[[str], Port]) -> Port:
+    def port(option: str, port_name: str, make: Callable[[str], Port]) -> Port:
         try:
-            port = make(name)
+            port = make(port_name)
         except MidiError as error:
             for opened_port in opened:
                 opened_port.close()
-            raise OptionError(option, str(error), value=name) from None
+            raise OptionError(option, str(error), value=port_name) from None
         opened.append(port)
         return port
 
-    inputs = [port("midi", name, SystemInput) for name in options.midi]
+    midi_inputs = [port("midi", name, SystemInput) for name in options.midi]
     clock_from = options.midi_clock_from and port(
         "midi_clock_from", options.midi_clock_from, SystemInput
     )
     clock_to = options.midi_clock_to and port("midi_clock_to", options.midi_clock_to, TimedSender)
-    for port_info in inputs:
+    for port_info in midi_inputs:
         report.say(f"MIDI is heard from {port_info.name}")
     if clock_from:
         report.say(f"the MIDI clock of {clock_from.name} is followed")
     if clock_to:
         report.say(f"MIDI clock goes to {clock_to.name}")
-    return MidiPorts(inputs, clock_from or None, clock_to or None)
+    return MidiPorts(midi_inputs, clock_from or None, clock_to or None)
 
 
 def attach_midi(session: Session, performance: _core.Performance, ports: MidiPorts) -> None:

@@ -137,16 +137,18 @@ def stave_picture(part_modes: Sequence[PartModes], name: str) -> Picture:
     """The modes of parts on staves, by pitch and cents from the nearest note."""
     from ergon.view.structure import PitchedMode, stave
 
-    parts = []
-    for part in part_modes:
-        modes_with_notes = zip(part.frequencies, part.notes, mode_words(part), strict=True)
+    stave_parts = []
+    for modes_of_part in part_modes:
+        modes_with_notes = zip(
+            modes_of_part.frequencies, modes_of_part.notes, mode_words(modes_of_part), strict=True
+        )
         modes = [
             PitchedMode(float(f), cents, words)
             for f, (note, cents), words in modes_with_notes
             if note
         ]
-        parts.append((part.part, modes))
-    return Picture(stave(parts, title=f"Modes of {name}"))
+        stave_parts.append((modes_of_part.part, modes))
+    return Picture(stave(stave_parts, picture_title=f"Modes of {name}"))
 
 
 def mode_words(part: PartModes) -> list[str]:
@@ -213,27 +215,28 @@ def modes_of(
     import numpy as np
 
     network = built.network
-    modes = _asked(network, name, search_bounds)
-    decay = -modes.poles.real
+    asked_modes = _asked(network, name, search_bounds)
+    decay = -asked_modes.poles.real
     is_damped = decay > LN_1000 / _LONGEST_T60
     t60 = np.where(is_damped, LN_1000 / np.where(is_damped, decay, 1.0), np.inf)
-    slots = points_of(piece, built, name, modes.mats)
+    slots = points_of(piece, built, name, asked_modes.mats)
     points = {
-        label: modes.shapes[:, point_slots].sum(axis=1) for label, point_slots in slots.items()
+        label: asked_modes.shapes[:, point_slots].sum(axis=1)
+        for label, point_slots in slots.items()
     }
-    places = [network.position_of(mat) for mat in modes.mats]
+    mass_positions = [network.position_of(mat) for mat in asked_modes.mats]
     return PartModes(
         name,
-        modes.poles.imag / (2 * np.pi),
+        asked_modes.poles.imag / (2 * np.pi),
         t60,
-        modes.poles,
-        modes.shapes,
-        tuple(network.name_of(mat) for mat in modes.mats),
-        np.array(places, dtype=float).reshape(len(places), 2),
+        asked_modes.poles,
+        asked_modes.shapes,
+        tuple(network.name_of(mat) for mat in asked_modes.mats),
+        np.array(mass_positions, dtype=float).reshape(len(mass_positions), 2),
         points,
-        modes.is_certified,
-        modes.n_laws,
-        modes.n_contacts,
+        asked_modes.is_certified,
+        asked_modes.n_laws,
+        asked_modes.n_contacts,
         tuple(inputs),
     )
 
@@ -257,23 +260,23 @@ def points_of(
     `mats`.
     """
     slots = {mat: slot for slot, mat in enumerate(mats)}
-    points = {}
+    slots_by_point = {}
     for text, targets in _points(piece, name):
         all_mats = [mat for target in targets for mat in built.assembly.members(target)]
         mat_slots = [slots[mat] for mat in all_mats if mat in slots]
         if mat_slots:
             is_one = len(all_mats) == 1
             label = text or (built.network.name_of(all_mats[0]) if is_one else targets[0].text)
-            points[label] = mat_slots
-    return points
+            slots_by_point[label] = mat_slots
+    return slots_by_point
 
 
-def _points(piece: Piece, name: str) -> Iterator[tuple[str, Sequence[Target]]]:
+def _points(piece: Piece, part_name: str) -> Iterator[tuple[str, Sequence[Target]]]:
     """The points where a part is heard, named after the output, and those where it is struck or
     touched, with the name "".
     """
-    if name in piece.instruments:
-        for output in piece.instruments[name].outputs:
+    if part_name in piece.instruments:
+        for output in piece.instruments[part_name].outputs:
             if output.is_movement:
                 yield f"out {output.name}" if output.name else "out", output.targets
     touched = [target for strike in piece.strikes for target in strike.to]
@@ -281,4 +284,4 @@ def _points(piece: Piece, name: str) -> Iterator[tuple[str, Sequence[Target]]]:
         end_targets = module.ends
         if len({end.part for end in end_targets} | {owner}) > 1:
             touched += end_targets
-    yield from (("", (target,)) for target in touched if target.part == name)
+    yield from (("", (target,)) for target in touched if target.part == part_name)

@@ -84,12 +84,12 @@ class AccuracyOptions(ReadOptions):
 
         check_seed(self.seed)
         options_by_name = {"method": self.method, "error": self.error, "cents": self.cents}
-        names = [name for name, value in options_by_name.items() if value is not None]
-        if len(names) > 1:
+        written_options = [name for name, value in options_by_name.items() if value is not None]
+        if len(written_options) > 1:
             advice = "; give one of method, error and cents"
-            raise OptionError(names[1], advice, excludes=names[0])
-        if self.draft and (names or self.plan is not None):
-            contrary_option = names[0] if names else "plan"
+            raise OptionError(written_options[1], advice, excludes=written_options[0])
+        if self.draft and (written_options or self.plan is not None):
+            contrary_option = written_options[0] if written_options else "plan"
             raise OptionError(
                 "draft", ": a draft has no accuracy; leave one out", excludes=contrary_option
             )
@@ -97,7 +97,7 @@ class AccuracyOptions(ReadOptions):
             close = nearest(self.method, METHODS)
             hint = f"; did you mean '{close}'?" if close else f": {', '.join(METHODS)}"
             raise OptionError("method", f"there is no '{self.method}'{hint}")
-        if not names and followed is not None and followed.budget is not None:
+        if not written_options and followed is not None and followed.budget is not None:
             method = followed.budget.get("method")
             if method is not None and method not in METHODS:
                 raise OptionError("plan", f"there is no method '{method}'", value=str(self.plan))

@@ -59,14 +59,14 @@ def pack(
 
     if out is None and str(score) == scores.STDIN:
         raise OptionError("output", "a score from stdin has no name for the pack; name one")
-    target = str(out) if out is not None else f"{Path(score).stem}{SUFFIX}"
+    target_path = str(out) if out is not None else f"{Path(score).stem}{SUFFIX}"
     loaded = scores.read(score, options, report)
     content = _packed(str(score), loaded)
     data = pack_bytes(content)
     _check_same(content, loaded)
-    with open_for_writing(target, binary=True, force=force, inputs=loaded.inputs) as file:
+    with open_for_writing(target_path, binary=True, force=force, inputs=loaded.inputs) as file:
         file.write(data)
-    return PackedFile(target, content, len(data))
+    return PackedFile(target_path, content, len(data))
 
 
 @contextmanager
@@ -102,25 +102,28 @@ def _packed(score: str, loaded: Loaded) -> Pack:
     from ergon.notation.text.files import shipped
 
     scores.piece_of(loaded)
-    place = _place(score)
+    score_place = _place(score)
     packed: dict[str, bytes] = {}
     n_bytes_left = BYTES_MAX
     for name in dict.fromkeys(map(str, loaded.inputs)):
         ships = shipped(Path(name))
-        target = _place(name) if ships is None else os.path.join(os.path.dirname(place), ships)
+        packed_name = (
+            _place(name) if ships is None else os.path.join(os.path.dirname(score_place), ships)
+        )
         is_stdin = name == scores.STDIN
-        data = (
+        packed_bytes = (
             loaded.files[name].text.encode() if is_stdin else read_bounded(Path(name), n_bytes_left)
         )
-        if packed.setdefault(target, data) != data:
+        if packed.setdefault(packed_name, packed_bytes) != packed_bytes:
             raise PackError(
-                f"{target} and the file {ships} of the library would be one file in a pack; rename "
+                f"{packed_name} and the file {ships} of the library would be one file in a pack; "
+                "rename "
                 "your own"
             )
-        n_bytes_left = max(0, n_bytes_left - len(data))
+        n_bytes_left = max(0, n_bytes_left - len(packed_bytes))
     root = os.path.commonpath([os.path.dirname(path) for path in packed])
     names = {path: Path(os.path.relpath(path, root)).as_posix() for path in packed}
-    return Pack(names[place], __version__, {names[path]: packed[path] for path in packed})
+    return Pack(names[score_place], __version__, {names[path]: packed[path] for path in packed})
 
 
 def _check_same(pack: Pack, loaded: Loaded) -> None:

@@ -36,13 +36,13 @@ def selected_parts(piece: Piece, names_asked: Sequence[str]) -> tuple[str, ...]:
     from ergon.notation.text.spelling import nearest
 
     part_names = (*piece.keys, *piece.instruments)
-    for name in names_asked:
-        if name not in part_names:
-            close = nearest(name, part_names)
+    for asked_name in names_asked:
+        if asked_name not in part_names:
+            close = nearest(asked_name, part_names)
             part_list = f"there are {', '.join(part_names)}" if part_names else "the score has none"
             reason = f"did you mean '{close}'?" if close else part_list
-            raise OptionError("parts", f"no instrument or key is called '{name}'; {reason}")
-        refuse_several_axes("parts", piece, name)
+            raise OptionError("parts", f"no instrument or key is called '{asked_name}'; {reason}")
+        refuse_several_axes("parts", piece, asked_name)
     flat = [n for n in part_names if n not in piece.instruments or not _space_of(piece, n)]
     if part_names and not flat and not names_asked:
         refuse_several_axes("parts", piece, part_names[0])
@@ -85,11 +85,11 @@ def is_free(shapes: NDArray[np.complex128], elements: _core.Elements) -> NDArray
     import numpy as np
 
     shapes_with_fixed = np.column_stack([shapes, np.zeros(len(shapes))])
-    weight = np.array([kind != "BUT" for kind in elements.kinds], dtype=float)
-    weight *= elements.stiffness
-    stretched = np.abs(stretches(shapes, elements)) ** 2 @ weight
+    element_weights = np.array([kind != "BUT" for kind in elements.kinds], dtype=float)
+    element_weights *= elements.stiffness
+    stretched = np.abs(stretches(shapes, elements)) ** 2 @ element_weights
     moved = (
         np.abs(shapes_with_fixed[:, elements.a]) ** 2
         + np.abs(shapes_with_fixed[:, elements.b]) ** 2
-    ) @ weight
+    ) @ element_weights
     return np.asarray(stretched <= 1e-12 * moved)

@@ -109,9 +109,9 @@ def plan(
     assert staged_plan is not None
     assert wished is not None
     budget = budget_of(wished)
-    rows = tuple(staged_plan.rows())
+    plan_rows = tuple(staged_plan.rows())
     return Plan(
-        rows,
+        plan_rows,
         staged_plan.hash,
         staged.stage.is_plan_kept,
         staged.plan_s,
@@ -122,6 +122,6 @@ def plan(
             highest_mode.name: highest_mode.hertz
             for highest_mode in highest_modes(staged.piece, staged.stage.built)
         },
-        work_pieces(staged.stage.simulation, rows, staged.stage.rate),
+        work_pieces(staged.stage.simulation, plan_rows, staged.stage.rate),
         tuple(staged_plan.seen()),
     )

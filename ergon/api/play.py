@@ -128,14 +128,15 @@ def begin(stage: Stage, config: PlaybackConfig, report: Report) -> _core.Perform
 
 def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: Report) -> None:
     """Warn of each hand whose forces are scaled because its device cannot bear the piece."""
-    for limit in performance.hand_limits():
-        if limit.scale < 1.0:
-            live = stage.live[limit.hand]
+    for hand_limit in performance.hand_limits():
+        if hand_limit.scale < 1.0:
+            live = stage.live[hand_limit.hand]
             report.warn(
-                f"{live.player} on {live.key}: the piece is {limit.stiffness:,.0f} N/m stiff at "
-                f"this key, and the device is stable up to {limit.limit:,.0f} N/m at "
+                f"{live.player} on {live.key}: the piece is {hand_limit.stiffness:,.0f} N/m stiff "
+                "at "
+                f"this key, and the device is stable up to {hand_limit.limit:,.0f} N/m at "
                 f"{stage.rate / live.tick_frames:.0f} Hz; "
-                f"forces on {live.player} are scaled to {limit.scale:.0%}"
+                f"forces on {live.player} are scaled to {hand_limit.scale:.0%}"
             )
 
 
@@ -150,19 +151,21 @@ def _fault_sentence(error: _core.EngineError, stage: Stage) -> str:
 def _with_standins(piece: Piece, pairs: Sequence[str]) -> Piece:
     """The piece with the takes or gestures that stand in for absent hands."""
     players = dict(piece.players)
-    for pair in pairs:
-        name, _, standin_name = pair.partition("=")
-        if name not in players:
-            raise OptionError("standin", no_player_message(piece, name))
+    for standin_pair in pairs:
+        player_name, _, standin_name = standin_pair.partition("=")
+        if player_name not in players:
+            raise OptionError("standin", no_player_message(piece, player_name))
         if standin_name not in piece.takes and standin_name not in piece.gestures:
             raise OptionError(
-                "standin", f"no take or gesture is called '{standin_name}'", value=pair
+                "standin", f"no take or gesture is called '{standin_name}'", value=standin_pair
             )
-        if any(play.player == name for play in piece.parts):
+        if any(play.player == player_name for play in piece.parts):
             raise OptionError(
-                "standin", f"{name} has a written part, which is the stand-in", value=pair
+                "standin",
+                f"{player_name} has a written part, which is the stand-in",
+                value=standin_pair,
             )
-        players[name] = replace(players[name], standin=standin_name)
+        players[player_name] = replace(players[player_name], standin=standin_name)
     return replace(piece, players=players)
 
 
@@ -170,58 +173,60 @@ def _config(
     piece: Piece,
     stage: Stage,
     boards: Sequence[Board],
-    options: PlayOptions,
+    play_options: PlayOptions,
     frozen: Sequence[VerifiedStem],
     report: Report,
 ) -> PlaybackConfig:
     from ergon.live.perform import PlaybackConfig, tick_frames
 
-    start = 0
-    if options.from_ is not None:
-        start = int(scores.instant(piece, options.from_, "from_") * stage.rate + 0.5)
-        if start >= stage.n_frames:
+    start_frame = 0
+    if play_options.from_ is not None:
+        start_frame = int(scores.instant(piece, play_options.from_, "from_") * stage.rate + 0.5)
+        if start_frame >= stage.n_frames:
             end_position = scores.where(piece, stage.n_frames / stage.rate)
-            raise OptionError("from_", f"the piece ends at {end_position}", value=options.from_)
-    end: int | None = None
-    if options.until is not None:
-        end = int(scores.instant(piece, options.until, "until") * stage.rate + 0.5)
-        if end <= start:
-            end_position = scores.where(piece, start / stage.rate)
+            raise OptionError(
+                "from_", f"the piece ends at {end_position}", value=play_options.from_
+            )
+    end_frame: int | None = None
+    if play_options.until is not None:
+        end_frame = int(scores.instant(piece, play_options.until, "until") * stage.rate + 0.5)
+        if end_frame <= start_frame:
+            end_position = scores.where(piece, start_frame / stage.rate)
             message = f"it begins at {end_position}; stop later than that"
-            raise OptionError("until", message, value=options.until)
-        end = min(end, stage.n_frames)
+            raise OptionError("until", message, value=play_options.until)
+        end_frame = min(end_frame, stage.n_frames)
     master = piece.mix.master
     limit = master.limit if master is not None and master.limit is not None else 1.0
-    recording_path = options.record or options.record_input
-    if options.loop and (recording_path or options.audio.startswith("file:")):
+    recording_path = play_options.record or play_options.record_input
+    if play_options.loop and (recording_path or play_options.audio.startswith("file:")):
         raise OptionError("loop", "excludes --record, --record-input and file:, written once")
     scores.integer_rate(stage.rate)
-    record = None if options.record is None else _recording(options.record, stage)
+    record_target = None if play_options.record is None else _recording(play_options.record, stage)
     config = PlaybackConfig(
-        audio=options.card,
-        gain=gain_of(piece, lambda: stage, options.gain, report, frozen),
+        audio=play_options.card,
+        gain=gain_of(piece, lambda: stage, play_options.gain, report, frozen),
         limit=limit,
         highpass=HIGHPASS,
         reference=piece.mix.reference(),
-        start=start // tick_frames(stage) * tick_frames(stage),
-        end=end,
+        start=start_frame // tick_frames(stage) * tick_frames(stage),
+        end=end_frame,
         boards=boards,
-        guides=guide_stiffnesses(piece, boards, options.guide),
-        force_max=options.force_max,
-        ahead=options.ahead,
-        audio_in=options.audio_in,
-        record_in=_input_file(options, piece),
-        record=record,
+        guides=guide_stiffnesses(piece, boards, play_options.guide),
+        force_max=play_options.force_max,
+        ahead=play_options.ahead,
+        audio_in=play_options.audio_in,
+        record_in=_input_file(play_options, piece),
+        record=record_target,
         frozen=frozen,
-        fold=fold_of(piece, options, report),
+        fold=fold_of(piece, play_options, report),
     )
-    if record is None:
+    if record_target is None:
         return config
-    return replace(config, about=_about(piece, stage, config, options))
+    return replace(config, about=_about(piece, stage, config, play_options))
 
 
 def _about(
-    piece: Piece, stage: Stage, config: PlaybackConfig, options: PlayOptions
+    piece: Piece, stage: Stage, config: PlaybackConfig, play_options: PlayOptions
 ) -> dict[str, object]:
     """The description at the beginning of a recording."""
     from ergon import _core
@@ -237,31 +242,33 @@ def _about(
         "made": f"by ergon {_core.__version__}",
         "day": time.strftime("%Y-%m-%d %H:%M:%S"),
         "score": {"sha256": digest_of(piece), "title": piece.title},
-        "seed": piece.seed if options.seed is None else options.seed,
+        "seed": piece.seed if play_options.seed is None else play_options.seed,
         "plan": stage.plan.hash if stage.plan else "",
         "level": level_header(config),
         "axes": [devices.get(hand.player, {"device": None}) for hand in stage.live],
     }
 
 
-def _input_file(options: PlayOptions, piece: Piece) -> Path | None:
+def _input_file(play_options: PlayOptions, piece: Piece) -> Path | None:
     """The new file that records inputs from the beginning of the piece. Raises OptionError."""
-    if options.record_input is None:
+    if play_options.record_input is None:
         return None
     if not any(take.card_channel for take in piece.takes.values()):
         raise OptionError(
             "record_input", "this score has no inputs to record; leave this option out"
         )
-    if options.from_ is not None:
+    if play_options.from_ is not None:
         raise OptionError(
             "record_input", "; a recording of inputs begins with the piece", excludes="from_"
         )
-    if Path(options.record_input).suffix.lower() != ".wav":
-        raise OptionError("record_input", "the file must end in .wav", value=options.record_input)
-    if Path(options.record_input).exists():
-        message = f"{options.record_input} exists, and a recording overwrites no file"
+    if Path(play_options.record_input).suffix.lower() != ".wav":
+        raise OptionError(
+            "record_input", "the file must end in .wav", value=play_options.record_input
+        )
+    if Path(play_options.record_input).exists():
+        message = f"{play_options.record_input} exists, and a recording overwrites no file"
         raise OptionError("record_input", message)
-    return Path(options.record_input)
+    return Path(play_options.record_input)
 
 
 def _recording(path: str, stage: Stage) -> Path:

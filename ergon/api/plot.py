@@ -111,28 +111,28 @@ def drawn_curves(
 
 
 def _staged(
-    loaded: Loaded, name: str, key: str | None, report: Report
+    loaded: Loaded, gesture_name: str, key_name: str | None, report: Report
 ) -> tuple[Stage, Sequence[StagedGesture]]:
     """The stage to look at, and the gestures of it that are meant."""
     from ergon.scores.staging.recording_stages import solo
 
     piece = scores.piece_of(loaded)
-    if key is None:
+    if key_name is None:
         stage = scores.stage_piece(loaded, None, report).stage
-        if name in piece.players:
-            played = [gesture for gesture in stage.gestures if gesture.player == name]
+        if gesture_name in piece.players:
+            played = [gesture for gesture in stage.gestures if gesture.player == gesture_name]
             if not played:
-                raise ErgonError(f"{name} plays nothing in this piece")
+                raise ErgonError(f"{gesture_name} plays nothing in this piece")
             return stage, played
-        played = [gesture for gesture in stage.gestures if gesture.name == name]
+        played = [gesture for gesture in stage.gestures if gesture.name == gesture_name]
         if played:
             return stage, played[:1]
-    if name in piece.players:
+    if gesture_name in piece.players:
         raise ErgonError("--key is for a gesture or a take; a player has a key of its own")
     if not piece.keys:
         raise ErgonError("this piece has no key that could play it")
     with scores.staging(lambda: loaded, report):
-        piece_alone = solo(piece, name, key or next(iter(piece.keys)))
+        piece_alone = solo(piece, gesture_name, key_name or next(iter(piece.keys)))
     return piece_alone, piece_alone.gestures
 
 

@@ -59,17 +59,17 @@ def _errors_as_option_errors() -> Iterator[None]:
         raise OptionError("socket", str(error)) from None
 
 
-def _place(options: SessionOptions) -> Path:
+def _place(session_options: SessionOptions) -> Path:
     from ergon.repl.wire.local_socket import default_path
 
-    if not options.socket:
+    if not session_options.socket:
         return default_path()
-    if options.socket.endswith((".yaml", ".yml")):
+    if session_options.socket.endswith((".yaml", ".yml")):
         raise OptionError(
             "socket",
-            f"a score comes first: ergon repl {options.socket} --socket",
+            f"a score comes first: ergon repl {session_options.socket} --socket",
         )
-    return Path(options.socket).absolute()
+    return Path(session_options.socket).absolute()
 
 
 # --- the engine's process ------------------------------------------------------------------------
@@ -102,35 +102,36 @@ def _serve(path: str | None, options: SessionOptions, socket_path: Path, report:
 
 
 def _join(
-    path: str | None, options: SessionOptions, socket_path: Path, report: Report
+    path: str | None, session_options: SessionOptions, socket_path: Path, report: Report
 ) -> RemoteSession:
     from ergon.repl.wire.local_socket import NoSessionError
     from ergon.repl.wire.protocol import ProtocolError
     from ergon.repl.wire.remote import RemoteSession
 
     try:
-        remote = RemoteSession(socket_path, _command(options))
+        remote = RemoteSession(socket_path, _command(session_options))
     except NoSessionError as error:
-        if path is None and options.resume is None:
+        if path is None and session_options.resume is None:
             raise OptionError(
                 "socket", f"{error}; `ergon repl SCORE --socket` begins one"
             ) from None
-        return _start(path, options, socket_path, report)
+        return _start(path, session_options, socket_path, report)
     except ProtocolError as error:
         raise ErgonError(f"{socket_path}: {error}") from None
     score = str(remote.about.get("score", ""))
-    if options.resume is not None or (path is not None and os.path.abspath(path) != score):
+    if session_options.resume is not None or (path is not None and os.path.abspath(path) != score):
         remote.close()
         raise ErgonError(
             f"a session at {socket_path} plays {score} already; "
-            f"`{_command(options)}` joins it, --socket with another path begins another session"
+            f"`{_command(session_options)}` joins it, --socket with another path begins another "
+            "session"
         )
     report.say(f"joined the session that plays {score}")
     return remote
 
 
 def _start(
-    path: str | None, options: SessionOptions, socket_path: Path, report: Report
+    path: str | None, session_options: SessionOptions, socket_path: Path, report: Report
 ) -> RemoteSession:
     """Start the engine's process, in a process session of its own (setsid); pass on its stderr
     until it answers.
@@ -141,12 +142,15 @@ def _start(
 
     command = [sys.executable, "-m", "ergon.cli", "repl", *([path] if path is not None else [])]
     command += [
-        *_as_options(options),
-        f"--journal={options.journal}",
+        *_as_options(session_options),
+        f"--journal={session_options.journal}",
         f"--socket={socket_path}",
         "--engine",
     ]
-    with _log(Path(options.journal).with_suffix(".log")) as sink, open(sink.name, "rb") as log_file:
+    with (
+        _log(Path(session_options.journal).with_suffix(".log")) as sink,
+        open(sink.name, "rb") as log_file,
+    ):
         log = Path(sink.name)
         process = subprocess.Popen(
             command,
@@ -164,7 +168,7 @@ def _start(
                     log.unlink()
                     raise EngineExitError(abs(code))
                 with contextlib.suppress(NoSessionError):
-                    remote = RemoteSession(socket_path, _command(options))
+                    remote = RemoteSession(socket_path, _command(session_options))
                     break
                 time.sleep(_POLL_INTERVAL)
             _pass_on(log_file.read())
@@ -176,7 +180,7 @@ def _start(
         except BaseException:  # Ctrl-C while waiting: the engine is not wanted
             process.terminate()
             raise
-    journal = os.path.relpath(str(remote.about.get("journal", "")) or options.journal)
+    journal = os.path.relpath(str(remote.about.get("journal", "")) or session_options.journal)
     report.say(f"the engine is process {process.pid}; it writes {journal} and {log}")
     return remote
 
@@ -204,13 +208,13 @@ def _pass_on(text: bytes) -> None:
 def _as_options(options: SessionOptions) -> Iterator[str]:
     """The options, as a command line for the engine."""
     for field in fields(options):
-        option, value = f"--{field.name.replace('_', '-')}", getattr(options, field.name)
+        option_name, value = f"--{field.name.replace('_', '-')}", getattr(options, field.name)
         if field.name in _SEPARATE_OPTIONS or value == field.default:
             continue
         if value is True:
-            yield option
+            yield option_name
         elif value is not None and value is not False:
-            yield from (f"{option}={option_value}" for option_value in _each(value))
+            yield from (f"{option_name}={option_value}" for option_value in _each(value))
 
 
 def _each(value: object) -> tuple[object, ...]:

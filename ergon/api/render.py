@@ -97,15 +97,15 @@ def faint_diagnostics(piece: Piece, bits: Bits, peak: float) -> list[Diagnostic]
     """
     from ergon.notation.text.errors import Diagnostic
 
-    place = piece.mix.place or piece.place
+    mix_place = piece.mix.place or piece.place
     if _is_silent(bits, peak):
         help = "`ergon check --simulate` says what moves and what touches"
-        return [Diagnostic("W324", "the file is silent", place, None, help)]
+        return [Diagnostic("W324", "the file is silent", mix_place, None, help)]
     if peak >= _FAINT or (bits == "float" and piece.mix.master is None):
         return []
     message = f"the highest peak of the file is {20.0 * math.log10(peak):.1f} dBFS, below -40 dBFS"
     help = "raise the gain of its routes, or let the master do it: `master: {loudness: -20LUFS}`"
-    return [Diagnostic("W325", message, place, None, help)]
+    return [Diagnostic("W325", message, mix_place, None, help)]
 
 
 def _is_silent(bits: Bits, peak: float) -> bool:
@@ -156,12 +156,12 @@ def render(
 def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report) -> PreparedRender:
     """Plan and stage a score, and decide what is written to `target`."""
     check_ending(target)
-    file = options if isinstance(options, FileOptions) else FileOptions()
-    if file.see not in (None, "all"):
-        raise OptionError("see", "the only possible value is all", value=file.see)
-    if file.see and not file.motion:
+    file_options = options if isinstance(options, FileOptions) else FileOptions()
+    if file_options.see not in (None, "all"):
+        raise OptionError("see", "the only possible value is all", value=file_options.see)
+    if file_options.see and not file_options.motion:
         raise OptionError("see", "this needs a motion file; add the option motion")
-    if file.wet and file.stems is None:
+    if file_options.wet and file_options.stems is None:
         raise OptionError("wet", "this is about stems; add the option stems")
     if options.on is not None:
         check_shared(options)
@@ -175,7 +175,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         rate=options.rate,
         threads=options.threads,
         real_hands=None if recorded is None else recorded.hands,
-        is_seen=file.see is not None,
+        is_seen=file_options.see is not None,
         recalls_sound=True,
         complete=complete,
     )
@@ -185,7 +185,7 @@ def prepare(loaded: Loaded, target: str, options: RenderOptions, report: Report)
         job = replace(job, level=recorded.level)
     elif options.input is not None and not job.level.is_levelled:
         job = replace(job, level=scores.played_level(staged.piece))
-    if file.motion:
+    if file_options.motion:
         from .film import film
 
         job = replace(job, film=film(staged.stage, job))
@@ -259,42 +259,44 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
 
     bits: Bits = options.bits or piece.render.bits
     n_channels = options.channels or piece.render.channels or stage.n_channels
-    start = 0 if options.from_ is None else _frame(piece, stage, options.from_, "from_")
-    stop = stage.n_frames if options.until is None else _frame(piece, stage, options.until, "until")
-    stop = min(stop, stage.n_frames)
+    start_frame = 0 if options.from_ is None else _frame(piece, stage, options.from_, "from_")
+    stop_frame = (
+        stage.n_frames if options.until is None else _frame(piece, stage, options.until, "until")
+    )
+    stop_frame = min(stop_frame, stage.n_frames)
     if not stage.n_frames:
         reason = (
             "the piece has no length: nothing in it is struck or played, and a take that drives a "
             "module does not count; write how long it is heard, such as `render: {tail: 2s}`"
         )
         raise ScoreError((), reason=reason)
-    if start >= stop:
+    if start_frame >= stop_frame:
         end = scores.where(piece, stage.n_frames / stage.rate)
         option = "from_" if options.until is None else "until"
         raise OptionError(option, f"the part to render is empty; the piece ends at {end}")
-    file = options if isinstance(options, FileOptions) else FileOptions()
+    file_options = options if isinstance(options, FileOptions) else FileOptions()
     return RenderJob(
         target=target,
         format=WaveFormat(scores.integer_rate(stage.rate), n_channels, bits),
-        start=start,
-        stop=stop,
+        start=start_frame,
+        stop=stop_frame,
         level=scores.level_of(piece, bits),
         stamp=Stamp(
             piece.title,
             scores.digest(piece),
             stage.plan.hash if stage.plan else "",
             chunks_of_layout(piece.mix.layout, n_channels, piece.title),
-            tuple(scores.mark_frames(piece, stage.rate, start)),
+            tuple(scores.mark_frames(piece, stage.rate, start_frame)),
         ),
-        stems=None if file.stems is None else Path(file.stems),
-        splits_stems=file.wet,
+        stems=None if file_options.stems is None else Path(file_options.stems),
+        splits_stems=file_options.wet,
         block=options.block,
         threads=options.threads,
-        force=file.force,
+        force=file_options.force,
         fades_from=stage.fades_from,
         is_part=options.until is not None,
         # The end of a written `tail` stays: a performance ends so, and a render is equal to it.
-        edges=Edges(start > 0, options.until is not None),
+        edges=Edges(start_frame > 0, options.until is not None),
         stretches=user_store(),
         # A draft leaves out what takes about as long as mixing.
         stores_mix=not options.draft,
@@ -355,20 +357,22 @@ def _with_inputs(loaded: Loaded, options: RenderOptions) -> Loaded:
     return replace(loaded, piece=replace(piece, takes=takes))
 
 
-def _recorded(loaded: Loaded, options: RenderOptions, report: Report) -> HandRecording | None:
+def _recorded(
+    loaded: Loaded, render_options: RenderOptions, report: Report
+) -> HandRecording | None:
     """The recorded hands, if a recording is given. Raises OptionError."""
-    if options.hands is None:
+    if render_options.hands is None:
         return None
     from ergon.live.recorded import RecordingMismatchError, read_hand_recording
 
     piece = scores.piece_of(loaded)
-    played = piece if options.rate is None else replace(piece, rate=options.rate)
+    played = piece if render_options.rate is None else replace(piece, rate=render_options.rate)
     try:
-        recorded = read_hand_recording(Path(options.hands), played)
+        recorded = read_hand_recording(Path(render_options.hands), played)
     except RecordingMismatchError as error:
         raise OptionError("hands", str(error)) from None
     for warning in recorded.warnings:
-        report.warn(f"{options.hands}: {warning}")
+        report.warn(f"{render_options.hands}: {warning}")
     return recorded
 
 

@@ -57,14 +57,14 @@ def render_journal(
     if options.motion:
         raise OptionError("motion", "a journal has no motion file; render its score")
     with _played(path):
-        replay = read_journal(path, trust=options.trust)
-        with scores.staging(replay.start.texts.load, report):
-            replayed = ReplayedSession(replay)
+        journal_content = read_journal(path, trust=options.trust)
+        with scores.staging(journal_content.start.texts.load, report):
+            replayed = ReplayedSession(journal_content)
     for warning in replayed.warnings:
         report.warn(warning)
     if not replayed.n_frames:
         raise ErgonError(f"{path}: the session played nothing")
-    opening, running = replay.start, replayed.running
+    opening, running = journal_content.start, replayed.running
     piece, plan = running.version.piece, running.stage.plan
     job = RenderJob(
         target=str(out) if out is not None else path.with_suffix(".wav").name,
@@ -87,9 +87,13 @@ def render_journal(
             path,
             *(() if opening.take is None else (opening.take.path,)),
             *(() if opening.frozen is None else opening.frozen.files),
-            *(input_path for texts in replay.all_texts() for input_path in texts.load().inputs),
+            *(
+                input_path
+                for texts in journal_content.all_texts()
+                for input_path in texts.load().inputs
+            ),
         ),
-        silences=replay.silences,
+        silences=journal_content.silences,
     )
     with (
         _played(path),

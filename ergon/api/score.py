@@ -301,12 +301,12 @@ def integer_rate(rate: float) -> int:
 def _stdin() -> str:
     from ergon.notation.text.syntax import MAX_BYTES
 
-    data = sys.stdin.buffer.read(MAX_BYTES + 1)
-    if len(data) > MAX_BYTES:
+    stdin_bytes = sys.stdin.buffer.read(MAX_BYTES + 1)
+    if len(stdin_bytes) > MAX_BYTES:
         raise ErgonError(
             f"stdin is longer than {MAX_BYTES >> 20} MB, the most that a score may have"
         )
     try:
-        return data.decode("utf-8-sig")
+        return stdin_bytes.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ErgonError("stdin is not text in UTF-8") from None

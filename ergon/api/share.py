@@ -53,17 +53,18 @@ def check_estimate(prepared: PreparedRender, path: Path, limit_mb: float) -> Non
     film, rate = prepared.job.film, prepared.stage.rate
     if film is None:
         return
-    seconds = film.stop / rate
-    motion = seconds * _motion_each_second(prepared.stage)
-    sound = seconds * rate * min(film.n_channels, EARS) * 2 * _FLAC
-    size = _CODED * (motion + sound)
+    film_seconds = film.stop / rate
+    motion = film_seconds * _motion_each_second(prepared.stage)
+    sound_bytes = film_seconds * rate * min(film.n_channels, EARS) * 2 * _FLAC
+    size = _CODED * (motion + sound_bytes)
     if size > _SURE * limit_mb * _MEGA:
-        fitting = seconds * limit_mb * _MEGA / size
+        fitting = film_seconds * limit_mb * _MEGA / size
         raise OptionError(
             "limit",
             f"{path} would have about {_megabytes(size)} ({_megabytes(_CODED * motion)} of "
-            f"motion, {_megabytes(_CODED * sound)} of sound), more than {limit_mb:g} MB, so it was "
-            f"not computed; share a shorter stretch than its {seconds:,.0f} s (about "
+            f"motion, {_megabytes(_CODED * sound_bytes)} of sound), more than {limit_mb:g} MB, so "
+            "it was "
+            f"not computed; share a shorter stretch than its {film_seconds:,.0f} s (about "
             f"{fitting:,.0f} s fit), or allow more",
         )
 
@@ -96,26 +97,27 @@ def share_file(
     OptionError where the file would be larger than `limit_mb`, FileRefusedError, OSError.
     """
     check_target(path, force=force, inputs=inputs)
-    sound = None if shown.sound is None else as_flac(shown.sound, folder).read_bytes()
+    sound_bytes = None if shown.sound is None else as_flac(shown.sound, folder).read_bytes()
     motion = shown.motion.read_bytes()
-    size = _CODED * (len(motion) + len(sound or b""))
-    if size > limit_mb * _MEGA:
+    page_bytes = _CODED * (len(motion) + len(sound_bytes or b""))
+    if page_bytes > limit_mb * _MEGA:
         parts = f"{_megabytes(_CODED * len(motion))} of motion"
-        if sound is not None:
-            parts += f", {_megabytes(_CODED * len(sound))} of sound"
+        if sound_bytes is not None:
+            parts += f", {_megabytes(_CODED * len(sound_bytes))} of sound"
         raise OptionError(
             "limit",
-            f"{path} would have {_megabytes(size)} ({parts}), more than {limit_mb:g} MB; share "
+            f"{path} would have {_megabytes(page_bytes)} ({parts}), more than {limit_mb:g} MB; "
+            "share "
             "a shorter stretch, or allow more",
         )
     server = serve(ANYWHERE, "at", report)
     try:
-        page_words = [*words, *(["sound"] if sound is not None else [])]
-        text = shared_page(page_files(server.url), _title(shown), page_words, motion, sound)
+        page_words = [*words, *(["sound"] if sound_bytes is not None else [])]
+        text = shared_page(page_files(server.url), _title(shown), page_words, motion, sound_bytes)
     finally:
         server.close()
     write_text(path, text, force=force, inputs=inputs)
-    return SharedFile(str(path), len(text.encode()), len(motion), len(sound or b""))
+    return SharedFile(str(path), len(text.encode()), len(motion), len(sound_bytes or b""))
 
 
 def _title(shown: Shown) -> str:

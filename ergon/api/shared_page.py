@@ -49,16 +49,16 @@ def page_files(url: str) -> Callable[[str], str]:
     """A reader of the files of the page that a server at `url` sends, by name."""
     place = urllib.parse.urlsplit(url)
 
-    def read(name: str) -> str:
-        line = http.client.HTTPConnection(place.netloc, timeout=60.0)
+    def read(module_name: str) -> str:
+        page_connection = http.client.HTTPConnection(place.netloc, timeout=60.0)
         try:
-            line.request("GET", place.path + name)
-            answer = line.getresponse()
+            page_connection.request("GET", place.path + module_name)
+            answer = page_connection.getresponse()
             if answer.status != http.client.OK:
-                raise OSError(f"the page's file {name or 'index.html'}: {answer.status}")
+                raise OSError(f"the page's file {module_name or 'index.html'}: {answer.status}")
             return answer.read().decode()
         finally:
-            line.close()
+            page_connection.close()
 
     return read
 
@@ -72,15 +72,15 @@ def shared_page(
     where the file is opened without any. A sound is FLAC or WAV.
     """
     index = read("")
-    modules = _modules(read, "main.js")
-    main = modules["main.js"]
+    module_texts = _modules(read, "main.js")
+    main = module_texts["main.js"]
     if main.count(_ADDRESS) != 1:
         raise ValueError("the page does not read the words of its address where it did")
     address_script = _ADDRESS.replace(")", f" || {json.dumps('&'.join(words))})")
-    modules["main.js"] = main.replace(_ADDRESS, address_script)
+    module_texts["main.js"] = main.replace(_ADDRESS, address_script)
     imports = {
         f"ergon/{name}": _data("text/javascript", _IMPORT.sub(r'"ergon/\1"', text).encode())
-        for name, text in modules.items()
+        for name, text in module_texts.items()
     }
     icon = _data("image/svg+xml", read("icon.svg").encode())
     head_html = "\n".join(
@@ -113,14 +113,14 @@ def shared_page(
 
 def _modules(read: Callable[[str], str], first_module: str) -> dict[str, str]:
     """A module and all that it imports, by name."""
-    modules: dict[str, str] = {}
+    module_texts: dict[str, str] = {}
     names = [first_module]
     while names:
         name = names.pop()
-        if name not in modules:
-            modules[name] = read(name)
-            names += _IMPORT.findall(modules[name])
-    return modules
+        if name not in module_texts:
+            module_texts[name] = read(name)
+            names += _IMPORT.findall(module_texts[name])
+    return module_texts
 
 
 def _data(kind: str, content: bytes) -> str:

@@ -128,38 +128,42 @@ def stats(
 
 
 def _stats(
-    piece: Piece, built: BuiltNetwork, name: str, frequency_max: float, inputs: Sequence[Path]
+    piece: Piece,
+    built: BuiltNetwork,
+    part_name: str,
+    frequency_max: float,
+    input_files: Sequence[Path],
 ) -> PartStats:
     import numpy as np
 
-    elements = built.network.elements([name])
-    modes = modes_of(piece, built, name, {"to": frequency_max}, inputs)
-    n_free = int(is_free(modes.shapes, elements).sum())
-    swinging = modes.frequencies[n_free:]
+    elements = built.network.elements([part_name])
+    part_modes = modes_of(piece, built, part_name, {"to": frequency_max}, input_files)
+    n_free = int(is_free(part_modes.shapes, elements).sum())
+    swinging = part_modes.frequencies[n_free:]
     middles, counts = _bands(swinging[swinging > 0])
-    guarantee, oversampling = _certificate(piece, name)
+    guarantee, oversampling = _certificate(piece, part_name)
     mats = elements.mats
-    points = points_of(piece, built, name, mats)
+    points = points_of(piece, built, part_name, mats)
     return PartStats(
-        name,
+        part_name,
         len(mats),
         elements.n_held,
         float(elements.masses.sum()),
         (float(elements.masses.min()), float(elements.masses.max())) if mats else (0.0, 0.0),
         tuple(_links(elements)),
-        modes,
+        part_modes,
         n_free,
         middles,
         counts,
-        _highest(built.network, name, elements),
+        _highest(built.network, part_name, elements),
         guarantee,
         oversampling,
         tuple(
-            _point(built.network, name, elements, modes, label, np.array(slots))
+            _point(built.network, part_name, elements, part_modes, label, np.array(slots))
             for label, slots in points.items()
         ),
-        tuple(inputs),
-        {m.name: m.fields["M"] for m in _modules(piece, name) if m.kind == "MODES"},
+        tuple(input_files),
+        {m.name: m.fields["M"] for m in _modules(piece, part_name) if m.kind == "MODES"},
     )
 
 
@@ -235,31 +239,33 @@ def _certificate(piece: Piece, name: str) -> tuple[str | None, int]:
 
 def _point(
     network: _core.Network,
-    name: str,
+    part_name: str,
     elements: _core.Elements,
-    modes: PartModes,
-    label: str,
-    slots: NDArray[np.intp],
+    part_modes: PartModes,
+    point_label: str,
+    mass_slots: NDArray[np.intp],
 ) -> PointStats:
     import numpy as np
 
-    masses = elements.masses[slots]
-    shares = np.abs(modes.points[label]) ** 2 / np.sum(1 / masses)
-    total_share = float(shares.sum())
-    centroid = float(shares @ modes.frequencies / total_share) if total_share > 0 else 0.0
-    mats = [elements.mats[slot] for slot in slots]
+    masses = elements.masses[mass_slots]
+    energy_shares = np.abs(part_modes.points[point_label]) ** 2 / np.sum(1 / masses)
+    total_share = float(energy_shares.sum())
+    centroid = (
+        float(energy_shares @ part_modes.frequencies / total_share) if total_share > 0 else 0.0
+    )
+    mats = [elements.mats[slot] for slot in mass_slots]
     compliance = np.inf
-    lowest = network.part_modes(name, count=1)
+    lowest = network.part_modes(part_name, count=1)
     # A mass that only a damper holds has a pole at 0: a constant force moves it without bound.
     # Points that no such mode moves still have a finite compliance.
-    stands = modes.frequencies > 0
-    swinging = 2 * np.pi * min(modes.frequencies[stands], default=0.0)
+    stands = part_modes.frequencies > 0
+    swinging = 2 * np.pi * min(part_modes.frequencies[stands], default=0.0)
     slowest = float(np.abs(lowest.poles[:1]).sum() or swinging)
     if not isfinite(slowest):  # a discrete network may be at rest within a frame
         slowest = 2 * np.pi * (elements.ca_rate or 0.0)
-    is_pushed_away = bool((shares[~stands] > _NOTHING).any()) or slowest == 0
+    is_pushed_away = bool((energy_shares[~stands] > _NOTHING).any()) or slowest == 0
     if not is_pushed_away and not is_free(lowest.shapes, elements).any():
         f = _STATIC * slowest / (2 * np.pi)
-        answer = network.admittance([name], mats, [mats], [f])[0, 0]
+        answer = network.admittance([part_name], mats, [mats], [f])[0, 0]
         compliance = float((answer / (2j * np.pi * f)).real)
-    return PointStats(label, float(masses.sum()), compliance, shares, centroid)
+    return PointStats(point_label, float(masses.sum()), compliance, energy_shares, centroid)

@@ -69,13 +69,13 @@ def closed_once_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic]
 
 
 def _contact_warning(
-    piece: Piece, simulated: Simulated, points: list[ContactClosings], kinds: _Kinds
+    piece: Piece, simulated: Simulated, contact_points: list[ContactClosings], kinds: _Kinds
 ) -> Diagnostic | None:
     """The warning for a contact that closed, of one point or of several; None if there is none."""
-    contact = points[0].contact
-    first_closed = min(stroke.first for stroke in points if stroke.first is not None)
-    last_closed = max(stroke.last for stroke in points if stroke.last is not None)
-    if any(stroke.is_closed for stroke in points):
+    contact = contact_points[0].contact
+    first_closed = min(stroke.first for stroke in contact_points if stroke.first is not None)
+    last_closed = max(stroke.last for stroke in contact_points if stroke.last is not None)
+    if any(stroke.is_closed for stroke in contact_points):
         return None
     for player in _players(piece, simulated, contact.module, kinds):
         strokes = sorted(player.strokes)
@@ -107,17 +107,17 @@ def _contact_warning(
 
 
 def _players(
-    piece: Piece, simulated: Simulated, contact: Module, kinds: _Kinds
+    piece: Piece, simulated: Simulated, contact: Module, module_kinds: _Kinds
 ) -> Iterator[_Player]:
     """Keys that close a contact, and strikes on one of its ends."""
-    for key, direction in _keys(piece, contact, kinds):
+    for key, direction in _keys(piece, contact, module_kinds):
         strokes = (s for g in simulated.gestures if g.key == key for s in _strokes(g, direction))
         yield _Player(f"stroke of {key} goes as far", f"strokes of {key} go as far", strokes)
     timeline, mats = simulated.stage.timeline, simulated.stage.built.assembly.mats
     if timeline is None:
         return
     for end in contact.ends:
-        if kinds[end.part, end.module] not in _THROWN:
+        if module_kinds[end.part, end.module] not in _THROWN:
             continue
         name, direction = f"{end.part}.{end.module}", _direction(contact, end)
         struck = timeline.strikes_on(mats[end.part, end.module])
@@ -129,21 +129,21 @@ def _keys(piece: Piece, contact: Module, kinds: _Kinds) -> Iterator[tuple[str, f
     """Keys that close a contact, directly or by a mass that they push, and the direction they move
     in to do so: 1 or -1.
     """
-    struck = {(name, key.struck): name for name, key in piece.keys.items()}
+    struck_keys = {(name, key.struck): name for name, key in piece.keys.items()}
     for end in contact.ends:
-        if key := struck.get((end.part, end.module)):
+        if key := struck_keys.get((end.part, end.module)):
             yield key, _direction(contact, end)
-    thrown = {(e.part, e.module) for e in contact.ends} - struck.keys()
-    for _, module in piece.modules():
-        if module.kind != "BUT" or module is contact:
+    thrown = {(e.part, e.module) for e in contact.ends} - struck_keys.keys()
+    for _, piece_module in piece.modules():
+        if piece_module.kind != "BUT" or piece_module is contact:
             continue
-        targets_by_module = {(end.part, end.module): end for end in module.ends}
+        targets_by_module = {(end.part, end.module): end for end in piece_module.ends}
         between = thrown & targets_by_module.keys()
         if any(kinds[end] in _THROWN for end in between):
             yield from (
-                (struck[w], _direction(module, e))
+                (struck_keys[w], _direction(piece_module, e))
                 for w, e in targets_by_module.items()
-                if w in struck
+                if w in struck_keys
             )
 
 
@@ -159,14 +159,14 @@ def _strokes(gesture: StagedGesture, direction: float) -> Iterator[_Stroke]:
         return  # a layer adds to an unknown path
     begins, lowest, highest = gesture.start, float("inf"), -float("inf")
     for begins_at, x in zip(gesture.t, gesture.x, strict=True):
-        reach = direction * x
-        if reach < highest - _SAME:
+        reach_forward = direction * x
+        if reach_forward < highest - _SAME:
             if highest > lowest + _SAME:
                 yield _Stroke(begins, highest)
-            begins, lowest, highest = begins_at, reach, reach
+            begins, lowest, highest = begins_at, reach_forward, reach_forward
             continue
-        if reach <= lowest + _SAME and highest <= lowest + _SAME:
-            begins, lowest = begins_at, min(lowest, reach)
-        highest = max(highest, reach)
+        if reach_forward <= lowest + _SAME and highest <= lowest + _SAME:
+            begins, lowest = begins_at, min(lowest, reach_forward)
+        highest = max(highest, reach_forward)
     if highest > lowest + _SAME:
         yield _Stroke(begins, highest)

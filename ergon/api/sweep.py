@@ -115,57 +115,63 @@ def sweep(
     loaded = scores.read(score, ReadOptions(text=options.text, trust=options.trust), report)
     scores.piece_of(loaded)
     folder = _folder(score, options)
-    table = Table(folder / "sweep.csv", tuple(variation.target for variation in varied))
-    check_target(table.path, force=options.force, inputs=loaded.inputs)
+    sweep_table = Table(folder / "sweep.csv", tuple(variation.target for variation in varied))
+    check_target(sweep_table.path, force=options.force, inputs=loaded.inputs)
     picture = folder / "sweep.svg"
     check_target(picture, force=options.force, inputs=loaded.inputs)
     variants = _variants(score, options, loaded, varied, combined, report)
     named_variants = _named_variants(str(score), options, variants)
-    known_rows = _rows_by_variant(table, named_variants, folder)
+    known_rows = _rows_by_variant(sweep_table, named_variants, folder)
     for variant in named_variants:
         if variant.file and variant.number not in known_rows:
             check_target(folder / variant.file, force=options.force, inputs=loaded.inputs)
-    rows = dict(known_rows)
+    rows_by_number = dict(known_rows)
     missing = [variant for variant in named_variants if variant.number not in known_rows]
-    title = scores.piece_of(loaded).title or Path(score).stem
+    picture_title = scores.piece_of(loaded).title or Path(score).stem
     try:
-        _compute(str(score), options, missing, folder, rows, table, report)
+        _compute(str(score), options, missing, folder, rows_by_number, sweep_table, report)
     finally:  # what was computed before Ctrl-C is kept
-        ordered_rows = [rows[number] for number in sorted(rows)]
+        ordered_rows = [rows_by_number[number] for number in sorted(rows_by_number)]
         if ordered_rows:
-            table.write(ordered_rows, title, force=options.force)
+            sweep_table.write(ordered_rows, picture_title, force=options.force)
             _draw(
                 picture,
-                title,
+                picture_title,
                 [variation.target for variation in varied],
                 ordered_rows,
                 options.force,
             )
-    return Sweep(table.targets, tuple(ordered_rows), table.path, picture, len(known_rows))
+    return Sweep(
+        sweep_table.targets, tuple(ordered_rows), sweep_table.path, picture, len(known_rows)
+    )
 
 
-def _varied(options: SweepOptions) -> tuple[list[Varied], list[tuple[str, ...]]]:
+def _varied(sweep_options: SweepOptions) -> tuple[list[Varied], list[tuple[str, ...]]]:
     """The targets that vary, and the values of each variant. Raises OptionError."""
     from ergon.notation.text.edit import EditError
     from ergon.scores.edits.varying import SEED, combined, parse
 
-    if not options.vary:
+    if not sweep_options.vary:
         raise OptionError(
             "vary", "no values are given; write for instance bell.m.K=1kN/m..9kN/m:32"
         )
     try:
-        varied = [parse(text) for text in options.vary]
-        values = combined(varied, is_zipped=options.zip)
+        varied = [parse(text) for text in sweep_options.vary]
+        values = combined(varied, is_zipped=sweep_options.zip)
     except EditError as error:
         raise OptionError("vary", str(error)) from None
-    check_seed(options.seed)
-    if options.seed is not None and any(variation.target == SEED for variation in varied):
+    check_seed(sweep_options.seed)
+    if sweep_options.seed is not None and any(variation.target == SEED for variation in varied):
         raise OptionError("seed", "; the sweep varies it", excludes="vary")
-    if options.on is not None and (options.jobs > 1 or options.plan or options.trust):
-        contrary_option = "jobs" if options.jobs > 1 else "plan" if options.plan else "trust"
+    if sweep_options.on is not None and (
+        sweep_options.jobs > 1 or sweep_options.plan or sweep_options.trust
+    ):
+        contrary_option = (
+            "jobs" if sweep_options.jobs > 1 else "plan" if sweep_options.plan else "trust"
+        )
         raise OptionError("on", "; leave one of the two out", excludes=contrary_option)
-    if options.jobs < 1:
-        raise OptionError("jobs", f"is {options.jobs}; it must be 1 or more")
+    if sweep_options.jobs < 1:
+        raise OptionError("jobs", f"is {sweep_options.jobs}; it must be 1 or more")
     return varied, values
 
 
@@ -215,21 +221,21 @@ def _texts(score: str | Path, options: SweepOptions, loaded: Loaded) -> Texts:
 
 
 def _named_variants(
-    score: str, options: SweepOptions, variants: Iterator[Variant]
+    score: str, sweep_options: SweepOptions, variants: Iterator[Variant]
 ) -> list[_NamedVariant]:
     """The variants with the names of their files and their hashes."""
-    targets = [text.partition("=")[0].strip() for text in options.vary]
-    render_options = _render_options(options)
-    named_variants, names = [], set[str]()
+    targets = [text.partition("=")[0].strip() for text in sweep_options.vary]
+    render_options = _render_options(sweep_options)
+    named_variants, file_names = [], set[str]()
     for number, variant in enumerate(variants):
         values = zip(targets, variant.values, strict=True)
-        name = stem = _file_name(", ".join(map("=".join, values)))
+        variant_name = stem = _file_name(", ".join(map("=".join, values)))
         count = 1
-        while name.lower() in names:
+        while variant_name.lower() in file_names:
             count += 1
-            name = f"{stem}-{count}"
-        names.add(name.lower())
-        file = f"{name}.wav" if options.sound else ""
+            variant_name = f"{stem}-{count}"
+        file_names.add(variant_name.lower())
+        file = f"{variant_name}.wav" if sweep_options.sound else ""
         key = digest(bundled(score, variant.loaded), sorted(render_options.items()), _version())
         named_variants.append(_NamedVariant(number, variant.values, variant.texts, file, key))
     return named_variants
@@ -275,68 +281,92 @@ def _rows_by_variant(
     return earlier_rows
 
 
-def _is_whole(folder: Path, row: SweepRow) -> bool:
-    if not row.file:
+def _is_whole(folder: Path, table_row: SweepRow) -> bool:
+    if not table_row.file:
         return False
     hashed = sha256()
     try:
-        with (folder / row.file).open("rb") as file:
+        with (folder / table_row.file).open("rb") as file:
             while block := file.read(1 << 20):
                 hashed.update(block)
     except OSError:
         return False
-    return hashed.hexdigest() == row.sha256
+    return hashed.hexdigest() == table_row.sha256
 
 
 def _compute(
     score: str,
-    options: SweepOptions,
-    missing: Sequence[_NamedVariant],
+    sweep_options: SweepOptions,
+    missing_variants: Sequence[_NamedVariant],
     folder: Path,
-    rows: dict[int, SweepRow],
-    table: Table,
+    rows_by_number: dict[int, SweepRow],
+    sweep_table: Table,
     report: Report,
 ) -> None:
     """Compute what is missing; each row and its sound are written when they are known."""
-    if not missing:
+    if not missing_variants:
         return
-    render_options = _render_options(options)
-    pairs: Iterator[tuple[_NamedVariant, Outcome]]
+    render_options = _render_options(sweep_options)
+    computed_pairs: Iterator[tuple[_NamedVariant, Outcome]]
 
     def content(variant: _NamedVariant) -> ScoreBundle:
         return bundled(score, variant.texts.load())
 
-    jobs = min(options.jobs, len(missing))
-    if options.on is not None:
+    jobs = min(sweep_options.jobs, len(missing_variants))
+    if sweep_options.on is not None:
         from .cluster import open_cluster
         from .cluster_worker import version
 
-        with open_cluster(options.on, report) as cluster:
+        with open_cluster(sweep_options.on, report) as cluster:
             engine_version = version()
-            pairs = cluster.computed(
-                missing,
+            computed_pairs = cluster.computed(
+                missing_variants,
                 lambda pool, variant: pool.submit(
                     on_worker, engine_version, content(variant), render_options, variant.file
                 ),
             )
-            _keep(pairs, len(missing), folder, options, rows, table, report)
+            _keep(
+                computed_pairs,
+                len(missing_variants),
+                folder,
+                sweep_options,
+                rows_by_number,
+                sweep_table,
+                report,
+            )
         return
     if jobs == 1:
-        pairs = (
+        computed_pairs = (
             (variant, compute(content(variant), render_options, variant.file))
-            for variant in missing
+            for variant in missing_variants
         )
-        _keep(pairs, len(missing), folder, options, rows, table, report)
+        _keep(
+            computed_pairs,
+            len(missing_variants),
+            folder,
+            sweep_options,
+            rows_by_number,
+            sweep_table,
+            report,
+        )
         return
     with _processes(jobs) as pool:
-        pairs = results_as_completed(
-            missing,
+        computed_pairs = results_as_completed(
+            missing_variants,
             lambda variant: pool.submit(compute, content(variant), render_options, variant.file),
             _wait,
             Future.result,
             2 * jobs,
         )
-        _keep(pairs, len(missing), folder, options, rows, table, report)
+        _keep(
+            computed_pairs,
+            len(missing_variants),
+            folder,
+            sweep_options,
+            rows_by_number,
+            sweep_table,
+            report,
+        )
 
 
 def _wait(futures: Sequence[Future[Outcome]]) -> None:
@@ -347,8 +377,8 @@ def _keep(
     pairs: Iterator[tuple[_NamedVariant, Outcome]],
     count: int,
     folder: Path,
-    options: SweepOptions,
-    rows: dict[int, SweepRow],
+    sweep_options: SweepOptions,
+    rows_by_number: dict[int, SweepRow],
     table: Table,
     report: Report,
 ) -> None:
@@ -356,25 +386,31 @@ def _keep(
     with report.progress("sweeping", count, 0.0) as progress:
         for variant, outcome in pairs:
             figures = {name: outcome["figures"].get(name) for name in FIGURES}
-            sound, file = outcome["sound"], variant.file if outcome["status"] == "ok" else ""
-            if file:
-                path = folder / file
-                with open_for_writing(path, binary=True, force=options.force) as sound_file:
-                    sound_file.write(sound)
-            rows[variant.number] = SweepRow(
+            variant_sound, variant_file = (
+                outcome["sound"],
+                variant.file if outcome["status"] == "ok" else "",
+            )
+            if variant_file:
+                path = folder / variant_file
+                with open_for_writing(path, binary=True, force=sweep_options.force) as sound_file:
+                    sound_file.write(variant_sound)
+            rows_by_number[variant.number] = SweepRow(
                 variant.values,
                 outcome["status"],
-                file,
+                variant_file,
                 figures,
                 variant.digest,
-                sha256(sound).hexdigest() if file else "",
+                sha256(variant_sound).hexdigest() if variant_file else "",
                 outcome["reason"],
             )
             seconds += outcome["figures"].get("cpu_s") or 0.0
             n_done += 1
-            table.keep([rows[number] for number in sorted(rows)], force=options.force)
+            table.keep(
+                [rows_by_number[number] for number in sorted(rows_by_number)],
+                force=sweep_options.force,
+            )
             progress.update(n_done)
-            report.event("variant", **asdict(rows[variant.number]))
+            report.event("variant", **asdict(rows_by_number[variant.number]))
 
 
 @contextmanager

@@ -65,14 +65,14 @@ class Table:
         if MARK not in data[:1024] or len(data) > _BYTES_MAX:
             return {}
         lines = [line for line in data.decode(errors="replace").splitlines() if line[:1] != "#"]
-        rows: dict[str, SweepRow] = {}
+        rows_by_digest: dict[str, SweepRow] = {}
         try:
             for fields in csv.DictReader(lines):
                 row = _row(fields)
-                rows[row.digest] = row
+                rows_by_digest[row.digest] = row
         except (ValueError, KeyError, TypeError, csv.Error):
             return {}
-        return rows
+        return rows_by_digest
 
     def keep(self, rows: Sequence[SweepRow], *, force: bool) -> None:
         """Write an unfinished table, at most once a second."""
@@ -88,13 +88,13 @@ class Table:
         facts = facts or ["made by ergon", "a sweep that is not finished"]
         facts += [f"{name}: {meaning}" for name, meaning in FIGURES.items()]
         out.writelines(f"# {fact}\n" for fact in facts)
-        table = csv.writer(out, lineterminator="\n")
-        table.writerow((*self.targets, *_HEAD, *FIGURES, *_TAIL))
+        csv_table = csv.writer(out, lineterminator="\n")
+        csv_table.writerow((*self.targets, *_HEAD, *FIGURES, *_TAIL))
         for row in rows:
             figures = ["" if x is None else f"{x:.8g}" for x in map(row.figures.get, FIGURES)]
             reason = " ".join(row.reason.split())
             end = (row.digest, row.sha256, reason)
-            table.writerow((*row.values, row.status, row.file, *figures, *end))
+            csv_table.writerow((*row.values, row.status, row.file, *figures, *end))
         write_text(self.path, out.getvalue(), force=force)
 
 

@@ -66,27 +66,27 @@ def on_worker(
         return compute(content, options, name)
 
 
-def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, bytes]:
+def _computed(path: str, options: RenderOptions, file_stem: str) -> tuple[Figures, bytes]:
     from ergon.rendering.measures import measures
     from ergon.rendering.render import render_array
 
     loaded = scores.read(path, options)
-    prepared = prepare(loaded, name or "-", options, Report())
+    prepared = prepare(loaded, file_stem or "-", options, Report())
     stage = prepared.stage
     job = replace(prepared.job, format=replace(prepared.job.format, bits="double"), stretches=None)
     start_time, start_cpu = time.perf_counter(), time.process_time()
     with scores.computing(stage, loaded, Report()):
-        frames, outcome, _ = render_array(stage, job, lambda _: None)
+        mix_frames, outcome, _ = render_array(stage, job, lambda _: None)
     cpu_seconds, wall = time.process_time() - start_cpu, time.perf_counter() - start_time
-    sound_measures = measures(frames, stage.rate)
-    rows = stage.plan.rows() if stage.plan is not None else []
-    errors = [row.error_db for row in rows if row.error_db is not None]
-    audible_differences = [row.audible for row in rows if row.audible is not None]
+    sound_measures = measures(mix_frames, stage.rate)
+    plan_rows = stage.plan.rows() if stage.plan is not None else []
+    errors = [row.error_db for row in plan_rows if row.error_db is not None]
+    audible_differences = [row.audible for row in plan_rows if row.audible is not None]
     cents = [
         abs(difference.cents) for difference in audible_differences if difference.cents is not None
     ]
     figures: Figures = {
-        "seconds": len(frames) / stage.rate,
+        "seconds": len(mix_frames) / stage.rate,
         "loudness_lufs": outcome.loudness,
         "peak_db": _decibels(outcome.peak),
         "centroid_hz": sound_measures.centroid,
@@ -94,30 +94,30 @@ def _computed(path: str, options: RenderOptions, name: str) -> tuple[Figures, by
         "partial_hz": sound_measures.partial,
         "t60_s": sound_measures.t60,
         "cpu_s": cpu_seconds,
-        "x_real_time": len(frames) / stage.rate / wall,
-        "plan_cost": sum(row.cost for row in rows),
+        "x_real_time": len(mix_frames) / stage.rate / wall,
+        "plan_cost": sum(row.cost for row in plan_rows),
         "error_db": max(errors, default=None),
         "error_cents": max(cents, default=None),
     }
-    return figures, _file(name, prepared, frames) if name else b""
+    return figures, _file(file_stem, prepared, mix_frames) if file_stem else b""
 
 
-def _file(name: str, prepared: PreparedRender, frames: NDArray[np.float64]) -> bytes:
+def _file(name: str, prepared: PreparedRender, mix_frames: NDArray[np.float64]) -> bytes:
     """The bytes of the file that `ergon render` writes."""
     from ergon import _core
     from ergon.exchange import sound
 
-    job, file = prepared.job, io.BytesIO()
-    writer = sound.writer(name, file, job.format, len(frames), job.stamp)
+    job, wave_file = prepared.job, io.BytesIO()
+    writer = sound.writer(name, wave_file, job.format, len(mix_frames), job.stamp)
     bits = job.format.bits
-    samples: Any = frames
+    samples: Any = mix_frames
     if bits == "float":
-        samples = _core.single(frames, 1.0)
+        samples = _core.single(mix_frames, 1.0)
     elif bits != "double":
-        samples = _core.pcm(frames, 1.0, 16 if bits == 16 else 24)
+        samples = _core.pcm(mix_frames, 1.0, 16 if bits == 16 else 24)
     writer.write(samples)
     writer.close()
-    return file.getvalue()
+    return wave_file.getvalue()
 
 
 def _decibels(ratio: float) -> float | None:

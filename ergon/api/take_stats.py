@@ -86,37 +86,37 @@ def take_stats(path: str | Path, options: TakeStatsOptions | None = None) -> tup
     return tuple(_hand_stats(recording, names.index(name), cutoff) for name in hand_names)
 
 
-def _hand_stats(recording: _core.Recording, axis: int, cutoff: float) -> HandStats:
+def _hand_stats(recording: _core.Recording, axis_index: int, cutoff: float) -> HandStats:
     from ergon.exchange.recording import instants
     from ergon.scores.gesture.movement import movement_stats
 
     ticks = recording.ticks()
     n = len(ticks)
-    is_fresh = recording.flags()[:, axis] & _FRESH != 0
+    is_fresh = recording.flags()[:, axis_index] & _FRESH != 0
     return HandStats(
-        recording.names[axis],
+        recording.names[axis_index],
         n,
         int(ticks[-1] - ticks[0]) + 1 - n if n else 0,
         int((~is_fresh).sum()) if is_fresh.any() else None,
-        movement_stats(instants(recording), recording.positions()[:, axis], cutoff)
+        movement_stats(instants(recording), recording.positions()[:, axis_index], cutoff)
         if n >= 2
         else None,
-        _force(recording, axis),
+        _force(recording, axis_index),
     )
 
 
 def _force(recording: _core.Recording, axis: int) -> ForceStats | None:
     import numpy as np
 
-    x, force = recording.positions()[:, axis], recording.forces()[:, axis]
+    x, tick_forces = recording.positions()[:, axis], recording.forces()[:, axis]
     sent = np.abs(recording.sent()[:, axis].astype(float))
-    if not force.any() and not sent.any():
+    if not tick_forces.any() and not sent.any():
         return None
     # The hand gives energy where it moves against the force of the piece.
-    energy = -0.5 * (force[1:] + force[:-1]) * np.diff(x)
+    energy = -0.5 * (tick_forces[1:] + tick_forces[:-1]) * np.diff(x)
     return ForceStats(
-        float(np.abs(force).max()),
-        float(np.sqrt(np.mean(force**2))),
+        float(np.abs(tick_forces).max()),
+        float(np.sqrt(np.mean(tick_forces**2))),
         float(energy[energy > 0].sum()),
         float(np.abs(energy[energy < 0]).sum()),
         float(sent.max()),

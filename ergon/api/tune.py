@@ -129,8 +129,8 @@ def tune(
     target_frequencies, has_ratios = _wanted(targets, options.base)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    (name,) = selected_parts(piece, (part,))
-    tuned_part = TunablePart(piece, name)
+    (selected_name,) = selected_parts(piece, (part,))
+    tuned_part = TunablePart(piece, selected_name)
     chosen = _chosen(tuned_part, options.by)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("tuning"):
         if has_ratios:
@@ -154,15 +154,17 @@ def tune(
         for old, new in zip(search.values, tuned_values, strict=True)
         if old.number != new.number
     ]
-    texts, edit_trouble = _edited(score, options, loaded, tuned_part, [new for _, new in changed])
+    edited_texts, edit_trouble = _edited(
+        score, options, loaded, tuned_part, [new for _, new in changed]
+    )
     frequencies = search.frequencies({value.field_key: value.number for value in tuned_values})
-    if texts is not None and (tuned_piece := texts.load().piece) is not None:
+    if edited_texts is not None and (tuned_piece := edited_texts.load().piece) is not None:
         frequencies = _Search(
-            TunablePart(tuned_piece, name), (), target_frequencies
+            TunablePart(tuned_piece, selected_name), (), target_frequencies
         ).initial_frequencies
     numbers = tuple(target_frequencies)
     return Tuned(
-        name,
+        selected_name,
         numbers,
         frequencies_before,
         np.array(list(target_frequencies.values())),
@@ -172,47 +174,50 @@ def tune(
             for old, new in changed
         ),
         search.rank,
-        None if texts is None else texts.text,
+        None if edited_texts is None else edited_texts.text,
         edit_trouble,
         tuple(loaded.inputs),
     )
 
 
 def _wanted(
-    targets: str | Mapping[int, float | str] | Sequence[float | str], base: float | str | None
+    target_texts: str | Mapping[int, float | str] | Sequence[float | str],
+    base_pitch: float | str | None,
 ) -> tuple[dict[int, float], bool]:
     """Frequencies [Hz] by number of the mode; without a base, ratios and True."""
-    if isinstance(targets, str) and ":" in targets:
-        ratios = {
+    if isinstance(target_texts, str) and ":" in target_texts:
+        ratios_by_mode = {
             number: _ratio(word)
-            for number, word in enumerate(targets.split(":"), 1)
+            for number, word in enumerate(target_texts.split(":"), 1)
             if word.strip() != "_"
         }
-        if len(ratios) < (2 if base is None else 1):
-            raise OptionError("targets", f"'{targets}' is not a ratio; write for instance 1:2.76")
-        if base is None:
-            return ratios, True
-        pitch = hertz("base", base)
-        return {number: pitch * ratio for number, ratio in ratios.items()}, False
-    if base is not None:
+        if len(ratios_by_mode) < (2 if base_pitch is None else 1):
+            raise OptionError(
+                "targets", f"'{target_texts}' is not a ratio; write for instance 1:2.76"
+            )
+        if base_pitch is None:
+            return ratios_by_mode, True
+        pitch = hertz("base", base_pitch)
+        return {number: pitch * ratio for number, ratio in ratios_by_mode.items()}, False
+    if base_pitch is not None:
         raise OptionError(
             "base", "a base is used with ratios only, such as 1:2.76:5.4; leave this option out"
         )
-    if isinstance(targets, Mapping):
-        pairs = list(targets.items())
+    if isinstance(target_texts, Mapping):
+        numbered_targets = list(target_texts.items())
     else:
-        listed_targets = targets.split() if isinstance(targets, str) else targets
-        pairs = [
+        listed_targets = target_texts.split() if isinstance(target_texts, str) else target_texts
+        numbered_targets = [
             (n, target_text)
             for n, target_text in enumerate(listed_targets, 1)
             if target_text != "_"
         ]
-    if not pairs:
+    if not numbered_targets:
         raise OptionError(
             "targets", "no target is given; write ratios (1:2.76), frequencies or notes"
         )
     hertz_by_mode = {}
-    for number, target_text in sorted(pairs):
+    for number, target_text in sorted(numbered_targets):
         if number < 1:
             raise OptionError("targets", f"there is no mode {number}; modes count from 1")
         hertz_by_mode[number] = hertz("targets", target_text)
@@ -228,41 +233,43 @@ def _wanted(
     return hertz_by_mode, False
 
 
-def _ratio(word: str) -> float:
+def _ratio(ratio_word: str) -> float:
     try:
-        ratio = float(word)
+        ratio_value = float(ratio_word)
     except ValueError:
-        ratio = math.nan
-    if not 0 < ratio < math.inf:
-        reason = f"'{word}' is not a ratio above 0; write for instance 1:2.76:5.4"
+        ratio_value = math.nan
+    if not 0 < ratio_value < math.inf:
+        reason = f"'{ratio_word}' is not a ratio above 0; write for instance 1:2.76:5.4"
         raise OptionError("targets", reason)
-    return ratio
+    return ratio_value
 
 
-def _chosen(part: TunablePart, targets: Sequence[str]) -> list[Value]:
-    """The values that `targets` names. Raises OptionError."""
+def _chosen(tunable_part: TunablePart, target_names: Sequence[str]) -> list[Value]:
+    """The values that `target_names` names. Raises OptionError."""
     from ergon.notation.text.spelling import nearest
 
-    part_values = list(part.values())
+    part_values = list(tunable_part.values())
     if not part_values:
-        raise OptionError("part", f"{part.name} has no value above 0 that moves its modes")
-    if not targets:
+        raise OptionError("part", f"{tunable_part.name} has no value above 0 that moves its modes")
+    if not target_names:
         return part_values
-    names: dict[str, list[Value]] = {}
+    values_by_name: dict[str, list[Value]] = {}
     for value in part_values:
-        full = part.target(value)
-        words = [value.field, part.listed(value), full]
-        words += [word.removeprefix(f"{part.name}.") for word in words[1:]]
-        for name in dict.fromkeys(words):
-            names.setdefault(name, []).append(value)
+        full = tunable_part.target(value)
+        value_words = [value.field, tunable_part.listed(value), full]
+        value_words += [word.removeprefix(f"{tunable_part.name}.") for word in value_words[1:]]
+        for name in dict.fromkeys(value_words):
+            values_by_name.setdefault(name, []).append(value)
     chosen_values: dict[Value, None] = {}
-    for word in targets:
-        matches = names.get(_WORDS.get(word, word))
+    for target_word in target_names:
+        matches = values_by_name.get(_WORDS.get(target_word, target_word))
         if matches is None:
-            words = [word for word, field in _WORDS.items() if field in names]
-            close = nearest(word, [*names, *words])
-            hint = f"did you mean '{close}'?" if close else f"there are {', '.join(names)}"
-            raise OptionError("by", f"{part.name} has no value '{word}' above 0; {hint}")
+            value_words = [word for word, field in _WORDS.items() if field in values_by_name]
+            close = nearest(target_word, [*values_by_name, *value_words])
+            hint = f"did you mean '{close}'?" if close else f"there are {', '.join(values_by_name)}"
+            raise OptionError(
+                "by", f"{tunable_part.name} has no value '{target_word}' above 0; {hint}"
+            )
         chosen_values.update(dict.fromkeys(matches))
     return list(chosen_values)
 
@@ -271,7 +278,7 @@ def _edited(
     score: str | Path,
     options: TuneOptions,
     loaded: Loaded,
-    part: TunablePart,
+    tunable_part: TunablePart,
     values: Sequence[Value],
 ) -> tuple[Texts | None, str]:
     """The texts with the values in them; or why they could not be written."""
@@ -279,22 +286,25 @@ def _edited(
     from ergon.scores.edits.texts import Texts
 
     path = str(Path(score))
-    texts = Texts(path, loaded.files[path].text, bounds=scores.bounds(path, options.trust))
-    texts = original_texts = texts.complete()
+    edited_texts = Texts(path, loaded.files[path].text, bounds=scores.bounds(path, options.trust))
+    edited_texts = original_texts = edited_texts.complete()
     try:
-        texts = part.edit(texts, values)
+        edited_texts = tunable_part.edit(edited_texts, values)
     except EditError as error:
         return None, str(error)
     other_files = [
-        file for file, text in texts.overlay.items() if original_texts.overlay.get(file) != text
+        file
+        for file, text in edited_texts.overlay.items()
+        if original_texts.overlay.get(file) != text
     ]
     if other_files:
         file_list = ", ".join(other_files)
         return (
             None,
-            f"{part.name} is written in {file_list}, which other scores may use: set it there",
+            f"{tunable_part.name} is written in {file_list}, which other scores may use: set it "
+            "there",
         )
-    return texts, ""
+    return edited_texts, ""
 
 
 class _Search:
@@ -336,23 +346,23 @@ class _Search:
 
         initial_logs = np.log([value.number for value in self.values])
         logs, error_max = initial_logs.copy(), math.inf
-        state = self._modes(self._numbers(logs))
+        search_state = self._modes(self._numbers(logs))
         for _ in range(_STEPS):
-            poles = state[0]
+            poles = search_state[0]
             residuals = np.log(poles.imag / (2 * np.pi)) - self.log_targets
             error_max = float(np.abs(residuals).max())
-            slopes = self._slopes(state, logs)
-            step, self.rank = _least_step(slopes, residuals)
+            slopes = self._slopes(search_state, logs)
+            log_step, self.rank = _least_step(slopes, residuals)
             if error_max * _CENTS <= _EXACT:
                 break
-            largest_step = float(np.abs(step).max())
+            largest_step = float(np.abs(log_step).max())
             if largest_step <= 1e-15:
                 break
-            step *= min(1.0, _STRIDE / largest_step)
-            accepted_step = self._better(logs, initial_logs, step, float(residuals @ residuals))
+            log_step *= min(1.0, _STRIDE / largest_step)
+            accepted_step = self._better(logs, initial_logs, log_step, float(residuals @ residuals))
             if accepted_step is None:
                 break
-            logs, state = accepted_step
+            logs, search_state = accepted_step
         return [
             value.number
             if log_number == initial_log
@@ -364,7 +374,7 @@ class _Search:
         self,
         logs: NDArray[np.float64],
         initial_logs: NDArray[np.float64],
-        step: NDArray[np.float64],
+        log_step: NDArray[np.float64],
         error_square: float,
     ) -> tuple[NDArray[np.float64], _State] | None:
         """The step, or a shorter one, that reduces the error; None if none does."""
@@ -373,16 +383,18 @@ class _Search:
         from ergon import _core
 
         for _ in range(14):
-            trial_logs = np.clip(logs + step, initial_logs - _FARTHEST, initial_logs + _FARTHEST)
+            trial_logs = np.clip(
+                logs + log_step, initial_logs - _FARTHEST, initial_logs + _FARTHEST
+            )
             try:
-                state = self._modes(self._numbers(trial_logs))
+                trial_state = self._modes(self._numbers(trial_logs))
             except _core.EngineError:  # values that no module allows: try a shorter step
-                step = step / 2
+                log_step = log_step / 2
                 continue
-            residuals = np.log(state[0].imag / (2 * np.pi)) - self.log_targets
+            residuals = np.log(trial_state[0].imag / (2 * np.pi)) - self.log_targets
             if float(residuals @ residuals) < error_square * (1 - 1e-9):
-                return trial_logs, state
-            step = step / 2
+                return trial_logs, trial_state
+            log_step = log_step / 2
         return None
 
     def _numbers(self, logs: NDArray[np.float64]) -> dict[FieldKey, float]:
@@ -402,18 +414,18 @@ class _Search:
         network = self.part.network(values)
         elements = network.elements([self.part.name])
         n, last_mode = len(elements.mats), max(self.wanted)
-        count = last_mode + 2
+        mode_count = last_mode + 2
         while True:
             try:
-                part_modes = network.part_modes(self.part.name, count=count)
+                part_modes = network.part_modes(self.part.name, count=mode_count)
             except _core.EngineError as error:
                 raise OptionError("targets", str(error)) from None
             swings = np.flatnonzero(
                 (part_modes.poles.imag > 0) & ~is_free(part_modes.shapes, elements)
             )
-            if len(swings) >= last_mode or count >= n:
+            if len(swings) >= last_mode or mode_count >= n:
                 break
-            count = min(n, 2 * count)
+            mode_count = min(n, 2 * mode_count)
         if len(swings) < last_mode:
             has = f"{len(swings)} modes that swing" if len(swings) != 1 else "1 mode that swings"
             reason = f"mode {last_mode} is wanted, but {self.part.name} has {has}"
@@ -459,18 +471,22 @@ class _Search:
         is_contact = np.array([kind == "BUT" for kind in elements.kinds])
         squared_stretches = np.where(is_contact, 0.0, stretches(shapes, elements) ** 2)
         rate, k, z = elements.ca_rate, elements.stiffness, elements.damping
-        s = poles if rate is None else np.exp(poles / rate) - 1
+        pole_steps = poles if rate is None else np.exp(poles / rate) - 1
         if rate is not None:
             k_z, dz = k + z, dz + dk  # w² + (Z + K) w + K = 0 at w = z - 1
         else:
             k_z = z
         squared_shapes = shapes**2
         perturbation = (
-            s**2 * (squared_shapes @ dm) + s * (squared_stretches @ dz) + squared_stretches @ dk
+            pole_steps**2 * (squared_shapes @ dm)
+            + pole_steps * (squared_stretches @ dz)
+            + squared_stretches @ dk
         )
-        ds = -perturbation / (2 * s * (squared_shapes @ elements.masses) + squared_stretches @ k_z)
+        ds = -perturbation / (
+            2 * pole_steps * (squared_shapes @ elements.masses) + squared_stretches @ k_z
+        )
         if rate is not None:
-            ds = rate * ds / (1 + s)
+            ds = rate * ds / (1 + pole_steps)
         return np.asarray(ds.imag / poles.imag)
 
 

@@ -43,13 +43,13 @@ def render_view(
 
     Raises as `render_to_file` does.
     """
-    sound = folder / "piece.wav"
+    sound_path = folder / "piece.wav"
     loaded = scores.read(score, options, report)
-    prepared = prepare(loaded, str(sound), options, report)
+    prepared = prepare(loaded, str(sound_path), options, report)
     if check is not None:
         check(prepared)
     write(prepared, report)
-    return Shown(sound.with_suffix(SUFFIX), for_two_ears(sound, folder, report))
+    return Shown(sound_path.with_suffix(SUFFIX), for_two_ears(sound_path, folder, report))
 
 
 def sound_beside(motion: Path, report: Report) -> Path | None:

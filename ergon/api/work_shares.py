@@ -59,14 +59,14 @@ def work_pieces(
     rows_left = [row for row in rows if row.cost > 0.0 and row.what != "oscillators"]
     for island in simulation.storable():
         cost = 1e-9 * rate * island.cost
-        parts: dict[str, None] = {}
+        names_in_piece: dict[str, None] = {}
         cost_left = cost
         while rows_left and cost_left > 1e-9 * cost:  # rows stand in the order of islands
             row = rows_left.pop(0)
             cost_left -= row.cost
-            parts.update(dict.fromkeys(row.parts))
+            names_in_piece.update(dict.fromkeys(row.parts))
         if is_expensive(island):
-            pieces.append(WorkPiece(tuple(parts), cost))
+            pieces.append(WorkPiece(tuple(names_in_piece), cost))
     return tuple(pieces)
 
 

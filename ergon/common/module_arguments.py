@@ -6,7 +6,7 @@ import argparse
 import sys
 
 
-def module_arguments(*names: str, further_code: str = "") -> list[str]:
+def module_arguments(*module_names: str, further_code: str = "") -> list[str]:
     """The words behind the module that runs: one for each name, then any number of `further_code`.
 
     `--help` prints the module's docstring. Both it and a word that is missing or begins with a dash
@@ -19,9 +19,9 @@ def module_arguments(*names: str, further_code: str = "") -> list[str]:
         description=module.__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    for name in names:
+    for name in module_names:
         parser.add_argument(name)
     if further_code:
         parser.add_argument(further_code, nargs="*", metavar=further_code)
     values = vars(parser.parse_args())
-    return [values[name] for name in names] + (values[further_code] if further_code else [])
+    return [values[name] for name in module_names] + (values[further_code] if further_code else [])

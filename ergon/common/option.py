@@ -104,17 +104,17 @@ def option(
     return field(default=default, metadata={"option": declared})
 
 
-def documented(options: type[T]) -> type[T]:
+def documented(option_class: type[T]) -> type[T]:
     """The class, with what its fields mean behind its docstring."""
-    all_fields = fields(options)  # type: ignore[arg-type]
-    new_fields = [field for field in all_fields if field.name in options.__annotations__]
+    all_fields = fields(option_class)  # type: ignore[arg-type]
+    new_fields = [field for field in all_fields if field.name in option_class.__annotations__]
     lines = [
         f"    {field.name}: {field.metadata['option'].help}"
         for field in new_fields
         if field.metadata
     ]
-    options.__doc__ = "\n".join([f"{options.__doc__}", *lines])
-    return options
+    option_class.__doc__ = "\n".join([f"{option_class.__doc__}", *lines])
+    return option_class
 
 
 def renamed(**new_names: str) -> Callable[[type[T]], type[T]]:
@@ -123,19 +123,21 @@ def renamed(**new_names: str) -> Callable[[type[T]], type[T]]:
     Each earlier name is given with the present one: `@renamed(to="until")`.
     """
 
-    def decorate(options: type[T]) -> type[T]:
-        construct = options.__init__
+    def decorate(option_class: type[T]) -> type[T]:
+        construct = option_class.__init__
 
         @wraps(construct)
         def constructed(self: T, *values: Any, **keywords: Any) -> None:
             for earlier_name, present_name in new_names.items():
                 if earlier_name in keywords and present_name not in keywords:
-                    message = f"{options.__name__}: `{earlier_name}` is called `{present_name}` now"
+                    message = (
+                        f"{option_class.__name__}: `{earlier_name}` is called `{present_name}` now"
+                    )
                     warn(message, DeprecationWarning, stacklevel=2)
                     keywords[present_name] = keywords.pop(earlier_name)
             construct(self, *values, **keywords)
 
-        setattr(options, "__init__", constructed)  # noqa: B010
-        return options
+        setattr(option_class, "__init__", constructed)  # noqa: B010
+        return option_class
 
     return decorate

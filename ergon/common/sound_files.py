@@ -67,15 +67,15 @@ def foreign_file(path: Path) -> str | None:
         return None
 
 
-def wrong_ending(target: str) -> str | None:
+def wrong_ending(target_name: str) -> str | None:
     """What is wrong with the ending of the name of a sound file, as a sentence without advice; None
     if nothing is.
     """
-    path = Path(target)
-    if path.suffix.lower() in SUFFIXES or target == "-" or _is_device(path):
+    path = Path(target_name)
+    if path.suffix.lower() in SUFFIXES or target_name == "-" or _is_device(path):
         return None
     end = f"ends in {path.suffix}" if path.suffix else "has no ending"
-    return f"{target} {end}, but sound files end in {' or '.join(SUFFIXES)}"
+    return f"{target_name} {end}, but sound files end in {' or '.join(SUFFIXES)}"
 
 
 def with_ending(target: str) -> str:

@@ -60,11 +60,11 @@ def _parsed(format: str, loads: Callable[[str], Any], text: str | bytes) -> Any:
     except MalformedTextError:
         raise
     except UnicodeDecodeError:
-        reason = "it is not text in UTF-8"
+        failure_reason = "it is not text in UTF-8"
     except RecursionError:
-        reason = "it is nested too deeply"
+        failure_reason = "it is nested too deeply"
     except ValueError as error:
         # `int` raises the plain one; those of the readers have a place in the text.
         is_int = type(error) is ValueError
-        reason = "it has a number of too many digits" if is_int else str(error)
-    raise MalformedTextError(f"this is not {format} that can be read: {reason}")
+        failure_reason = "it has a number of too many digits" if is_int else str(error)
+    raise MalformedTextError(f"this is not {format} that can be read: {failure_reason}")

@@ -19,7 +19,7 @@ class XmlError(ErgonError, ValueError):
 
 
 def parse_xml(
-    data: bytes,
+    xml_bytes: bytes,
     *,
     bytes_max: int = BYTES_MAX,
     elements_max: int = ELEMENTS_MAX,
@@ -30,30 +30,30 @@ def parse_xml(
     Only a document type can define entities, so a text without one can neither expand nor load
     files. With `has_type` it may name a type, of which nothing is read, and define nothing.
     """
-    if len(data) > bytes_max:
+    if len(xml_bytes) > bytes_max:
         raise XmlError(f"the XML is larger than {bytes_max >> 20} MB")
     # A zero byte means UTF-16 or UTF-32, in which the search below would miss a document type.
-    if b"\0" in data.rstrip(b"\0"):
+    if b"\0" in xml_bytes.rstrip(b"\0"):
         raise XmlError("the XML is not in UTF-8")
     if has_type:
-        data = _TYPE.sub(b"", data, count=1)
-    if _DEFINES.search(data):
+        xml_bytes = _TYPE.sub(b"", xml_bytes, count=1)
+    if _DEFINES.search(xml_bytes):
         raise XmlError("the XML has a document type, which is not read")
     parser: Any = ElementTree.XMLPullParser(("end",))
     try:
-        parser.feed(data.rstrip(b"\0"))
-        root: ElementTree.Element | None = None
+        parser.feed(xml_bytes.rstrip(b"\0"))
+        root_element: ElementTree.Element | None = None
         for count, event in enumerate(parser.read_events()):
-            root = event[1]
+            root_element = event[1]
             if count >= elements_max:
                 raise XmlError(f"the XML has more than {elements_max:,} elements")
-            assert root is not None
-            root.tag = root.tag.rpartition("}")[2]
+            assert root_element is not None
+            root_element.tag = root_element.tag.rpartition("}")[2]
         parser.close()
     except ElementTree.ParseError as error:
         raise XmlError(f"the XML is not well formed: {error}") from None
     except (LookupError, ValueError) as error:
         raise XmlError(f"the XML cannot be read: {error}") from None
-    if root is None:
+    if root_element is None:
         raise XmlError("the XML is empty")
-    return root
+    return root_element

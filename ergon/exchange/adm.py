@@ -80,43 +80,43 @@ def _axml(layout: ChannelLayout, title: str) -> str:
     kind, ids = _kind(layout), _ids(layout)
     label = _TYPES[kind]
     pack = f"AP_{label}{_FIRST:04x}"
-    name = quoteattr("".join(c for c in title if c.isprintable()) or "ergon")
+    quoted_title = quoteattr("".join(c for c in title if c.isprintable()) or "ergon")
     typed = f'typeLabel="{label}" typeDefinition="{kind}"'
     farthest = max((r for *_, r in layout.speakers), default=1.0) or 1.0
     absolute = f' absoluteDistance="{farthest:.6g}"' if layout.order is None else ""
     elements = [
-        f'<audioProgramme audioProgrammeID="APR_1001" audioProgrammeName={name}>',
+        f'<audioProgramme audioProgrammeID="APR_1001" audioProgrammeName={quoted_title}>',
         "<audioContentIDRef>ACO_1001</audioContentIDRef></audioProgramme>",
-        f'<audioContent audioContentID="ACO_1001" audioContentName={name}>',
+        f'<audioContent audioContentID="ACO_1001" audioContentName={quoted_title}>',
         "<audioObjectIDRef>AO_1001</audioObjectIDRef></audioContent>",
-        f'<audioObject audioObjectID="AO_1001" audioObjectName={name}>',
+        f'<audioObject audioObjectID="AO_1001" audioObjectName={quoted_title}>',
         f"<audioPackFormatIDRef>{pack}</audioPackFormatIDRef>",
         *(f"<audioTrackUIDRef>ATU_{i:08x}</audioTrackUIDRef>" for i in range(1, len(ids) + 1)),
         "</audioObject>",
-        f'<audioPackFormat audioPackFormatID="{pack}" audioPackFormatName={name} '
+        f'<audioPackFormat audioPackFormatID="{pack}" audioPackFormatName={quoted_title} '
         f"{typed}{absolute}>",
         *(f"<audioChannelFormatIDRef>AC_{number}</audioChannelFormatIDRef>" for number in ids),
         "</audioPackFormat>",
     ]
-    for i, number in enumerate(ids):
+    for i, format_id in enumerate(ids):
         channel_name = f"{i + 1}"
         elements += [
-            f'<audioChannelFormat audioChannelFormatID="AC_{number}" '
+            f'<audioChannelFormat audioChannelFormatID="AC_{format_id}" '
             f'audioChannelFormatName="{channel_name}" {typed}>'
-            f'<audioBlockFormat audioBlockFormatID="AB_{number}_00000001">',
+            f'<audioBlockFormat audioBlockFormatID="AB_{format_id}_00000001">',
             *_block(layout, i, farthest),
             "</audioBlockFormat></audioChannelFormat>",
-            f'<audioStreamFormat audioStreamFormatID="AS_{number}" '
+            f'<audioStreamFormat audioStreamFormatID="AS_{format_id}" '
             f'audioStreamFormatName="{channel_name}" '
             'formatLabel="0001" formatDefinition="PCM">'
-            f"<audioChannelFormatIDRef>AC_{number}</audioChannelFormatIDRef>"
-            f"<audioTrackFormatIDRef>AT_{number}_01</audioTrackFormatIDRef></audioStreamFormat>",
-            f'<audioTrackFormat audioTrackFormatID="AT_{number}_01" '
+            f"<audioChannelFormatIDRef>AC_{format_id}</audioChannelFormatIDRef>"
+            f"<audioTrackFormatIDRef>AT_{format_id}_01</audioTrackFormatIDRef></audioStreamFormat>",
+            f'<audioTrackFormat audioTrackFormatID="AT_{format_id}_01" '
             f'audioTrackFormatName="{channel_name}" '
             'formatLabel="0001" formatDefinition="PCM">'
-            f"<audioStreamFormatIDRef>AS_{number}</audioStreamFormatIDRef></audioTrackFormat>",
+            f"<audioStreamFormatIDRef>AS_{format_id}</audioStreamFormatIDRef></audioTrackFormat>",
             f'<audioTrackUID UID="ATU_{i + 1:08x}">'
-            f"<audioTrackFormatIDRef>AT_{number}_01</audioTrackFormatIDRef>"
+            f"<audioTrackFormatIDRef>AT_{format_id}_01</audioTrackFormatIDRef>"
             f"<audioPackFormatIDRef>{pack}</audioPackFormatIDRef></audioTrackUID>",
         ]
     body = "\n".join(elements)
@@ -128,17 +128,17 @@ def _axml(layout: ChannelLayout, title: str) -> str:
     )
 
 
-def _block(layout: ChannelLayout, index: int, farthest: float) -> list[str]:
+def _block(layout: ChannelLayout, speaker_index: int, farthest: float) -> list[str]:
     if layout.order is not None:
-        n = next(n for n in range(index + 1) if index < (n + 1) ** 2)
-        degree = index - n * n - n
+        n = next(n for n in range(speaker_index + 1) if speaker_index < (n + 1) ** 2)
+        degree = speaker_index - n * n - n
         return [
             f"<order>{n}</order><degree>{degree}</degree>",
             "<normalization>SN3D</normalization>",
         ]
-    azimuth, elevation, distance = layout.speakers[index]
+    azimuth, elevation, distance = layout.speakers[speaker_index]
     return [
-        f"<speakerLabel>{index + 1}</speakerLabel>",
+        f"<speakerLabel>{speaker_index + 1}</speakerLabel>",
         f'<position coordinate="azimuth">{azimuth:.6f}</position>',
         f'<position coordinate="elevation">{elevation:.6f}</position>',
         f'<position coordinate="distance">{distance / farthest:.6f}</position>',
@@ -159,36 +159,40 @@ def read(info: WaveInfo) -> ChannelLayout | None:
         for channel_format in root.iter("audioChannelFormat")
     }
     # AT_yyyyxxxx_zz is the track of AC_yyyyxxxx (BS.2076, 6); a file may also name the AC directly.
-    names = [f"AC_{track[3:11]}" for track in tracks]
-    channels = [formats[name] for name in names if name in formats]
-    labels = {i: common_label(n) for i, n in enumerate(names) if n not in formats}
-    if not names or None in labels.values():
+    format_names = [f"AC_{track[3:11]}" for track in tracks]
+    channel_formats = [formats[name] for name in format_names if name in formats]
+    labels = {i: common_label(n) for i, n in enumerate(format_names) if n not in formats}
+    if not format_names or None in labels.values():
         return None
     if labels:
-        described = iter(channels)
-        return _speakers([labels.get(i) or next(described) for i in range(len(names))], root)
-    kinds = {
+        described = iter(channel_formats)
+        return _speakers([labels.get(i) or next(described) for i in range(len(format_names))], root)
+    channel_kinds = {
         channel_format.get("typeDefinition") or channel_format.get("typeLabel")
-        for channel_format in channels
+        for channel_format in channel_formats
     }
-    if kinds <= {"HOA", "0004"}:
-        return _ambisonics(channels)
-    if kinds <= {"DirectSpeakers", "0001"}:
-        return _speakers(channels, root)
+    if channel_kinds <= {"HOA", "0004"}:
+        return _ambisonics(channel_formats)
+    if channel_kinds <= {"DirectSpeakers", "0001"}:
+        return _speakers(channel_formats, root)
     return None
 
 
-def _tracks(data: bytes, n_channels: int) -> list[str]:
+def _tracks(file_bytes: bytes, n_channels: int) -> list[str]:
     """The format that each channel plays (AT_… or AC_…), the first of several; empty if the rows do
     not name exactly the channels of the file.
     """
-    names: dict[int, str] = {}
-    for offset in range(4, len(data) - _UID.size + 1, _UID.size):
-        index, _, name, _ = _UID.unpack_from(data, offset)
+    names_by_channel: dict[int, str] = {}
+    for offset in range(4, len(file_bytes) - _UID.size + 1, _UID.size):
+        index, _, name, _ = _UID.unpack_from(file_bytes, offset)
         if index:
-            names.setdefault(index, name.rstrip(b"\0").decode("ascii", "replace"))
+            names_by_channel.setdefault(index, name.rstrip(b"\0").decode("ascii", "replace"))
     track_numbers = range(1, min(n_channels, _CHANNELS_MAX) + 1)
-    return [names[i] for i in track_numbers] if set(names) == set(track_numbers) else []
+    return (
+        [names_by_channel[i] for i in track_numbers]
+        if set(names_by_channel) == set(track_numbers)
+        else []
+    )
 
 
 def _ambisonics(channels: Sequence[ElementTree.Element]) -> ChannelLayout | None:
@@ -241,13 +245,15 @@ def _speakers(
     return ChannelLayout(tuple(speakers), effects=tuple(effects))
 
 
-def _is_effects(channel: ElementTree.Element) -> bool:
+def _is_effects(channel_element: ElementTree.Element) -> bool:
     """Whether a channel is for low-frequency effects: by its labels, or by its lowpass."""
-    frequencies = channel.findall("frequency")
+    frequencies = channel_element.findall("frequency")
     bounds = (
         frequency.text for frequency in frequencies if frequency.get("typeDefinition") == "lowPass"
     )
-    labels = [label.text or "" for label in channel.findall("audioBlockFormat/speakerLabel")]
+    labels = [
+        label.text or "" for label in channel_element.findall("audioBlockFormat/speakerLabel")
+    ]
     return any(map(is_effects, labels)) or any(_number(hz) <= _EFFECTS_HZ for hz in bounds)
 
 

@@ -75,72 +75,84 @@ def _samples(path: Path) -> Iterator[bytes]:
     """The samples in the order of bytes of WAVE, in blocks of complete frames."""
     import numpy as np
 
-    with open_regular(path) as file:
-        info, order = _parse(file)
+    with open_regular(path) as open_file:
+        info, byte_order = _parse(open_file)
         width = BYTES[info.format.bits]
         frame = info.format.frame_bytes
-        file.seek(info.offset)
+        open_file.seek(info.offset)
         frames_left = info.size
         while frames_left:
-            count = min(frames_left, max(1, _BLOCK_BYTES // frame) * frame)
-            octets = np.frombuffer(read_exactly(file, count, _CUT_SAMPLES), np.uint8)
-            if order == _BIG:
+            frame_count = min(frames_left, max(1, _BLOCK_BYTES // frame) * frame)
+            octets = np.frombuffer(read_exactly(open_file, frame_count, _CUT_SAMPLES), np.uint8)
+            if byte_order == _BIG:
                 octets = octets.reshape(-1, width)[:, ::-1]
-            if info.format.bits == 8 and order != "unsigned":
+            if info.format.bits == 8 and byte_order != "unsigned":
                 octets = octets ^ np.uint8(0x80)  # WAVE counts 8 bits from 0
             yield octets.tobytes()
-            frames_left -= count
+            frames_left -= frame_count
 
 
-def _parse(file: BinaryIO) -> tuple[WaveInfo, str]:
+def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
     """What the chunks say, and the order of bytes of a sample."""
-    head = file.read(12)
+    head = open_file.read(12)
     if len(head) < 12 or head[:4] != b"FORM" or head[8:] not in (b"AIFF", b"AIFC"):
         raise NotWaveError("this is not an AIFF file")
     is_compressed = head[8:] == b"AIFC"
-    end = file.seek(0, 2)
-    file.seek(12)
+    end_offset = open_file.seek(0, 2)
+    open_file.seek(12)
     format: WaveFormat | None = None
-    order, stated, title = _BIG, 0, ""
-    place, stop = None, end
-    marks: list[tuple[str, int]] = []
+    byte_order, stated, stated_title = _BIG, 0, ""
+    sound_place, stop_offset = None, end_offset
+    named_marks: list[tuple[str, int]] = []
     other_chunks: list[tuple[str, int]] = []
-    while len(chunk := file.read(8)) == 8:
-        name, size = chunk[:4], int.from_bytes(chunk[4:], "big")
-        start = file.tell()
-        if format is not None and place is not None and (size > end - start or not name.isascii()):
+    while len(chunk := open_file.read(8)) == 8:
+        chunk_name, chunk_size = chunk[:4], int.from_bytes(chunk[4:], "big")
+        start_offset = open_file.tell()
+        if (
+            format is not None
+            and sound_place is not None
+            and (chunk_size > end_offset - start_offset or not chunk_name.isascii())
+        ):
             break  # what follows the samples is no chunk
-        if name == b"COMM":
-            content = read_exactly(file, min(size, 1024), _CUT_HEADER)
-            format, order, stated = _common(content, is_compressed=is_compressed)
-        elif name == b"SSND" and place is None:
-            offset, _ = struct.unpack(">II", read_exactly(file, 8, _CUT_HEADER))
-            place = start + 8 + offset
-            stop = start + size if 8 < size <= end - start else end
-        elif name == b"NAME" and size <= _TEXT_MAX:
-            title = read_exactly(file, size, _CUT_HEADER).decode("utf-8", "replace").strip("\0 ")
-        elif name == b"MARK" and size <= _TEXT_MAX:
-            marks = _marks(read_exactly(file, size, _CUT_HEADER))
-        elif name not in _FILLING and len(other_chunks) < _OTHERS_MAX:
-            other_chunks.append((name.decode("latin-1"), size))
-        file.seek(start + size + size % 2)
-    if format is None or (place is None and stated):
+        if chunk_name == b"COMM":
+            content = read_exactly(open_file, min(chunk_size, 1024), _CUT_HEADER)
+            format, byte_order, stated = _common(content, is_compressed=is_compressed)
+        elif chunk_name == b"SSND" and sound_place is None:
+            offset, _ = struct.unpack(">II", read_exactly(open_file, 8, _CUT_HEADER))
+            sound_place = start_offset + 8 + offset
+            stop_offset = (
+                start_offset + chunk_size
+                if 8 < chunk_size <= end_offset - start_offset
+                else end_offset
+            )
+        elif chunk_name == b"NAME" and chunk_size <= _TEXT_MAX:
+            stated_title = (
+                read_exactly(open_file, chunk_size, _CUT_HEADER)
+                .decode("utf-8", "replace")
+                .strip("\0 ")
+            )
+        elif chunk_name == b"MARK" and chunk_size <= _TEXT_MAX:
+            named_marks = _marks(read_exactly(open_file, chunk_size, _CUT_HEADER))
+        elif chunk_name not in _FILLING and len(other_chunks) < _OTHERS_MAX:
+            other_chunks.append((chunk_name.decode("latin-1"), chunk_size))
+        open_file.seek(start_offset + chunk_size + chunk_size % 2)
+    if format is None or (sound_place is None and stated):
         raise NotWaveError("this AIFF file holds no samples")
-    place = end if place is None else place
-    frame = format.frame_bytes
-    n_frames = min(stated, max(0, stop - place) // frame)
+    sound_place = end_offset if sound_place is None else sound_place
+    frame_bytes = format.frame_bytes
+    n_frames = min(stated, max(0, stop_offset - sound_place) // frame_bytes)
     info = WaveInfo(
         "AIFC" if is_compressed else "AIFF",
         format,
         n_frames,
-        place,
-        n_frames * frame,
-        description=title,
-        missing=(stated - n_frames) * frame,
+        sound_place,
+        n_frames * frame_bytes,
+        description=stated_title,
+        missing=(stated - n_frames) * frame_bytes,
         others=tuple(other_chunks),
-        marks=tuple(marks),
+        marks=tuple(named_marks),
     )
-    return info, order
+    return info, byte_order
 
 
 def _common(content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, str, int]:
@@ -175,13 +187,13 @@ def _rate(exponent: int, mantissa: bytes) -> int:
     return round(value)
 
 
-def _marks(content: bytes) -> list[tuple[str, int]]:
+def _marks(chunk_content: bytes) -> list[tuple[str, int]]:
     """Name and frame of each mark."""
-    marks: list[tuple[str, int]] = []
+    named_marks: list[tuple[str, int]] = []
     start = 2
-    while start + 7 <= len(content) and len(marks) < _MARKS_MAX:
-        frame, length = struct.unpack_from(">IB", content, start + 2)
-        name = content[start + 7 : start + 7 + length].decode("utf-8", "replace")
-        marks.append((name, frame))
+    while start + 7 <= len(chunk_content) and len(named_marks) < _MARKS_MAX:
+        frame, length = struct.unpack_from(">IB", chunk_content, start + 2)
+        name = chunk_content[start + 7 : start + 7 + length].decode("utf-8", "replace")
+        named_marks.append((name, frame))
         start += 7 + length + (length + 1) % 2  # with its length a name has an even size
-    return marks
+    return named_marks

@@ -46,22 +46,22 @@ class CacheFolder:
             # What others may change, or have left there, is not ours.
             if not (is_own_alone(self.path.stat()) and is_own_alone(path.stat())):
                 return None
-            data = _content(path, self.n_bytes_one)
+            stored_bytes = _content(path, self.n_bytes_one)
         except OSError:
             return None
-        if data is None:
+        if stored_bytes is None:
             return None
         with contextlib.suppress(OSError):
             os.utime(path)
-        return data
+        return stored_bytes
 
     def has(self, key: str) -> bool:
         """Whether something was kept under a key."""
         return self._path(key).is_file()
 
-    def write(self, key: str, *parts: bytes | memoryview) -> bool:
+    def write(self, key: str, *content_parts: bytes | memoryview) -> bool:
         """Store the content, which may come in parts, if possible; True if it was stored."""
-        if sum(memoryview(part).nbytes for part in parts) > self.n_bytes_one:
+        if sum(memoryview(part).nbytes for part in content_parts) > self.n_bytes_one:
             return False
         try:
             for folder in (self.path.parent, self.path):
@@ -71,7 +71,7 @@ class CacheFolder:
             with open_for_writing(
                 self._path(key), binary=False, force=True, sync=False, replaceable=False
             ) as file:
-                for part in parts:
+                for part in content_parts:
                     file.write(part)
         except (OSError, FileRefusedError):
             return False
@@ -102,13 +102,13 @@ def _content(path: Path, n_bytes_max: int) -> memoryview | None:
     """The bytes of a regular file; None if there are more than `n_bytes_max`."""
     import numpy as np
 
-    with open_regular(path) as file:
-        n_bytes = os.fstat(file.fileno()).st_size
+    with open_regular(path) as open_file:
+        n_bytes = os.fstat(open_file.fileno()).st_size
         if n_bytes > n_bytes_max:
             return None
         # Large arrays come in large pages, which takes a third of the time of `read`.
         data = np.empty(n_bytes, np.uint8).data
-        return data[: file.readinto(data)]
+        return data[: open_file.readinto(data)]
 
 
 def user_folder(name: str, environment: Mapping[str, str] = os.environ) -> Path | None:

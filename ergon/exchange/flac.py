@@ -102,33 +102,35 @@ def read_info(path: Path) -> WaveInfo:
     """What the file says it holds. Raises NotWaveError or OSError."""
     import soundfile
 
-    with _open(path) as file:
+    with _open(path) as open_file:
         try:
-            with soundfile.SoundFile(file) as sound:
-                bits = _BITS.get(sound.subtype)
-                if sound.format != "FLAC" or bits is None:
+            with soundfile.SoundFile(open_file) as flac_file:
+                bits = _BITS.get(flac_file.subtype)
+                if flac_file.format != "FLAC" or bits is None:
                     raise NotWaveError("the file is not FLAC of 16 or 24 bits")
-                if sound.frames >= _UNKNOWN:
+                if flac_file.frames >= _UNKNOWN:
                     raise NotWaveError("the file does not say how long it is; encode it again")
-                size = os.fstat(file.fileno()).st_size
-                if sound.frames > _FRAMES_PER_BYTE * size:
-                    message = f"the file is damaged: it declares {sound.frames:,} frames, which "
-                    raise NotWaveError(f"{message}{size:,} bytes cannot hold")
-                comment = sound.comment or ""
+                file_size = os.fstat(open_file.fileno()).st_size
+                if flac_file.frames > _FRAMES_PER_BYTE * file_size:
+                    message = (
+                        f"the file is damaged: it declares {flac_file.frames:,} frames, which "
+                    )
+                    raise NotWaveError(f"{message}{file_size:,} bytes cannot hold")
+                comment = flac_file.comment or ""
                 is_ours = comment.startswith(_MARK)
-                channels = read_description(file)
+                channel_description = read_description(open_file)
                 return WaveInfo(
                     "FLAC",
-                    WaveFormat(sound.samplerate, sound.channels, bits),
-                    sound.frames,
+                    WaveFormat(flac_file.samplerate, flac_file.channels, bits),
+                    flac_file.frames,
                     0,
-                    size,
+                    file_size,
                     ORIGINATOR if is_ours else None,
                     comment.removeprefix(_MARK).strip(),
-                    channels.axml,
-                    channels.chna,
-                    channels.mask,
-                    others=channels.others,
+                    channel_description.axml,
+                    channel_description.chna,
+                    channel_description.mask,
+                    others=channel_description.others,
                 )
         except soundfile.LibsndfileError as error:
             raise NotWaveError(f"the file is not FLAC: {error}") from None
@@ -167,12 +169,14 @@ def _integers(path: Path) -> Iterator[NDArray[np.int32]]:
             with soundfile.SoundFile(file) as sound:
                 frames_left = sound.frames
                 while frames_left:
-                    block = sound.read(min(frames_left, _BLOCK), dtype="int32", always_2d=True)
-                    if not len(block):
+                    sample_block = sound.read(
+                        min(frames_left, _BLOCK), dtype="int32", always_2d=True
+                    )
+                    if not len(sample_block):
                         raise NotWaveError(
                             f"the file is damaged: {frames_left:,} frames are missing"
                         )
-                    yield block
-                    frames_left -= len(block)
+                    yield sample_block
+                    frames_left -= len(sample_block)
         except soundfile.LibsndfileError as error:
             raise NotWaveError(f"the file is damaged: {error}") from None

@@ -70,23 +70,23 @@ def read_description(file: BinaryIO) -> ChannelDescription:
     return ChannelDescription(info.axml, info.chna, mask or info.mask, info.others)
 
 
-def _blocks(file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+def _blocks(open_file: BinaryIO) -> Iterator[tuple[int, bytes]]:
     """The type and the content of each block that may say something of the channels."""
-    file.seek(len(MAGIC))
+    open_file.seek(len(MAGIC))
     n_bytes = 0
     for _ in range(_BLOCKS_MAX):
-        head = file.read(_HEAD)
-        if len(head) < _HEAD:
+        header_bytes = open_file.read(_HEAD)
+        if len(header_bytes) < _HEAD:
             return
-        kind, size = head[0] & ~_IS_LAST, int.from_bytes(head[1:], "big")
+        kind, chunk_size = header_bytes[0] & ~_IS_LAST, int.from_bytes(header_bytes[1:], "big")
         if kind in (_APPLICATION, _COMMENT):
-            n_bytes += size
+            n_bytes += chunk_size
             if n_bytes > _BYTES_MAX:
                 return
-            yield kind, file.read(size)
+            yield kind, open_file.read(chunk_size)
         else:
-            file.seek(size, io.SEEK_CUR)
-        if head[0] & _IS_LAST:
+            open_file.seek(chunk_size, io.SEEK_CUR)
+        if header_bytes[0] & _IS_LAST:
             return
 
 

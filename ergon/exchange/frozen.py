@@ -107,16 +107,16 @@ class VerifiedStem:
 
 def manifest_text(frozen: Frozen) -> str:
     """The manifest as the text of a file."""
-    source = frozen.source
+    frozen_source = frozen.source
     header = {
-        "made": f"{MARK.decode()} {source.version}",
+        "made": f"{MARK.decode()} {frozen_source.version}",
         "ergon_frozen": VERSION,
-        "title": source.title,
-        "score": source.score,
-        "seed": source.seed,
-        "rate": source.rate,
+        "title": frozen_source.title,
+        "score": frozen_source.score,
+        "seed": frozen_source.seed,
+        "rate": frozen_source.rate,
         "frames": frozen.n_frames,
-        "plan": source.plan,
+        "plan": frozen_source.plan,
     }
     stems = [
         {"part": s.part, "file": s.path.name, "outputs": list(s.taps), "sha256": s.sha256}
@@ -161,14 +161,14 @@ def _rate(value: Any) -> float:
     return rate
 
 
-def _stem(folder: Path, entry: Any) -> Stem:
-    name = str(entry["file"])
-    if Path(name).name != name or "\0" in name:  # never outside of its folder
+def _stem(folder: Path, stem_entry: Any) -> Stem:
+    stem_name = str(stem_entry["file"])
+    if Path(stem_name).name != stem_name or "\0" in stem_name:  # never outside of its folder
         raise NotFrozenError(
-            f"{folder / MANIFEST}: {name!r} is not the name of a file beside the manifest"
+            f"{folder / MANIFEST}: {stem_name!r} is not the name of a file beside the manifest"
         )
-    taps = tuple(int(tap) for tap in entry["outputs"])
-    return Stem(str(entry["part"]), folder / name, taps, str(entry["sha256"]))
+    taps = tuple(int(tap) for tap in stem_entry["outputs"])
+    return Stem(str(stem_entry["part"]), folder / stem_name, taps, str(stem_entry["sha256"]))
 
 
 def check(frozen: Frozen, taps: Mapping[str, Sequence[int]], n_frames: int) -> list[VerifiedStem]:

@@ -23,7 +23,7 @@ _PEAKS = 15  # kind of the chunks of largest displacements
 _SIDE = 0.004  # [m], of the little octahedron that each point is
 
 
-def gltf(motion: Motion, instants: NDArray[np.float64], exaggeration: float | None) -> str:
+def gltf(motion: Motion, frame_instants: NDArray[np.float64], exaggeration: float | None) -> str:
     """A glTF 2.0 scene: a node for each point under a node for each part.
 
     Displacements are drawn along y (up), multiplied by `exaggeration`; with None, the largest is
@@ -33,48 +33,52 @@ def gltf(motion: Motion, instants: NDArray[np.float64], exaggeration: float | No
     """
     import numpy as np
 
-    manifest, names = read_manifest(motion), motion.names
-    in_space = points_in_space(manifest.get("space"), names)
-    links = links_in_space(motion, in_space)
+    manifest, point_names = read_manifest(motion), motion.names
+    in_space = points_in_space(manifest.get("space"), point_names)
+    space_links = links_in_space(motion, in_space)
     space = {point.axes[0]: point for point in in_space}
     other_axes = {p for point in space.values() for p in point.axes[1:]}
-    if (n := len(names) - len(other_axes) + len(links)) > _NODES_MAX:
+    if (n := len(point_names) - len(other_axes) + len(space_links)) > _NODES_MAX:
         raise NotMotionError(
             "glTF has a node for each point, and for each spring in space, "
             f"{_NODES_MAX:,} at most; this has {n:,}: write npz"
         )
     if exaggeration is None:
         exaggeration = _automatic_exaggeration(motion, manifest["parts"], other_axes.union(space))
-    places, moved = motion.places(), motion.displacements(instants.tolist())
-    scene = _Scene(instants)
+    point_places, moved = motion.places(), motion.displacements(frame_instants.tolist())
+    scene = _Scene(frame_instants)
     drawn: dict[int, tuple[int, NDArray[np.float64]]] = {}
     for part in manifest["parts"]:
-        parent = scene.node({"name": part["name"]})
-        children = []
-        for point in range(part["first"], part["first"] + part["count"]):
-            if point in other_axes:
+        parent_node = scene.node({"name": part["name"]})
+        child_nodes = []
+        for point_index in range(part["first"], part["first"] + part["count"]):
+            if point_index in other_axes:
                 continue
-            if point in space:
-                space_point = space[point]
-                place, path = space_point.rest(places), space_point.path(places, moved)
-                children.append(scene.point(space_point.name, place, path))
-                drawn[point] = children[-1], path
+            if point_index in space:
+                space_point = space[point_index]
+                point_place, path = (
+                    space_point.rest(point_places),
+                    space_point.path(point_places, moved),
+                )
+                child_nodes.append(scene.point(space_point.name, point_place, path))
+                drawn[point_index] = child_nodes[-1], path
                 continue
-            place = places[point, :3] + [0.0, 0.0, places[point, 3]]
-            path = np.tile(place, (len(instants), 1))
-            if np.isfinite(moved[:, point]).all():
-                path[:, 2] += exaggeration * moved[:, point]
-            children.append(scene.point(names[point], place, path))
-        if children:
-            scene.nodes[parent]["children"] = children
-        scene.roots.append(parent)
-    if links:
-        parent = scene.node({"name": "springs"})
-        end_points = ((drawn[in_space[end].axes[0]] for end in link.ends) for link in links)
-        scene.nodes[parent]["children"] = [
-            scene.line(a, b, link.broken) for (a, b), link in zip(end_points, links, strict=True)
+            point_place = point_places[point_index, :3] + [0.0, 0.0, point_places[point_index, 3]]
+            path = np.tile(point_place, (len(frame_instants), 1))
+            if np.isfinite(moved[:, point_index]).all():
+                path[:, 2] += exaggeration * moved[:, point_index]
+            child_nodes.append(scene.point(point_names[point_index], point_place, path))
+        if child_nodes:
+            scene.nodes[parent_node]["children"] = child_nodes
+        scene.roots.append(parent_node)
+    if space_links:
+        parent_node = scene.node({"name": "springs"})
+        end_points = ((drawn[in_space[end].axes[0]] for end in link.ends) for link in space_links)
+        scene.nodes[parent_node]["children"] = [
+            scene.line(a, b, link.broken)
+            for (a, b), link in zip(end_points, space_links, strict=True)
         ]
-        scene.roots.append(parent)
+        scene.roots.append(parent_node)
     return scene.text(str(manifest.get("title") or "ergon"), str(manifest.get("made_by")))
 
 
@@ -174,14 +178,14 @@ class _Scene:
         )
         if a[0] in self._moved:
             self._move(line_node, "translation", self._moved[a[0]])
-        times = self.instants.astype(np.float32)
+        line_times = self.instants.astype(np.float32)
         end = np.float32(until)
         if self.instants[0] < until <= self.instants[-1]:
-            n = int(np.searchsorted(times, end))
+            n = int(np.searchsorted(line_times, end))
             last_distance = [np.interp(until, self.instants, axis) for axis in apart.T]
             apart = np.vstack([apart[:n], [last_distance], np.zeros((1, 3))]).astype(np.float32)
-            times = np.append(times[:n], [end, np.nextafter(end, np.float32(np.inf))])
-            self._move(line_node, "scale", self._sampler(self._instants(times), apart))
+            line_times = np.append(line_times[:n], [end, np.nextafter(end, np.float32(np.inf))])
+            self._move(line_node, "scale", self._sampler(self._instants(line_times), apart))
         elif (apart != apart[0]).any():
             self._move(line_node, "scale", self._sampler(self._times, apart))
         return line_node

@@ -27,41 +27,44 @@ class Chunk:
     size: int
 
 
-def chunks(data: bytes) -> list[Chunk]:
+def chunks(file_bytes: bytes) -> list[Chunk]:
     """All chunks of a file in their order; a group precedes its contents.
 
     Sizes are big-endian, and data of odd size are followed by a byte. Raises NotIffError.
     """
-    if data[:4] not in _GROUPS[:3]:
+    if file_bytes[:4] not in _GROUPS[:3]:
         raise NotIffError("the file does not begin with FORM, LIST or CAT, as every IFF file does")
     walked: list[Chunk] = []
-    for chunk in _walked(data, 0, len(data), 0):
+    for chunk in _walked(file_bytes, 0, len(file_bytes), 0):
         walked.append(chunk)
         if len(walked) > _CHUNKS_MAX:
             raise NotIffError(f"the file has more than {_CHUNKS_MAX:,} chunks")
     return walked
 
 
-def _walked(data: bytes, start: int, stop: int, depth: int) -> Iterator[Chunk]:
+def _walked(file_bytes: bytes, start_offset: int, stop_offset: int, depth: int) -> Iterator[Chunk]:
     if depth > _DEPTH_MAX:
-        raise NotIffError(f"byte {start:,}: groups lie in groups deeper than {_DEPTH_MAX}")
-    while start < stop:
-        head = data[start : start + _HEAD]
-        if start + _HEAD > stop:
-            raise NotIffError(f"byte {start:,}: {stop - start} bytes are too few for a chunk")
-        identifier, size = head[:4], int.from_bytes(head[4:], "big")
-        inside = start + _HEAD
-        if not all(32 <= byte < 127 for byte in identifier):
-            raise NotIffError(f"byte {start:,}: {identifier!r} is not the name of a chunk")
-        name = identifier.decode("ascii")
-        if inside + size > stop:
+        raise NotIffError(f"byte {start_offset:,}: groups lie in groups deeper than {_DEPTH_MAX}")
+    while start_offset < stop_offset:
+        head = file_bytes[start_offset : start_offset + _HEAD]
+        if start_offset + _HEAD > stop_offset:
             raise NotIffError(
-                f"byte {start:,}: the chunk {name} has {size:,} bytes, and {stop - inside:,} follow"
+                f"byte {start_offset:,}: {stop_offset - start_offset} bytes are too few for a chunk"
+            )
+        identifier, chunk_size = head[:4], int.from_bytes(head[4:], "big")
+        inside = start_offset + _HEAD
+        if not all(32 <= byte < 127 for byte in identifier):
+            raise NotIffError(f"byte {start_offset:,}: {identifier!r} is not the name of a chunk")
+        chunk_name = identifier.decode("ascii")
+        if inside + chunk_size > stop_offset:
+            raise NotIffError(
+                f"byte {start_offset:,}: the chunk {chunk_name} has {chunk_size:,} bytes, and "
+                f"{stop_offset - inside:,} follow"
             )
         if identifier in _GROUPS:
-            group = data[inside : inside + 4].decode("ascii", "replace")
-            yield Chunk(depth, name, group, size)
-            yield from _walked(data, inside + 4, inside + size, depth + 1)
+            group = file_bytes[inside : inside + 4].decode("ascii", "replace")
+            yield Chunk(depth, chunk_name, group, chunk_size)
+            yield from _walked(file_bytes, inside + 4, inside + chunk_size, depth + 1)
         else:
-            yield Chunk(depth, name, "", size)
-        start = inside + size + size % 2
+            yield Chunk(depth, chunk_name, "", chunk_size)
+        start_offset = inside + chunk_size + chunk_size % 2

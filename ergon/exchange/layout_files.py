@@ -64,11 +64,11 @@ class Form:
 # --- IEM ----------------------------------------------------------------------------------------
 
 
-def _write_iem(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -> str:
+def _write_iem(speakers: Sequence[Angles], outputs: Sequence[int], piece_title: str) -> str:
     """An IEM layout, with the silent imaginary loudspeakers that close the hull."""
     from ergon.space.panning import imaginary_speakers
 
-    rows = [
+    speaker_rows = [
         {
             "Azimuth": _short(azimuth),
             "Elevation": _short(elevation),
@@ -82,7 +82,7 @@ def _write_iem(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -
     array = unit_vectors(point(azimuth, elevation, 1.0) for azimuth, elevation, _ in speakers)
     for place in imaginary_speakers(array).tolist():
         _, elevation, _ = angles(tuple(place))
-        rows.append(
+        speaker_rows.append(
             {
                 "Azimuth": 0.0,
                 "Elevation": elevation,
@@ -93,9 +93,9 @@ def _write_iem(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -
             }
         )
     document = {
-        "Name": title,
+        "Name": piece_title,
         "Description": "made by ergon",
-        "LoudspeakerLayout": {"Name": title, "Loudspeakers": rows},
+        "LoudspeakerLayout": {"Name": piece_title, "Loudspeakers": speaker_rows},
     }
     return json.dumps(document, indent=2, ensure_ascii=False) + "\n"
 
@@ -134,16 +134,16 @@ def _write_ear(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -
 
 def _read_ear(data: bytes) -> ReadLayout:
     try:
-        text = data.decode("utf-8-sig")
+        layout_text = data.decode("utf-8-sig")
         depth = 0
-        for event in yaml.parse(text, Loader=yaml.SafeLoader):
+        for event in yaml.parse(layout_text, Loader=yaml.SafeLoader):
             if isinstance(event, yaml.AliasEvent):
                 raise LayoutFileError("its YAML has aliases, which are not read")
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
             if depth > _DEPTH_MAX:
                 raise LayoutFileError("its YAML is nested too deeply")
-        document = yaml.safe_load(text)
+        document = yaml.safe_load(layout_text)
     except (UnicodeDecodeError, ValueError, yaml.YAMLError) as error:
         if isinstance(error, LayoutFileError):
             raise
@@ -153,23 +153,24 @@ def _read_ear(data: bytes) -> ReadLayout:
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise LayoutFileError("it has no list `speakers`")
     numbered, left_out = [], []
-    for i, row in enumerate(rows):
-        channel = _number(row.get("channel", i), "channel")
-        names = _names(row)
+    for i, speaker_row in enumerate(rows):
+        channel_number = _number(speaker_row.get("channel", i), "channel")
+        names = _names(speaker_row)
         if any(map(is_effects, names)):
             label = printable("/".join(names)[:40])
             left_out.append(
-                f"output {channel + 1:g} ({label}) is for low-frequency effects, no loudspeaker of "
+                f"output {channel_number + 1:g} ({label}) is for low-frequency effects, no "
+                "loudspeaker of "
                 "the room: it is left out"
             )
             continue
-        place = row.get("position")
+        place = speaker_row.get("position")
         if not isinstance(place, dict):
             raise LayoutFileError(f"loudspeaker {i + 1} has no position")
         speaker_angles = _angles(place.get("az"), place.get("el", 0.0), place.get("r", 1.0))
-        numbered.append((channel, speaker_angles))
-        if _number(row.get("gain_linear", 1.0), "gain") != 1.0:
-            left_out.append(_dropped("gain", channel + 1))
+        numbered.append((channel_number, speaker_angles))
+        if _number(speaker_row.get("gain_linear", 1.0), "gain") != 1.0:
+            left_out.append(_dropped("gain", channel_number + 1))
     return _in_order(numbered, left_out, 0)
 
 
@@ -187,45 +188,45 @@ _SPATGRIS, _PLACE = "SPEAKER_SETUP", "CARTESIAN_POSITION"
 def _write_spatgris(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -> str:
     """Cartesian: x to the right, y to the front; the farthest loudspeaker of a dome is 1 away."""
     farthest = max((distance for *_, distance in speakers), default=1.0) or 1.0
-    lines = [
+    text_lines = [
         '<?xml version="1.0" encoding="UTF-8"?>\n<!-- made by ergon -->\n',
         f'<{_SPATGRIS} VERSION="3.1.0" SPAT_MODE="Dome" DIFFUSION="0" GENERAL_MUTE="0">\n',
     ]
     for number, (azimuth, elevation, distance) in zip(outputs, speakers, strict=True):
         x, y, z = point(azimuth, elevation, distance / farthest)
-        lines.append(
+        text_lines.append(
             f'  <SPEAKER_{number} STATE="normal" GAIN="0" DIRECT_OUT_ONLY="0">\n'
             f'    <POSITION X="{_short(x)}" Y="{_short(y)}" Z="{_short(z)}"/>\n'
             f"  </SPEAKER_{number}>\n"
         )
-    return "".join([*lines, f"</{_SPATGRIS}>\n"])
+    return "".join([*text_lines, f"</{_SPATGRIS}>\n"])
 
 
 def _read_spatgris(data: bytes) -> ReadLayout:
     """SPEAKER_n with a POSITION inside, as up to version 3, or SPEAKER in groups, as version 4."""
     try:
-        root = parse_xml(data)
+        root_element = parse_xml(data)
     except XmlError as error:
         raise LayoutFileError(str(error)) from None
-    if root.tag != _SPATGRIS:
-        raise LayoutFileError(f"its root is {printable(root.tag[:40])}, not {_SPATGRIS}")
-    for group in root.iter("SPEAKER_GROUP"):
+    if root_element.tag != _SPATGRIS:
+        raise LayoutFileError(f"its root is {printable(root_element.tag[:40])}, not {_SPATGRIS}")
+    for group in root_element.iter("SPEAKER_GROUP"):
         turned = [group.get(name, "0") for name in ("YAW", "PITCH", "ROLL")]
         moved = [*turned, *_axes(group.get(_PLACE, "0, 0, 0"))]
         if any(_number(element, "place of a group") for element in moved):
             raise LayoutFileError("a group of its loudspeakers is moved or turned; none may be")
     numbered, left_out = [], []
-    for element in root.iter():
-        number = (
+    for element in root_element.iter():
+        number_element = (
             element.get("SPEAKER_PATCH_ID", "") if element.tag == "SPEAKER" else element.tag[8:]
         )
         is_speaker = element.tag == "SPEAKER" or (
-            element.tag.startswith("SPEAKER_") and number.isdecimal()
+            element.tag.startswith("SPEAKER_") and number_element.isdecimal()
         )
         if not is_speaker:
             continue
         if element.get("DIRECT_OUT_ONLY") == "1":
-            label = printable(number[:20])
+            label = printable(number_element[:20])
             left_out.append(
                 f"output {label} is a direct out, no loudspeaker of the room: it is left out"
             )
@@ -233,17 +234,19 @@ def _read_spatgris(data: bytes) -> ReadLayout:
         place = element.find("POSITION")
         axes = _axes(element.get(_PLACE, "")) if place is None else [place.get(a) for a in "XYZ"]
         if len(axes) != 3:
-            raise LayoutFileError(f"loudspeaker {printable(number[:20])} has no position")
+            raise LayoutFileError(f"loudspeaker {printable(number_element[:20])} has no position")
         x, y, z = (_number(axis, "position") for axis in axes)
-        output = _number(number, "number of an output")
-        numbered.append((output, angles((x, y, z))))
+        output_number = _number(number_element, "number of an output")
+        numbered.append((output_number, angles((x, y, z))))
         if _number(element.get("GAIN", 0.0), "gain"):
-            left_out.append(_dropped("gain", output))
+            left_out.append(_dropped("gain", output_number))
         if element.find("HIGHPASS") is not None:
-            left_out.append(_dropped("high-pass filter", output))
+            left_out.append(_dropped("high-pass filter", output_number))
         state = element.get("IO_STATE", element.get("STATE", "normal"))
         if state != "normal":
-            left_out.append(f"output {output:g} is {printable(state[:20])} there; it sounds here")
+            left_out.append(
+                f"output {output_number:g} is {printable(state[:20])} there; it sounds here"
+            )
     return _in_order(numbered, left_out)
 
 
@@ -290,15 +293,17 @@ def _angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:
     return angles
 
 
-def _number(value: Any, noun: str) -> float:
+def _number(json_value: Any, noun: str) -> float:
     try:
-        if isinstance(value, bool) or value is None:
+        if isinstance(json_value, bool) or json_value is None:
             raise ValueError
-        number = float(value)
+        number = float(json_value)
         if abs(number) > 1e9 or number != number:
             raise ValueError
     except (TypeError, ValueError, OverflowError):
-        raise LayoutFileError(f"{printable(str(value)[:40])!r} is not a valid {noun}") from None
+        raise LayoutFileError(
+            f"{printable(str(json_value)[:40])!r} is not a valid {noun}"
+        ) from None
     return number
 
 
@@ -320,23 +325,23 @@ def as_yaml(
     speakers: Sequence[Angles],
     title: str,
     radius: float | None = None,
-    outputs: Sequence[int] = (),
+    output_numbers: Sequence[int] = (),
 ) -> str:
     """A layout of ergon (YAML) for `layout:` of a score; the farthest loudspeaker is `radius` [m]
-    away. `outputs` are written where they do not follow one another.
+    away. `output_numbers` are written where they do not follow one another.
     """
     farthest = max(distance for *_, distance in speakers)
     scale = 1.0 if radius is None or not farthest else radius / farthest
-    lines = [
+    yaml_lines = [
         "ergon: 1 # made by ergon\n",
         f"title: {json.dumps(printable(title), ensure_ascii=False)}\n",
     ]
-    lines += ["project: equidistant\n", "speakers:\n"]
+    yaml_lines += ["project: equidistant\n", "speakers:\n"]
     for azimuth, elevation, distance in speakers:
         place = (
             f"az: {_short(azimuth)}deg, el: {_short(elevation)}deg, r: {_short(distance * scale)}m"
         )
-        lines.append(f"  - {{{place}}}\n")
-    if [*outputs] != [*range(1, len(outputs) + 1)]:
-        lines.append(f"outputs: [{', '.join(map(str, outputs))}]\n")
-    return "".join(lines)
+        yaml_lines.append(f"  - {{{place}}}\n")
+    if [*output_numbers] != [*range(1, len(output_numbers) + 1)]:
+        yaml_lines.append(f"outputs: [{', '.join(map(str, output_numbers))}]\n")
+    return "".join(yaml_lines)

@@ -58,13 +58,14 @@ class NoteTrack:
 
 def tempo_file(
     seconds_at: Callable[[float], float],
-    length: float,
+    length_beats: float,
     meters: Sequence[Meter],
     markers: Sequence[Marker],
     title: str,
     tracks: Sequence[NoteTrack] = (),
 ) -> bytes:
-    """A file whose ticks count the beats 0 … `length` and whose tempo events give their seconds.
+    """A file whose ticks count the beats 0 … `length_beats` and whose tempo events give their
+    seconds.
 
     The tempo map is its first track; `tracks` are those after it.
 
@@ -72,22 +73,22 @@ def tempo_file(
     cannot be written in MIDI.
     """
     ruler = Ruler(meters)
-    events: list[tuple[int, int, bytes]] = []  # tick, order within the tick, event
+    timed_events: list[tuple[int, int, bytes]] = []  # tick, order within the tick, event
 
     def add(beat: float, order: int, kind: int, content: bytes) -> None:
         event = b"\xff" + bytes((kind,)) + _variable(len(content)) + content
-        events.append((ruler.tick(beat), order, event))
+        timed_events.append((ruler.tick(beat), order, event))
 
     add(0, 0, _TRACK_NAME, title.encode())
     add(0, 1, _TEXT, b"tempo map, made by ergon")
     for meter in ruler.meters:
         add(meter.beat, 2, _METER, bytes((meter.n_beats, meter.unit.bit_length() - 1, 24, 8)))
-    for beat, tempo in tempo_steps(seconds_at, length, ruler):
+    for beat, tempo in tempo_steps(seconds_at, length_beats, ruler):
         add(beat, 3, _TEMPO, tempo.to_bytes(3, "big"))
     for marker in markers:
         add(marker.beat, 4, _MARKER, marker.name.encode())
-    add(max([length, *(marker.beat for marker in markers)]), 5, _END, b"")
-    track_chunks = [_track(events), *(_note_track(track, ruler) for track in tracks)]
+    add(max([length_beats, *(marker.beat for marker in markers)]), 5, _END, b"")
+    track_chunks = [_track(timed_events), *(_note_track(track, ruler) for track in tracks)]
     return b"MThd" + struct.pack(">IHHH", 6, 1, len(track_chunks), PPQ) + b"".join(track_chunks)
 
 
@@ -103,15 +104,15 @@ def _track(events: list[tuple[int, int, bytes]]) -> bytes:
 def _note_track(track: NoteTrack, ruler: Ruler) -> bytes:
     name = track.name.encode()
     name_event = b"\xff" + bytes((_TRACK_NAME,)) + _variable(len(name)) + name
-    events: list[tuple[int, int, bytes]] = [(0, 0, name_event)]
+    timed_events: list[tuple[int, int, bytes]] = [(0, 0, name_event)]
     last_tick = 0
     for note in track.notes:
         begin = ruler.tick(note.begin)
         end = max(begin + 1, ruler.tick(note.end))  # a note of no length would be none
-        events.append((begin, 2, bytes((_NOTE_ON | track.channel, note.key, note.velocity))))
-        events.append((end, 1, bytes((_NOTE_OFF | track.channel, note.key, 0))))
+        timed_events.append((begin, 2, bytes((_NOTE_ON | track.channel, note.key, note.velocity))))
+        timed_events.append((end, 1, bytes((_NOTE_OFF | track.channel, note.key, 0))))
         last_tick = max(last_tick, end)
-    return _track([*events, (last_tick, 3, b"\xff" + bytes((_END, 0)))])
+    return _track([*timed_events, (last_tick, 3, b"\xff" + bytes((_END, 0)))])
 
 
 class Ruler:
@@ -149,33 +150,33 @@ def tempo_steps(
     """Tempo changes (beat, microseconds per quarter note) that stay within _DRIFT of the exact
     time.
     """
-    events: list[tuple[float, int]] = []
+    tempo_changes: list[tuple[float, int]] = []
     tempo, error = 0, 0.0  # error [us]: how late MIDI is
     for step in range(max(1, math.ceil(length * STEPS_PER_BEAT))):
-        beat, end = step / STEPS_PER_BEAT, (step + 1) / STEPS_PER_BEAT
-        n_quarters = (ruler.tick(end) - ruler.tick(beat)) / PPQ
-        micros = (seconds_at(end) - seconds_at(beat)) * 1e6
+        step_beat, end = step / STEPS_PER_BEAT, (step + 1) / STEPS_PER_BEAT
+        n_quarters = (ruler.tick(end) - ruler.tick(step_beat)) / PPQ
+        micros = (seconds_at(end) - seconds_at(step_beat)) * 1e6
         if abs(error + tempo * n_quarters - micros) > _DRIFT:
             exact = micros / n_quarters
             better = math.floor(exact) if error > 0 else math.ceil(exact)
             if not 1 <= better <= _TEMPO_MAX:
                 raise ValueError(
-                    f"MIDI cannot represent the tempo at beat {beat:g}: a quarter note lasts "
+                    f"MIDI cannot represent the tempo at beat {step_beat:g}: a quarter note lasts "
                     f"{exact / 1e6:.6g} s there, and in a MIDI file from 1 µs to "
                     f"{_TEMPO_MAX / 1e6:.5g} s ({60e6 / _TEMPO_MAX:.3g} quarters a minute)"
                 )
             if better != tempo:
                 tempo = better
-                events.append((beat, tempo))
+                tempo_changes.append((step_beat, tempo))
         error += tempo * n_quarters - micros
-    return events
+    return tempo_changes
 
 
-def _variable(number: int) -> bytes:
+def _variable(variable_number: int) -> bytes:
     """A variable-length number: seven bits a byte, the highest first, bit 7 set on all but the last
     byte (RP-001, 4.3).
     """
-    octets = [number & 0x7F]
-    while number := number >> 7:
-        octets.append(number & 0x7F | 0x80)
+    octets = [variable_number & 0x7F]
+    while variable_number := variable_number >> 7:
+        octets.append(variable_number & 0x7F | 0x80)
     return bytes(reversed(octets))

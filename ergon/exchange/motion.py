@@ -51,8 +51,8 @@ def instants(motion: Motion, fps: float | None) -> NDArray[np.float64]:
     return np.arange(count) / rate
 
 
-def write_npz(output_file: BinaryIO, motion: Motion, instants: NDArray[np.float64]) -> None:
-    """`t` [s], `names`, `places` (x, y, z, rest) [m] and `displacement` [m] (n_instants, n_points).
+def write_npz(output_file: BinaryIO, motion: Motion, frame_instants: NDArray[np.float64]) -> None:
+    """`t` [s], `names`, `places` (x, y, z, rest) [m], `displacement` [m] (n_instants, n_points).
 
     Displacements are single floats; NaN marks those that were not computed. `manifest` is JSON.
     If there are points in space, the file also has: `space_names`, one name per point in space;
@@ -62,10 +62,10 @@ def write_npz(output_file: BinaryIO, motion: Motion, instants: NDArray[np.float6
     """
     import numpy as np
 
-    places, moved = motion.places(), motion.displacements(instants.tolist())
+    point_places, moved = motion.places(), motion.displacements(frame_instants.tolist())
     arrays: dict[str, NDArray[Any]] = {}
     if space := points_in_space(read_manifest(motion).get("space"), motion.names):
-        paths = [point.path(places, moved).astype(np.float32) for point in space]
+        paths = [point.path(point_places, moved).astype(np.float32) for point in space]
         arrays["space_names"] = np.array([point.name for point in space])
         arrays["space_positions"] = np.stack(paths, axis=1)
         links = links_in_space(motion, space)
@@ -74,22 +74,22 @@ def write_npz(output_file: BinaryIO, motion: Motion, instants: NDArray[np.float6
     np.savez_compressed(
         output_file,
         allow_pickle=False,
-        t=instants,
+        t=frame_instants,
         names=np.array(motion.names),
-        places=places,
+        places=point_places,
         displacement=moved.astype(np.float32),
         manifest=np.array(motion.manifest),
         **arrays,
     )
 
 
-def csv_rows(motion: Motion, instants: NDArray[np.float64]) -> Iterator[str]:
+def csv_rows(motion: Motion, frame_instants: NDArray[np.float64]) -> Iterator[str]:
     """The text of a CSV in pieces: t and the displacement of each point, one row per instant."""
     names = ",".join('"' + name.replace('"', '""') + ' [m]"' for name in motion.names)
     yield f"# {MARK.decode()}\nt [s],{names}\n"
     count = max(1, _BLOCK // max(1, len(motion.names)))
-    for first_index in range(0, len(instants), count):
-        block_instants = instants[first_index : first_index + count].tolist()
+    for first_index in range(0, len(frame_instants), count):
+        block_instants = frame_instants[first_index : first_index + count].tolist()
         for t, row in zip(block_instants, motion.displacements(block_instants), strict=True):
             numbers = ("" if math.isnan(x) else repr(float(x)) for x in row)
             yield f"{t!r},{','.join(numbers)}\n"

@@ -64,23 +64,29 @@ class SpacePoint:
         yield from zip(_ALONG[len(self.axes)], self.axes, strict=True)
 
 
-def points_in_space(table: object, names: Sequence[str]) -> list[SpacePoint]:
+def points_in_space(space_table: object, point_names: Sequence[str]) -> list[SpacePoint]:
     """The points of the manifest's table `space`. Raises NotMotionError where it is damaged."""
-    if table is None:
+    if space_table is None:
         return []
-    points: list[SpacePoint] = []
-    if not isinstance(table, list):
+    space_points: list[SpacePoint] = []
+    if not isinstance(space_table, list):
         raise NotMotionError("its table of points in space is not a list")
     taken_tracks: set[int] = set()
-    for axes in table:
-        is_point = isinstance(axes, list) and len(axes) in _ALONG
-        if not is_point or not all(_is_point(p, len(names)) for p in axes):
-            raise NotMotionError(f"its table of points in space names no such points: {axes!r:.60}")
-        if len(taken_tracks.union(axes)) != len(taken_tracks) + len(axes):
-            raise NotMotionError(f"its table of points in space names a point twice: {axes!r:.60}")
-        taken_tracks.update(axes)
-        points.append(SpacePoint(names[axes[0]].removesuffix(".x"), tuple(axes)))
-    return points
+    for axis_points in space_table:
+        is_point = isinstance(axis_points, list) and len(axis_points) in _ALONG
+        if not is_point or not all(_is_point(p, len(point_names)) for p in axis_points):
+            raise NotMotionError(
+                f"its table of points in space names no such points: {axis_points!r:.60}"
+            )
+        if len(taken_tracks.union(axis_points)) != len(taken_tracks) + len(axis_points):
+            raise NotMotionError(
+                f"its table of points in space names a point twice: {axis_points!r:.60}"
+            )
+        taken_tracks.update(axis_points)
+        space_points.append(
+            SpacePoint(point_names[axis_points[0]].removesuffix(".x"), tuple(axis_points))
+        )
+    return space_points
 
 
 def points_of_parts(manifest: dict[str, Any], names: Sequence[str]) -> list[int]:
@@ -89,17 +95,17 @@ def points_of_parts(manifest: dict[str, Any], names: Sequence[str]) -> list[int]
     A point in space counts once: in the part that computes a coordinate of it, and on a surface in
     the part of the body. Raises NotMotionError where the table `space` is damaged.
     """
-    parts = manifest["parts"]
-    counts = [part["count"] for part in parts]
-    part_ends = [part["first"] + part["count"] for part in parts]
+    part_tables = manifest["parts"]
+    point_counts = [part["count"] for part in part_tables]
+    part_ends = [part["first"] + part["count"] for part in part_tables]
     for point in points_in_space(manifest.get("space"), names):
         members = [bisect_right(part_ends, coordinate) for coordinate in point.axes]
-        is_of_body = parts[members[-1]]["name"] != parts[members[0]]["name"]
-        moved = [part for part in members if parts[part]["kind"] != "none"]
+        is_of_body = part_tables[members[-1]]["name"] != part_tables[members[0]]["name"]
+        moved = [part for part in members if part_tables[part]["kind"] != "none"]
         for part in members:
-            counts[part] -= 1
-        counts[members[-1] if is_of_body else (moved or members)[0]] += 1
-    return counts
+            point_counts[part] -= 1
+        point_counts[members[-1] if is_of_body else (moved or members)[0]] += 1
+    return point_counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,19 +129,19 @@ def links_in_space(motion: Motion, space: Sequence[SpacePoint]) -> list[SpaceLin
     table = motion.payload(tables[0])
     if len(table) < _NUMBER or len(table) != _NUMBER + 8 * int.from_bytes(table[:4], "little"):
         raise NotMotionError("its table of links is damaged")
-    pairs = np.frombuffer(table, "<u4", offset=_NUMBER).reshape(-1, 2)
-    if pairs.size and int(pairs.max()) >= len(motion.names):
+    link_pairs = np.frombuffer(table, "<u4", offset=_NUMBER).reshape(-1, 2)
+    if link_pairs.size and int(link_pairs.max()) >= len(motion.names):
         raise NotMotionError("its table of links names no such points")
-    broken = np.full(len(pairs), np.inf)
+    broken = np.full(len(link_pairs), np.inf)
     for offset, chunk in chunks:
         if chunk.kind == _BROKEN:
             rows = np.frombuffer(motion.payload(offset), [("dt", "<f4"), ("link", "<u4")])
-            if rows.size and int(rows["link"].max()) >= len(pairs):
+            if rows.size and int(rows["link"].max()) >= len(link_pairs):
                 raise NotMotionError("a link that broke is not in its table")
             np.minimum.at(broken, rows["link"], chunk.seconds + rows["dt"].astype(float))
     number = np.full(len(motion.names), -1)
     number[[point.axes[0] for point in space]] = np.arange(len(space))
-    end_points = number[pairs]
+    end_points = number[link_pairs]
     drawn = np.flatnonzero((end_points >= 0).all(axis=1))
     return [
         SpaceLink((int(end_points[i, 0]), int(end_points[i, 1])), float(broken[i])) for i in drawn

@@ -31,19 +31,21 @@ def new_folder(folder: Path) -> Iterator[Path]:
     Raises FileRefusedError.
     """
     check_new_folder(folder)
-    target = folder.resolve()
-    is_there = target.exists()
-    missing_parents = [ancestor for ancestor in target.parents if not ancestor.exists()]
-    make_folder(target.parent)
+    target_folder = folder.resolve()
+    is_there = target_folder.exists()
+    missing_parents = [ancestor for ancestor in target_folder.parents if not ancestor.exists()]
+    make_folder(target_folder.parent)
     try:
         # Within a folder that exists: it may be the root of a file system, and keeps its rights.
-        with temporary.temporary_folder(target if is_there else target.parent, target.name) as part:
-            yield part
-            _sync_files(part)
+        with temporary.temporary_folder(
+            target_folder if is_there else target_folder.parent, target_folder.name
+        ) as part_folder:
+            yield part_folder
+            _sync_files(part_folder)
             if is_there:
-                _move_up(part, target)
+                _move_up(part_folder, target_folder)
             else:
-                os.rename(part, target)
+                os.rename(part_folder, target_folder)
     except BaseException as error:
         remove_folders(missing_parents)
         if isinstance(error, OSError):

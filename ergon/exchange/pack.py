@@ -74,16 +74,19 @@ def pack_bytes(pack: Pack) -> bytes:
         },
     }
     text = json.dumps(manifest, indent=1, ensure_ascii=False).encode()
-    entries = [(_MANIFEST, text)]
-    entries += [(_FILES + name, data) for name, data in sorted(pack.files.items())]
-    if sum(len(data) for _, data in entries) + _RECORD_BYTES_MAX * 2 * len(entries) > BYTES_MAX:
+    archive_entries = [(_MANIFEST, text)]
+    archive_entries += [(_FILES + name, data) for name, data in sorted(pack.files.items())]
+    if (
+        sum(len(data) for _, data in archive_entries) + _RECORD_BYTES_MAX * 2 * len(archive_entries)
+        > BYTES_MAX
+    ):
         raise PackError(
             f"the score and its files have more than {BYTES_MAX // 1_000_000} MB, the most that a "
             "pack may have; cut its takes (`ergon take trim`)"
         )
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
-        for name, data in entries:
+        for name, data in archive_entries:
             entry = zipfile.ZipInfo(name, _TIME)
             entry.create_system = 3  # Unix, on every machine
             entry.external_attr = (stat.S_IFREG | 0o644) << 16
@@ -115,79 +118,86 @@ def write_files(pack: Pack, folder: Path) -> Path:
     return folder / pack.score
 
 
-def _parsed(data: bytes) -> Pack:
-    _check_end(data)
-    with zipfile.ZipFile(io.BytesIO(data)) as archive:
-        entries = archive.infolist()
-        for entry in entries:
-            _check_entry(entry)
-        if sum(entry.file_size for entry in entries) > len(data):
+def _parsed(pack_bytes_read: bytes) -> Pack:
+    _check_end(pack_bytes_read)
+    with zipfile.ZipFile(io.BytesIO(pack_bytes_read)) as archive:
+        archive_entries = archive.infolist()
+        for archive_entry in archive_entries:
+            _check_entry(archive_entry)
+        if sum(entry.file_size for entry in archive_entries) > len(pack_bytes_read):
             raise PackError("the pack is damaged: its files have more bytes than the pack")
-        content = {}
-        for entry in entries:
-            if entry.filename in content:
-                raise PackError(f"the pack has two files {_quoted(entry.filename)}")
-            content[entry.filename] = archive.read(entry)
-    manifest = content.pop(_MANIFEST, None)
+        content_by_name = {}
+        for archive_entry in archive_entries:
+            if archive_entry.filename in content_by_name:
+                raise PackError(f"the pack has two files {_quoted(archive_entry.filename)}")
+            content_by_name[archive_entry.filename] = archive.read(archive_entry)
+    manifest = content_by_name.pop(_MANIFEST, None)
     if manifest is None:
         raise PackError(f"the pack has no {_MANIFEST}, so `ergon pack` did not make it")
     if len(manifest) > _MANIFEST_BYTES_MAX:
         raise PackError(f"{_MANIFEST} has more than {_MANIFEST_BYTES_MAX >> 20} MB")
-    files = {}
-    for name, octets in content.items():
+    files_by_name = {}
+    for name, octets in content_by_name.items():
         if not name.startswith(_FILES):
             raise PackError(f"{_quoted(name)} is no file of a pack, which are in {_FILES}")
-        files[name.removeprefix(_FILES)] = octets
-    _check_names(files)
-    return _with_manifest(parse_json(manifest), files)
+        files_by_name[name.removeprefix(_FILES)] = octets
+    _check_names(files_by_name)
+    return _with_manifest(parse_json(manifest), files_by_name)
 
 
-def _check_end(data: bytes) -> None:
+def _check_end(pack_bytes_read: bytes) -> None:
     """Check the last record of the pack, so that no long list of files is read."""
-    if len(data) > BYTES_MAX:
+    if len(pack_bytes_read) > BYTES_MAX:
         raise PackError(f"a pack has {BYTES_MAX // 1_000_000} MB at most, and this has more")
-    if data[:4] != b"PK\3\4":
+    if pack_bytes_read[:4] != b"PK\3\4":
         raise PackError("the file is not a pack; `ergon pack SCORE` makes one")
-    mark, *_, count, size, _, comment = (
-        _END.unpack(data[-_END.size :]) if len(data) >= _END.size else (b"", 0, 0, 0, 0)
+    mark, *_, entry_count, size, _, comment = (
+        _END.unpack(pack_bytes_read[-_END.size :])
+        if len(pack_bytes_read) >= _END.size
+        else (b"", 0, 0, 0, 0)
     )
-    n_bytes_before = len(data) - _END.size - _LARGE_BYTES
+    n_bytes_before = len(pack_bytes_read) - _END.size - _LARGE_BYTES
     if mark != _END_MARK or comment:
         raise PackError("the pack is cut short, or something was added to its end")
-    if data[max(n_bytes_before, 0) :][:4] == _LARGE_MARK or count > FILES_MAX + 1:
+    if pack_bytes_read[max(n_bytes_before, 0) :][:4] == _LARGE_MARK or entry_count > FILES_MAX + 1:
         raise PackError(f"a pack has {FILES_MAX:,} files at most, and this has more")
-    if size > count * _RECORD_BYTES_MAX:
+    if size > entry_count * _RECORD_BYTES_MAX:
         raise PackError("the pack is damaged: its list of files is too long for their number")
 
 
-def _check_entry(entry: zipfile.ZipInfo) -> None:
-    name = _quoted(entry.orig_filename)
-    kind = stat.S_IFMT(entry.external_attr >> 16)
-    if entry.is_dir() or kind not in (0, stat.S_IFREG):
-        raise PackError(f"{name} is a link or a folder; a pack has only files")
-    if entry.flag_bits & 1:
-        raise PackError(f"{name} is encrypted; a pack has only plain files")
-    if entry.compress_type != zipfile.ZIP_STORED or entry.compress_size != entry.file_size:
-        raise PackError(f"{name} is compressed; a pack has only plain files")
-    if entry.orig_filename != entry.filename:
-        raise PackError(f"{name} has a character that the name of a file may not have")
+def _check_entry(zip_entry: zipfile.ZipInfo) -> None:
+    entry_name = _quoted(zip_entry.orig_filename)
+    kind = stat.S_IFMT(zip_entry.external_attr >> 16)
+    if zip_entry.is_dir() or kind not in (0, stat.S_IFREG):
+        raise PackError(f"{entry_name} is a link or a folder; a pack has only files")
+    if zip_entry.flag_bits & 1:
+        raise PackError(f"{entry_name} is encrypted; a pack has only plain files")
+    if (
+        zip_entry.compress_type != zipfile.ZIP_STORED
+        or zip_entry.compress_size != zip_entry.file_size
+    ):
+        raise PackError(f"{entry_name} is compressed; a pack has only plain files")
+    if zip_entry.orig_filename != zip_entry.filename:
+        raise PackError(f"{entry_name} has a character that the name of a file may not have")
 
 
-def _check_names(names: Iterable[str]) -> None:
+def _check_names(file_names: Iterable[str]) -> None:
     """Raise PackError unless all names are plain, and different on every system."""
-    names = list(names)
-    if len(names) > FILES_MAX:
-        raise PackError(f"a pack has {FILES_MAX:,} files at most, and these are {len(names):,}")
+    file_names = list(file_names)
+    if len(file_names) > FILES_MAX:
+        raise PackError(
+            f"a pack has {FILES_MAX:,} files at most, and these are {len(file_names):,}"
+        )
     name_by_key: dict[str, str] = {}
-    for name in names:
-        _check_name(name)
-        key = _key(name)
+    for file_name in file_names:
+        _check_name(file_name)
+        key = _key(file_name)
         if key in name_by_key:
-            both_names = f"{_quoted(name_by_key[key])} and {_quoted(name)}"
+            both_names = f"{_quoted(name_by_key[key])} and {_quoted(file_name)}"
             raise PackError(f"{both_names} are one file on some systems; rename one")
-        name_by_key[key] = name
-    for name in names:
-        for folder in map(_key, map(str, PurePosixPath(name).parents)):
+        name_by_key[key] = file_name
+    for file_name in file_names:
+        for folder in map(_key, map(str, PurePosixPath(file_name).parents)):
             if folder in name_by_key:
                 raise PackError(f"{_quoted(name_by_key[folder])} is a file and a folder")
 
@@ -197,29 +207,30 @@ def _key(name: str) -> str:
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
-def _check_name(name: str) -> None:
-    text = _quoted(name)
-    parts = name.split("/")
-    if name.startswith("/") or ".." in parts or re.match(r"[A-Za-z]:", name):
-        raise PackError(f"{text} leads out of the pack; all files lie in one folder")
+def _check_name(file_name: str) -> None:
+    quoted_name = _quoted(file_name)
+    path_parts = file_name.split("/")
+    if file_name.startswith("/") or ".." in path_parts or re.match(r"[A-Za-z]:", file_name):
+        raise PackError(f"{quoted_name} leads out of the pack; all files lie in one folder")
     try:
-        is_long = len(name.encode()) > _NAME_MAX
+        is_long = len(file_name.encode()) > _NAME_MAX
     except UnicodeEncodeError:
-        raise PackError(f"{text} is not a name in UTF-8; rename the file") from None
+        raise PackError(f"{quoted_name} is not a name in UTF-8; rename the file") from None
     if is_long:
-        raise PackError(f"{text}: a name in a pack has {_NAME_MAX} bytes at most")
-    if not name.isprintable() or _ODD.search(name):
-        raise PackError(f"{text} has a character that not every system allows in a name")
-    for part in parts:
+        raise PackError(f"{quoted_name}: a name in a pack has {_NAME_MAX} bytes at most")
+    if not file_name.isprintable() or _ODD.search(file_name):
+        raise PackError(f"{quoted_name} has a character that not every system allows in a name")
+    for part in path_parts:
         if not part or part.startswith((".", " ")) or part.endswith((".", " ")):
             raise PackError(
-                f"{text}: files and folders in a pack begin and end with neither a dot nor a space"
+                f"{quoted_name}: files and folders in a pack begin and end with neither a dot nor "
+                "a space"
             )
         if _DEVICE.fullmatch(part):
-            raise PackError(f"{text}: some systems have a device of this name; rename it")
+            raise PackError(f"{quoted_name}: some systems have a device of this name; rename it")
 
 
-def _with_manifest(manifest: Any, files: Mapping[str, bytes]) -> Pack:
+def _with_manifest(manifest: Any, packed_files: Mapping[str, bytes]) -> Pack:
     """The pack that the manifest describes. Raises PackError if its files are others."""
     if not isinstance(manifest, dict):
         raise PackError(f"{_MANIFEST} is not a table")
@@ -231,22 +242,22 @@ def _with_manifest(manifest: Any, files: Mapping[str, bytes]) -> Pack:
     version, score, listed = (manifest.get(key) for key in ("ergon", "score", "files"))
     if not isinstance(version, str) or not isinstance(listed, dict):
         raise PackError(f"{_MANIFEST} lacks the version of ergon or the list of files")
-    if mismatched := sorted(listed.keys() ^ files.keys()):
+    if mismatched := sorted(listed.keys() ^ packed_files.keys()):
         kind = "is missing" if mismatched[0] in listed else f"is not in {_MANIFEST}"
         raise PackError(f"the pack is damaged: the file {_quoted(mismatched[0])} {kind}")
-    if not isinstance(score, str) or score not in files:
+    if not isinstance(score, str) or score not in packed_files:
         raise PackError(f"{_MANIFEST} does not say which of its files is the score")
-    for name, data in files.items():
-        entry = listed[name] if isinstance(listed[name], dict) else {}
+    for file_name, data in packed_files.items():
+        entry = listed[file_name] if isinstance(listed[file_name], dict) else {}
         digest = entry.get("sha256")
         if not isinstance(digest, str) or not _HASH.fullmatch(digest):
-            raise PackError(f"{_MANIFEST} has no SHA-256 of {_quoted(name)}")
+            raise PackError(f"{_MANIFEST} has no SHA-256 of {_quoted(file_name)}")
         if digest != hashlib.sha256(data).hexdigest() or entry.get("bytes") != len(data):
             raise PackError(
-                f"the pack is damaged: {_quoted(name)} is not the file that was packed "
+                f"the pack is damaged: {_quoted(file_name)} is not the file that was packed "
                 "(its SHA-256 differs)"
             )
-    return Pack(score, version, files)
+    return Pack(score, version, packed_files)
 
 
 def _quoted(name: str) -> str:

@@ -75,23 +75,23 @@ def read(path: Path) -> PlanFile:
             raise NotPlanError(
                 f"the file is larger than {_SIZE_MAX // 1_000_000} MB, the maximum for a plan"
             )
-        content = parse_json(data)
+        plan_content = parse_json(data)
     except NotPlanError:
         raise
     except OSError as error:
         raise NotPlanError(error.strerror or "cannot be read") from None
     except MalformedTextError:
         raise NotPlanError("not a plan; `ergon plan SCORE -o FILE` writes one") from None
-    return PlanFile(parse_choices(content), _budget(content.get("budget")))
+    return PlanFile(parse_choices(plan_content), _budget(plan_content.get("budget")))
 
 
-def _budget(value: object) -> Budget | None:
-    if value is None:
+def _budget(json_value: object) -> Budget | None:
+    if json_value is None:
         return None
-    if isinstance(value, dict) and all(map(_is_wish, value, value.values())):
-        is_one = sum(name in value for name in _BUDGET_KEYS) <= 1
-        if is_one and ("cents" in value or "upto" not in value):
-            return value
+    if isinstance(json_value, dict) and all(map(_is_wish, json_value, json_value.values())):
+        is_one = sum(name in json_value for name in _BUDGET_KEYS) <= 1
+        if is_one and ("cents" in json_value or "upto" not in json_value):
+            return json_value
     raise NotPlanError('its budget is not valid; it must be one such as {"error": -60}')
 
 
@@ -115,13 +115,20 @@ def parse_choices(content: object) -> list[IslandChoice]:
 
 def _choice(value: object) -> IslandChoice:
     if isinstance(value, list) and len(value) in (5, 6):
-        modules, times, steps, bodies, cost = value[:5]
+        module_names, step_times, contact_steps, body_methods, cost = value[:5]
         # Plans that say no order were made when there was one.
         contact_order = value[5] if len(value) == 6 else _FOURTH_ORDER
-        is_counts = _is_count(modules) and _is_count(times) and _is_count(steps)
+        is_counts = _is_count(module_names) and _is_count(step_times) and _is_count(contact_steps)
         is_cost = (cost is None or _is_count(cost)) and _is_count(contact_order)
-        if is_counts and is_cost and isinstance(bodies, list) and all(map(_is_counts, bodies)):
-            return IslandChoice(modules, times, steps, bodies, cost, contact_order)
+        if (
+            is_counts
+            and is_cost
+            and isinstance(body_methods, list)
+            and all(map(_is_counts, body_methods))
+        ):
+            return IslandChoice(
+                module_names, step_times, contact_steps, body_methods, cost, contact_order
+            )
     raise NotPlanError(
         "a choice is [modules, times, steps, [numbers of each body], counted_cost or null, "
         "contact_order], whole numbers"

@@ -65,20 +65,23 @@ def user_store(environment: Mapping[str, str] = os.environ) -> PlanStore | None:
     return None if folder is None else PlanStore(folder)
 
 
-def _record_of(content: object, key: str) -> TrialRecord | None:
-    if not isinstance(content, dict) or content.get("ergon_trial") != _VERSION:
+def _record_of(record_content: object, key: str) -> TrialRecord | None:
+    if not isinstance(record_content, dict) or record_content.get("ergon_trial") != _VERSION:
         return None
-    fields: dict[str, Any] = {name: content.get(name) for name in TrialRecord._fields}
-    record = TrialRecord(**fields)
-    reason = record.reason
+    fields: dict[str, Any] = {name: record_content.get(name) for name in TrialRecord._fields}
+    trial_record = TrialRecord(**fields)
+    record_reason = trial_record.reason
     is_good = (
-        content.get("key") == key
-        and content.get("hash") == _hash(record)
-        and _are(record.numbers, _is_number)
-        and _are(record.counts, _is_row)
-        and (reason is None or (isinstance(reason, str) and len(reason) <= _WORDS_MAX))
+        record_content.get("key") == key
+        and record_content.get("hash") == _hash(trial_record)
+        and _are(trial_record.numbers, _is_number)
+        and _are(trial_record.counts, _is_row)
+        and (
+            record_reason is None
+            or (isinstance(record_reason, str) and len(record_reason) <= _WORDS_MAX)
+        )
     )
-    return record if is_good else None
+    return trial_record if is_good else None
 
 
 def _hash(record: TrialRecord) -> str:

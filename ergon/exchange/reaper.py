@@ -49,10 +49,10 @@ def project(
     `seconds_at(beat)` [s] is the piece's tempo map, written up to beat `length` in the steps of a
     MIDI file. Raises ValueError if a tempo or a meter cannot be written so.
     """
-    points = _points(seconds_at, length, Ruler(meters))
-    _, bpm, (n_beats, unit) = points[0]
+    tempo_points = _points(seconds_at, length, Ruler(meters))
+    _, bpm, (n_beats, unit) = tempo_points[0]
     n_channels = max(2, sounds.n_channels + sounds.n_channels % 2)  # REAPER has them in pairs
-    lines = [
+    project_lines = [
         '<REAPER_PROJECT 0.1 "6.0" 0',
         "  <NOTES 0 0",
         "    |made by ergon",
@@ -68,18 +68,20 @@ def project(
         f"    DEFSHAPE {_SQUARE} -1 -1",
     ]
     meter_before = None
-    for seconds, bpm, meter in points:
+    for seconds, bpm, meter in tempo_points:
         line = f"    PT {seconds:.12f} {bpm:.10f} {_SQUARE}"
         if meter != meter_before:
             line += f" {meter[1] << 16 | meter[0]} 0 {_SETS_METER}"
-        lines.append(line)
+        project_lines.append(line)
         meter_before = meter
-    lines.append("  >")
+    project_lines.append("  >")
     for number, mark in enumerate(marks, 1):
-        lines.append(f"  MARKER {number} {seconds_at(mark.beat):.12f} {_quoted(mark.name)} 0")
+        project_lines.append(
+            f"  MARKER {number} {seconds_at(mark.beat):.12f} {_quoted(mark.name)} 0"
+        )
     for track in tracks:
-        lines += _track(track, sounds, n_channels)
-    return "\n".join([*lines, ">", ""])
+        project_lines += _track(track, sounds, n_channels)
+    return "\n".join([*project_lines, ">", ""])
 
 
 def _points(

@@ -57,15 +57,15 @@ def from_start(recording: Recording) -> NDArray[np.float64]:
     from ergon._core import EngineError
 
     try:
-        positions = recording.held()
+        tick_positions = recording.held()
     except EngineError as error:
         raise NotRecordingError(str(error)) from None
-    if not len(positions):
+    if not len(tick_positions):
         raise NotRecordingError("the recording is empty")
     first_tick = int(recording.ticks()[0])
-    if (first_tick + len(positions)) * positions.shape[1] > _MAX_TICKS:
+    if (first_tick + len(tick_positions)) * tick_positions.shape[1] > _MAX_TICKS:
         raise NotRecordingError("the recording begins too late in the piece")
-    return np.concatenate([np.repeat(positions[:1], first_tick, axis=0), positions])
+    return np.concatenate([np.repeat(tick_positions[:1], first_tick, axis=0), tick_positions])
 
 
 def columns(recording: Recording) -> list[Column]:
@@ -73,38 +73,38 @@ def columns(recording: Recording) -> list[Column]:
 
     The column of a position has the name of its axis, so that a score can play it by `channel`.
     """
-    names = [name.translate(_NO_NAME) for name in recording.names]
-    if len(set(names)) < len(names) or {"t", "tick"} & set(names):
-        names = [str(i + 1) for i in range(len(names))]
+    channel_names = [name.translate(_NO_NAME) for name in recording.names]
+    if len(set(channel_names)) < len(channel_names) or {"t", "tick"} & set(channel_names):
+        channel_names = [str(i + 1) for i in range(len(channel_names))]
     positions, forces, sent = recording.positions(), recording.forces(), recording.sent()
     flags, clocks = recording.flags(), recording.clocks()
-    columns: list[Column] = [("t [s]", instants(recording)), ("tick [1]", recording.ticks())]
-    for i, name in enumerate(names):
-        columns += [
-            (f"{name} [m]", positions[:, i]),
-            (f"{name} force [N]", forces[:, i]),
-            (f"{name} sent [N]", sent[:, i]),
-            (f"{name} flags [1]", flags[:, i]),
-            (f"{name} clock [1]", clocks[:, i]),
+    row_columns: list[Column] = [("t [s]", instants(recording)), ("tick [1]", recording.ticks())]
+    for i, channel_name in enumerate(channel_names):
+        row_columns += [
+            (f"{channel_name} [m]", positions[:, i]),
+            (f"{channel_name} force [N]", forces[:, i]),
+            (f"{channel_name} sent [N]", sent[:, i]),
+            (f"{channel_name} flags [1]", flags[:, i]),
+            (f"{channel_name} clock [1]", clocks[:, i]),
         ]
-    return columns
+    return row_columns
 
 
 def csv_rows(recording: Recording) -> Iterator[str]:
     """The text of a CSV in pieces; numbers are the shortest that read back to the same bits."""
     all_columns = columns(recording)
-    text = io.StringIO()
-    text.write(
+    row_buffer = io.StringIO()
+    row_buffer.write(
         f"# take 1, made by ergon, {recording.rate:g} Hz, ticks of {recording.frames} frames\n"
     )
-    rows = csv.writer(text, lineterminator="\n")
+    rows = csv.writer(row_buffer, lineterminator="\n")
     rows.writerow([name for name, _ in all_columns])
-    yield text.getvalue()
+    yield row_buffer.getvalue()
     for first_row in range(0, len(all_columns[0][1]), _BLOCK):
-        text = io.StringIO()
+        row_buffer = io.StringIO()
         lists = [values[first_row : first_row + _BLOCK].tolist() for _, values in all_columns]
-        csv.writer(text, lineterminator="\n").writerows(zip(*lists, strict=True))
-        yield text.getvalue()
+        csv.writer(row_buffer, lineterminator="\n").writerows(zip(*lists, strict=True))
+        yield row_buffer.getvalue()
 
 
 def write_npz(file: BinaryIO, recording: Recording) -> None:
@@ -151,7 +151,7 @@ def write_wav(file: BinaryIO, recording: Recording) -> None:
 
 
 def recorded(
-    channels: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
+    movements_by_name: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
     *,
     rate: float,
     frames: int,
@@ -165,18 +165,22 @@ def recorded(
 
     from ergon._core import EngineError, Recording, Take
 
-    begin = min(t[0] for t, _ in channels.values())
-    end = max(t[-1] for t, _ in channels.values())
+    begin_seconds = min(t[0] for t, _ in movements_by_name.values())
+    end = max(t[-1] for t, _ in movements_by_name.values())
     # The last tick counts even if rounding puts the last sample slightly before it.
-    n_ticks = np.floor((end - begin) * rate / frames + 1e-6) + 1
-    if not n_ticks * len(channels) <= _MAX_TICKS:
-        raise NotRecordingError(f"{end - begin:g} s is longer than a recording can be at this rate")
+    n_ticks = np.floor((end - begin_seconds) * rate / frames + 1e-6) + 1
+    if not n_ticks * len(movements_by_name) <= _MAX_TICKS:
+        raise NotRecordingError(
+            f"{end - begin_seconds:g} s is longer than a recording can be at this rate"
+        )
     ticks = np.arange(int(n_ticks), dtype=np.uint64)
-    tick_instants = begin + ticks.astype(np.float64) * frames / rate
+    tick_instants = begin_seconds + ticks.astype(np.float64) * frames / rate
     try:
-        x = np.stack([Take(t, x).positions(tick_instants) for t, x in channels.values()], axis=1)
+        x = np.stack(
+            [Take(t, x).positions(tick_instants) for t, x in movements_by_name.values()], axis=1
+        )
         description = json.dumps({"imported": source}, ensure_ascii=False)
-        axes: Sequence[tuple[str, str]] = [(name, "") for name in channels]
+        axes: Sequence[tuple[str, str]] = [(name, "") for name in movements_by_name]
         return Recording(rate, frames, axes, description, ticks, np.ascontiguousarray(x))
     except EngineError as error:
         raise NotRecordingError(str(error)) from None

@@ -231,22 +231,22 @@ class FileGroup:
         if self.sync and not self.is_recorded:  # what cannot be computed again
             _sync(pending.target.parent for pending in self.pending)
 
-    def _keep_old(self, target: Path) -> Path | None:
+    def _keep_old(self, target_path: Path) -> Path | None:
         """A second name or a copy of a file that is about to be replaced; None if there is none, or
         if nothing can fail after it.
         """
-        if len(self.pending) == 1 or not target.exists():
+        if len(self.pending) == 1 or not target_path.exists():
             return None
         paths: list[Path] = []
         self.stack.callback(_unlink, paths)
         try:
-            self.stack.callback(os.close, temporary.link_temporary(target, paths))
+            self.stack.callback(os.close, temporary.link_temporary(target_path, paths))
         except OSError:  # a file system without links
-            copy = self.stack.enter_context(temporary.open_temporary(target, paths))
-            with target.open("rb") as file:
+            copy = self.stack.enter_context(temporary.open_temporary(target_path, paths))
+            with target_path.open("rb") as file:
                 shutil.copyfileobj(file, copy)
             copy.flush()
-            keep_mode(target, paths[-1])
+            keep_mode(target_path, paths[-1])
         return paths[-1]
 
     def _move(self, pending: _Pending) -> None:
@@ -258,18 +258,18 @@ class FileGroup:
 
 
 @contextlib.contextmanager
-def _grouped(group: FileGroup) -> Iterator[FileGroup]:
+def _grouped(open_group: FileGroup) -> Iterator[FileGroup]:
     """A group for the time of a block. Whatever ends the block early (an exception, Ctrl-C, SIGTERM
     under `signals_as_exceptions`) removes what was written.
     """
     try:
-        with group.stack:
-            yield group
-            group.commit()
+        with open_group.stack:
+            yield open_group
+            open_group.commit()
     except BaseException as error:
-        remove_folders(sorted(group.new_folders, key=lambda folder: -len(folder.parts)))
-        if isinstance(error, OSError) and error.errno in _FULL and group.pending:
-            names = [str(pending_file.target) for pending_file in group.pending]
+        remove_folders(sorted(open_group.new_folders, key=lambda folder: -len(folder.parts)))
+        if isinstance(error, OSError) and error.errno in _FULL and open_group.pending:
+            names = [str(pending_file.target) for pending_file in open_group.pending]
             if error.filename is None or error.filename in names:
                 name = error.filename or names[0]
                 raise FileRefusedError(f"{name} cannot be written: {error.strerror}") from error
@@ -377,18 +377,18 @@ def _resolved_path(path: Path) -> Path:
         raise FileRefusedError(f"{path} is a symbolic link in a circle") from None
 
 
-def _move_to_target(part: Path, target: Path, *, is_new: bool) -> None:
+def _move_to_target(part_path: Path, target_path: Path, *, is_new: bool) -> None:
     """Move a file to its target; if `is_new`, the target must not exist by now."""
     if is_new:
         try:
-            os.link(part, target)
+            os.link(part_path, target_path)
             return
         except FileExistsError:
             raise
         except OSError:  # a file system without links
-            if target.exists():
+            if target_path.exists():
                 raise
-    os.replace(part, target)
+    os.replace(part_path, target_path)
 
 
 def _sync(folders: Iterable[Path]) -> None:

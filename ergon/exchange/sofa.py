@@ -81,32 +81,39 @@ def _read(file: IO[bytes], path: Path) -> HeadResponses:
         process.communicate()
 
 
-def responses_of(answer: IO[bytes], path: Path) -> HeadResponses:
+def responses_of(reader_answer: IO[bytes], path: Path) -> HeadResponses:
     """The responses in the answer of a reader. Raises SofaError."""
     import numpy as np
 
-    line = answer.readline(_HEAD_MAX)
+    line = reader_answer.readline(_HEAD_MAX)
     try:
         header = parse_json(line)
     except MalformedTextError:
-        reason = "reading it took too long, too much memory, or crashed the library; it is damaged"
-        raise SofaError(f"{path}: {reason}") from None
+        refusal_reason = (
+            "reading it took too long, too much memory, or crashed the library; it is damaged"
+        )
+        raise SofaError(f"{path}: {refusal_reason}") from None
     if "error" in header:
         raise SofaError(f"{path}: {printable(header['error'])}")
     _check(header, path)
-    places, responses, rates, delays = (_array(answer, shape, path) for shape in header["shapes"])
+    measured_places, responses, rates, delays = (
+        _array(reader_answer, shape, path) for shape in header["shapes"]
+    )
     rate = float(rates.flat[0])
     if not 1_000.0 <= rate <= 768_000.0:
         raise SofaError(f"{path}: a rate of {rate:g} Hz")
-    if not (np.isfinite(places).all() and np.isfinite(responses).all()) or not responses.any():
+    if (
+        not (np.isfinite(measured_places).all() and np.isfinite(responses).all())
+        or not responses.any()
+    ):
         raise SofaError(f"{path}: responses are finite numbers, and not all 0")
     if not (np.isfinite(delays).all() and np.ptp(delays) <= _DELAY_MAX * rate):
-        reason = f"its delays (Data.Delay, in samples) differ by more than {_DELAY_MAX:g} s"
-        raise SofaError(f"{path}: {reason}; the ears of a head are nearer")
+        refusal_reason = f"its delays (Data.Delay, in samples) differ by more than {_DELAY_MAX:g} s"
+        raise SofaError(f"{path}: {refusal_reason}; the ears of a head are nearer")
     late = np.broadcast_to(delays, (len(responses), 2)) / rate
-    directions = places[:, :2]
+    directions = measured_places[:, :2]
     if header["type"] == "cartesian":
-        directions = _directions(places, path)
+        directions = _directions(measured_places, path)
     return HeadResponses(directions, responses, rate, late)
 
 
@@ -123,7 +130,7 @@ def _directions(places: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
 
 def _check(header: dict[str, Any], path: Path) -> None:
     """Raise SofaError unless the arrays are those of responses at two ears."""
-    convention, (places, shape, rates, delays) = header["convention"], header["shapes"]
+    convention, (place_shape, array_shape, rates, delays) = header["convention"], header["shapes"]
     if convention != _CONVENTION:
         convention_text = printable(convention) or "no"
         raise SofaError(f"{path} is of {convention_text} convention; a head is {_CONVENTION}")
@@ -133,26 +140,28 @@ def _check(header: dict[str, Any], path: Path) -> None:
         )
     if header["type"] == "spherical" and "rad" in header.get("units", "").lower():
         raise SofaError(f"{path}: directions are read in degrees, here they are in radians")
-    if len(shape) != 3 or shape[1] != 2 or shape[0] < 4 or shape[2] < 8:
-        sizes = " by ".join(map(str, shape))
-        raise SofaError(f"{path}: responses are {sizes}; expected (directions, 2 ears, samples)")
-    if places != [shape[0], 3]:
-        sizes = " by ".join(map(str, places))
-        raise SofaError(f"{path}: {sizes} directions for {shape[0]} responses")
-    if delays not in ([1, 2], [shape[0], 2]):
-        sizes = " by ".join(map(str, delays))
+    if len(array_shape) != 3 or array_shape[1] != 2 or array_shape[0] < 4 or array_shape[2] < 8:
+        sizes_text = " by ".join(map(str, array_shape))
         raise SofaError(
-            f"{path}: its delays (Data.Delay) are {sizes}; expected 1 or {shape[0]} by 2"
+            f"{path}: responses are {sizes_text}; expected (directions, 2 ears, samples)"
         )
-    if not 1 <= math.prod(rates) <= _VALUES_MAX or math.prod(shape) > _VALUES_MAX:
+    if place_shape != [array_shape[0], 3]:
+        sizes_text = " by ".join(map(str, place_shape))
+        raise SofaError(f"{path}: {sizes_text} directions for {array_shape[0]} responses")
+    if delays not in ([1, 2], [array_shape[0], 2]):
+        sizes_text = " by ".join(map(str, delays))
+        raise SofaError(
+            f"{path}: its delays (Data.Delay) are {sizes_text}; expected 1 or {array_shape[0]} by 2"
+        )
+    if not 1 <= math.prod(rates) <= _VALUES_MAX or math.prod(array_shape) > _VALUES_MAX:
         raise SofaError(f"{path}: it has no rate, or more responses than are read")
 
 
-def _array(answer: IO[bytes], shape: list[int], path: Path) -> NDArray[np.float64]:
+def _array(answer: IO[bytes], array_shape: list[int], path: Path) -> NDArray[np.float64]:
     import numpy as np
 
-    size = 8 * math.prod(shape)
+    size = 8 * math.prod(array_shape)
     data = answer.read(size)
     if len(data) < size:
         raise SofaError(f"{path}: reading it broke off; it is damaged")
-    return np.frombuffer(data, "<f8").reshape(shape)
+    return np.frombuffer(data, "<f8").reshape(array_shape)

@@ -69,7 +69,7 @@ def limit() -> None:
                 resource.setrlimit(resource_id, (soft, soft))
 
 
-def answer(source: BinaryIO, target: BinaryIO) -> None:
+def answer(source: BinaryIO, answer_target: BinaryIO) -> None:
     """Read a file and write the answer."""
     try:
         arrays, header = _read(source)
@@ -80,10 +80,10 @@ def answer(source: BinaryIO, target: BinaryIO) -> None:
     except Exception as error:  # h5py turns errors of libhdf5 into exceptions of many types
         reason = " ".join(str(error).split())[:_TEXT_MAX]
         arrays, header = [], {"error": f"this is not a SOFA file that can be read: {reason}"}
-    target.write(json.dumps(header).encode() + b"\n")
+    answer_target.write(json.dumps(header).encode() + b"\n")
     for array in arrays:
-        target.write(array.reshape(-1).view(np.uint8).data)
-    target.flush()
+        answer_target.write(array.reshape(-1).view(np.uint8).data)
+    answer_target.flush()
 
 
 def _read(source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, Any]]:
@@ -101,37 +101,40 @@ def _read(source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, Any]]
         return arrays, {**header, "shapes": [array.shape for array in arrays]}
 
 
-def _checked(file: h5py.File, name: str) -> h5py.Dataset:
+def _checked(sofa_file: h5py.File, data_name: str) -> h5py.Dataset:
     """A data set whose numbers lie in this file, and are packed by nothing but the library."""
     import h5py
 
-    links, encoded_name = file.id.links, name.encode()
+    links, encoded_name = sofa_file.id.links, data_name.encode()
     if not links.exists(encoded_name):
-        raise _RefusedError(f"it has no {name}")
+        raise _RefusedError(f"it has no {data_name}")
     if links.get_info(encoded_name).type != h5py.h5l.TYPE_HARD:
-        raise _RefusedError(f"its {name} is a link to another place, which is not followed")
-    dataset = file[name]
+        raise _RefusedError(f"its {data_name} is a link to another place, which is not followed")
+    dataset = sofa_file[data_name]
     if not isinstance(dataset, h5py.Dataset):
-        raise _RefusedError(f"its {name} is not an array")
+        raise _RefusedError(f"its {data_name} is not an array")
     creation_properties = dataset.id.get_create_plist()
     if creation_properties.get_layout() == h5py.h5d.VIRTUAL:
-        raise _RefusedError(f"its {name} is virtual: the numbers are in other files, not read here")
+        raise _RefusedError(
+            f"its {data_name} is virtual: the numbers are in other files, not read here"
+        )
     if creation_properties.get_external_count():
         raise _RefusedError(
-            f"its {name} is external: the numbers are in other files, not read here"
+            f"its {data_name} is external: the numbers are in other files, not read here"
         )
     for filter_index in range(creation_properties.get_nfilters()):
         filter_id = creation_properties.get_filter(filter_index)[0]
         if filter_id not in _FILTERS:
             message = (
-                f"its {name} is compressed by filter {filter_id}, which is not built into HDF5; "
+                f"its {data_name} is compressed by filter {filter_id}, which is not built into "
+                "HDF5; "
             )
             raise _RefusedError(message + "`h5repack -f GZIP=4 IN OUT` compresses it anew")
     if dataset.dtype.kind not in "fiu":
-        raise _RefusedError(f"its {name} does not hold numbers")
+        raise _RefusedError(f"its {data_name} does not hold numbers")
     if dataset.size is None or dataset.size > VALUES_MAX:
         count = f"{dataset.size or 0:,} values; at most {VALUES_MAX:,} are read"
-        raise _RefusedError(f"its {name} has {count}")
+        raise _RefusedError(f"its {data_name} has {count}")
     return dataset
 
 

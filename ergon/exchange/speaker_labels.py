@@ -89,13 +89,13 @@ def masked_labels(mask: int) -> list[str]:
     return labels
 
 
-def place_of(label: str) -> Angles | None:
+def place_of(speaker_label: str) -> Angles | None:
     """Where a loudspeaker is, at the distance 1; None for low-frequency effects."""
-    if is_effects(label):
+    if is_effects(speaker_label):
         return None
-    match = _LABEL.fullmatch(label)
+    match = _LABEL.fullmatch(speaker_label)
     if match is None:
-        raise ValueError(label)
+        raise ValueError(speaker_label)
     layer, sign, turn = match.groups()
     azimuth = _AZIMUTHS.get(turn) or float(turn)
     return (-azimuth if sign == "-" else azimuth), _ELEVATIONS[layer], 1.0

@@ -61,31 +61,35 @@ def header(form: Form, *, title: str, rate: float, score: str) -> str:
     return f"# ergon stream {VERSION}, {', '.join(filter(None, facts))}\n" + rows.getvalue()
 
 
-def rows(form: Form, ergons: Ergons, names: Names) -> str:
+def rows(form: Form, ergons: Ergons, ergon_names: Names) -> str:
     """Rows of one block; numbers are the shortest decimals that read back to the same bits."""
-    body = io.StringIO()
+    row_buffer = io.StringIO()
     if form == "json":
-        for row in _rows(ergons, names):
-            body.write(json_text(dict(zip(_KEYS, row, strict=True))) + "\n")
+        for row in _rows(ergons, ergon_names):
+            row_buffer.write(json_text(dict(zip(_KEYS, row, strict=True))) + "\n")
     else:
-        csv.writer(body, lineterminator="\n").writerows(_rows(ergons, names))
-    return body.getvalue()
+        csv.writer(row_buffer, lineterminator="\n").writerows(_rows(ergons, ergon_names))
+    return row_buffer.getvalue()
 
 
-def _rows(ergons: Ergons, names: Names) -> Iterator[Sequence[object]]:
-    struck: dict[int, tuple[str, float]] = {}
-    source: dict[int, str] = {}
+def _rows(ergons: Ergons, ergon_names: Names) -> Iterator[Sequence[object]]:
+    struck_by_mat: dict[int, tuple[str, float]] = {}
+    source_by_mat: dict[int, str] = {}
     columns = ("time", "mat", "mass", "speed", "impulse", "source")
     lists = [ergons[column].tolist() for column in columns]
-    for time, mat, mass, speed, impulse, place in zip(*lists, strict=True):
-        if mat not in struck:
-            name = names.struck(int(mat))
-            struck[mat] = name, names.reach(name)
-        if place not in source:
-            source[place] = names.source(int(place))
+    for time, mat, struck_mass, speed, impulse, ergon_place in zip(*lists, strict=True):
+        if mat not in struck_by_mat:
+            struck_name = ergon_names.struck(int(mat))
+            struck_by_mat[mat] = struck_name, ergon_names.reach(struck_name)
+        if ergon_place not in source_by_mat:
+            source_by_mat[ergon_place] = ergon_names.source(int(ergon_place))
         # As in the paper, the sign has a column of its own: the direction in which the ergon
         # strikes.
         sign = "-" if impulse < 0 else "+"
-        name, reach = struck[mat]
-        mass, speed, impulse = mass * reach * reach, abs(speed) / reach, abs(impulse) * reach
-        yield time, name, sign, mass, speed, impulse, source[place]
+        struck_name, reach = struck_by_mat[mat]
+        struck_mass, speed, impulse = (
+            struck_mass * reach * reach,
+            abs(speed) / reach,
+            abs(impulse) * reach,
+        )
+        yield time, struck_name, sign, struck_mass, speed, impulse, source_by_mat[ergon_place]

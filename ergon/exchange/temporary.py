@@ -134,15 +134,15 @@ def is_at(handle: int, path: Path) -> bool:
         return False
 
 
-def _new_names(folder: Path, name: str) -> Iterator[Path]:
+def _new_names(folder: Path, file_name: str) -> Iterator[Path]:
     """Temporary names in a folder, whose litter is removed before."""
     if folder not in _swept:
         _swept.add(folder)
         remove_abandoned(folder)
-    name = os.fsencode(name)[:_NAME_MAX].decode(errors="ignore") or "_"
+    file_name = os.fsencode(file_name)[:_NAME_MAX].decode(errors="ignore") or "_"
     while True:
         drawn = os.urandom(_DIGITS // 2).hex()
-        yield folder / f".{name}.{drawn}{_check_digits(name, drawn)}.part"
+        yield folder / f".{file_name}.{drawn}{_check_digits(file_name, drawn)}.part"
 
 
 def _check_digits(name: str, drawn: str) -> str:

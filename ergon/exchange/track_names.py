@@ -9,17 +9,17 @@ from collections.abc import Sequence
 from html import escape
 
 
-def ixml(names: Sequence[str], title: str) -> bytes:
+def ixml(channel_names: Sequence[str], title: str) -> bytes:
     """The content of an `iXML` chunk: the title of the piece, and a name for each channel."""
     tracks = "".join(
         f"<TRACK><CHANNEL_INDEX>{number}</CHANNEL_INDEX>"
         f"<INTERLEAVE_INDEX>{number}</INTERLEAVE_INDEX><NAME>{_escaped(name)}</NAME></TRACK>"
-        for number, name in enumerate(names, 1)
+        for number, name in enumerate(channel_names, 1)
     )
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<BWFXML><IXML_VERSION>3.01</IXML_VERSION>'
         f"<PROJECT>{_escaped(title)}</PROJECT><TRACK_LIST>"
-        f"<TRACK_COUNT>{len(names)}</TRACK_COUNT>{tracks}</TRACK_LIST></BWFXML>\n"
+        f"<TRACK_COUNT>{len(channel_names)}</TRACK_COUNT>{tracks}</TRACK_LIST></BWFXML>\n"
     ).encode()
 
 
@@ -33,13 +33,13 @@ def track_names(content: bytes, n_channels: int) -> tuple[str, ...]:
         root = parse_xml(content.rstrip(b"\0"))
     except XmlError:
         return ()
-    names = [""] * n_channels
+    channel_names = [""] * n_channels
     for track in root.iter("TRACK"):
         index = (track.findtext("INTERLEAVE_INDEX") or "").strip()
         number = int(index) if index.isascii() and index.isdecimal() and len(index) < 6 else 0
         if 1 <= number <= n_channels:
-            names[number - 1] = (track.findtext("NAME") or "").strip()
-    return tuple(names) if any(names) else ()
+            channel_names[number - 1] = (track.findtext("NAME") or "").strip()
+    return tuple(channel_names) if any(channel_names) else ()
 
 
 def _escaped(text: str) -> str:

@@ -80,19 +80,19 @@ class WaveWriter:
         self._pad = 0
 
 
-def encode(block: NDArray[Any], format: WaveFormat) -> bytes:
+def encode(sample_block: NDArray[Any], format: WaveFormat) -> bytes:
     """The bytes of samples (n_frames, n_channels) in a file. Raises TypeError."""
     import numpy as np
 
     floats = {"float": "<f4", "double": "<f8"}
     sample_type = np.dtype(floats.get(str(format.bits), "<i4"))
-    if block.dtype != sample_type:
+    if sample_block.dtype != sample_type:
         raise TypeError(f"samples for {format.bits} bits come as {sample_type.name}")
     if format.bits in ("float", "double"):
-        return block.astype(sample_type, copy=False).tobytes()
+        return sample_block.astype(sample_type, copy=False).tobytes()
     from ergon import _core
 
-    return _core.packed(np.ascontiguousarray(block, dtype=np.int32), BYTES[format.bits])
+    return _core.packed(np.ascontiguousarray(sample_block, dtype=np.int32), BYTES[format.bits])
 
 
 def read_info(path: Path) -> WaveInfo:
@@ -117,19 +117,19 @@ def blocks_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> Iterator[NDA
     import numpy as np
 
     bits = format.bits
-    for data in pieces:
+    for frame_bytes in pieces:
         if bits in ("float", "double"):
             form = "<f4" if bits == "float" else "<f8"
             with np.errstate(invalid="ignore"):  # a signalling NaN of a stranger's file
-                flat = np.frombuffer(data, form).astype(np.float64)
+                flat_samples = np.frombuffer(frame_bytes, form).astype(np.float64)
         elif bits == 8:  # unsigned, around 128
-            flat = np.frombuffer(data, np.uint8) / 128.0 - 1.0
+            flat_samples = np.frombuffer(frame_bytes, np.uint8) / 128.0 - 1.0
         else:
             width = BYTES[bits]
-            octets = np.zeros((len(data) // width, 4), np.uint8)
-            octets[:, 4 - width :] = np.frombuffer(data, np.uint8).reshape(-1, width)
-            flat = octets.view("<i4")[:, 0] / 2.0**31
-        yield flat.reshape(-1, format.n_channels)
+            octets = np.zeros((len(frame_bytes) // width, 4), np.uint8)
+            octets[:, 4 - width :] = np.frombuffer(frame_bytes, np.uint8).reshape(-1, width)
+            flat_samples = octets.view("<i4")[:, 0] / 2.0**31
+        yield flat_samples.reshape(-1, format.n_channels)
 
 
 def hash_samples(path: Path) -> str:
@@ -145,14 +145,14 @@ def hash_samples(path: Path) -> str:
 
 def _samples(path: Path, info: WaveInfo, n_bytes: int) -> Iterator[bytes]:
     """The bytes of the samples, at most `n_bytes` at a time."""
-    with open_regular(path) as file:
-        file.seek(info.offset)
+    with open_regular(path) as open_file:
+        open_file.seek(info.offset)
         width = BYTES[info.format.bits]
         n_bytes -= n_bytes % info.format.frame_bytes
         n_bytes = max(n_bytes, info.format.frame_bytes)
         n_bytes_left = info.n_frames * info.format.frame_bytes
         while n_bytes_left:
-            data = read_exactly(file, min(n_bytes_left, n_bytes), _CUT_SAMPLES)
+            data = read_exactly(open_file, min(n_bytes_left, n_bytes), _CUT_SAMPLES)
             yield _reversed(data, width) if info.container == "RIFX" else data
             n_bytes_left -= len(data)
 

@@ -155,9 +155,9 @@ def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = R
     """
     if not 1 <= format.n_channels <= CHANNELS_MAX:
         raise ValueError(f"a file has 1 to {CHANNELS_MAX} channels, not {format.n_channels}")
-    size = n_frames * format.frame_bytes
+    data_size = n_frames * format.frame_bytes
     origin = ORIGINATOR.encode()
-    body = b"".join(
+    chunks_bytes = b"".join(
         (
             _chunk(b"fmt ", _pack_format(format)),
             _chunk(b"fact", struct.pack("<I", min(n_frames, 0xFFFFFFFF))),
@@ -167,12 +167,12 @@ def pack(format: WaveFormat, n_frames: int, stamp: Stamp, *, riff_limit: int = R
             _cue_chunks([mark for mark in stamp.marks if 0 <= mark[1] < n_frames]),
         )
     )
-    riff = 4 + (8 + _DS64.size) + len(body) + 8 + size + (size & 1)
+    riff = 4 + (8 + _DS64.size) + len(chunks_bytes) + 8 + data_size + (data_size & 1)
     if riff <= riff_limit:
         header = b"RIFF" + struct.pack("<I", riff) + b"WAVE" + _chunk(b"JUNK", bytes(_DS64.size))
-        return header + body + b"data" + struct.pack("<I", size)
-    ds64 = _chunk(b"ds64", _DS64.pack(riff, size, n_frames, 0))
-    return b"RF64\xff\xff\xff\xffWAVE" + ds64 + body + b"data\xff\xff\xff\xff"
+        return header + chunks_bytes + b"data" + struct.pack("<I", data_size)
+    ds64 = _chunk(b"ds64", _DS64.pack(riff, data_size, n_frames, 0))
+    return b"RF64\xff\xff\xff\xffWAVE" + ds64 + chunks_bytes + b"data\xff\xff\xff\xff"
 
 
 def _cue_chunks(marks: Sequence[tuple[str, int]]) -> bytes:
@@ -219,94 +219,98 @@ def _pack_format(format: WaveFormat) -> bytes:
     )
 
 
-def parse(file: BinaryIO) -> WaveInfo:
+def parse(open_file: BinaryIO) -> WaveInfo:
     """Read the chunks of a seekable file. Raises NotWaveError with a sentence."""
-    head = file.read(12)
-    if (foreign := foreign_form(head)) is not None:
+    header_bytes = open_file.read(12)
+    if (foreign := foreign_form(header_bytes)) is not None:
         raise NotWaveError(foreign)
-    if len(head) < 12 or head[:4] not in _CONTAINERS or head[8:] != b"WAVE":
+    if len(header_bytes) < 12 or header_bytes[:4] not in _CONTAINERS or header_bytes[8:] != b"WAVE":
         raise NotWaveError("this is not a WAVE file")
-    container = _CONTAINERS[head[:4]]
+    container = _CONTAINERS[header_bytes[:4]]
     format: WaveFormat | None = None
     long_size, long_riff_size, mask = 0, 0, 0
-    order: _Order = "big" if container == "RIFX" else "little"
-    riff_size = int.from_bytes(head[4:8], order)
+    byte_order: _Order = "big" if container == "RIFX" else "little"
+    riff_size = int.from_bytes(header_bytes[4:8], byte_order)
     originator: str | None = None
     description = ""
     descriptions = {b"axml": b"", b"chna": b"", b"iXML": b""}
     other_chunks: list[tuple[str, int]] = []
     cues: dict[int, int] = {}
-    labels: dict[int, str] = {}
-    samples: tuple[int, int, int] | None = None  # offset, bytes present, bytes missing
-    end = file.seek(0, 2)
-    file.seek(12)
-    while len(chunk := file.read(8)) == 8:
-        name, size = chunk[:4], int.from_bytes(chunk[4:], order)
-        start = file.tell()
-        if samples is not None and (size > end - start or not name.isascii()):
+    cue_labels: dict[int, str] = {}
+    sample_span: tuple[int, int, int] | None = None  # offset, bytes present, bytes missing
+    file_end = open_file.seek(0, 2)
+    open_file.seek(12)
+    while len(chunk := open_file.read(8)) == 8:
+        chunk_name, chunk_size = chunk[:4], int.from_bytes(chunk[4:], byte_order)
+        start_offset = open_file.tell()
+        if sample_span is not None and (
+            chunk_size > file_end - start_offset or not chunk_name.isascii()
+        ):
             break  # what follows the samples is no chunk
-        if name == b"data" and samples is None:
+        if chunk_name == b"data" and sample_span is None:
             if format is None:
                 raise NotWaveError("the samples come before their format")
-            if size == 0xFFFFFFFF and container in ("RF64", "BW64"):
-                size, riff_size = long_size, long_riff_size
-            bytes_present, missing = _sizes(
-                size, end - start, format, is_whole=riff_size + 8 == end
+            if chunk_size == 0xFFFFFFFF and container in ("RF64", "BW64"):
+                chunk_size, riff_size = long_size, long_riff_size
+            bytes_present, missing_bytes = _sizes(
+                chunk_size, file_end - start_offset, format, is_whole=riff_size + 8 == file_end
             )
-            samples, size = (start, bytes_present, missing), bytes_present
-        elif name == b"ds64":
-            long_riff_size, long_size, *_ = _DS64.unpack(read_exactly(file, _DS64.size))
-        elif name == b"fmt ":
-            content = read_exactly(file, min(size, 40))
-            format = _parse_format(content, order)
-            if int.from_bytes(content[:2], order) == _TAG_EXTENSIBLE:
-                mask = int.from_bytes(content[20:24], order)
-        elif name == b"bext" and size >= _BEXT.size:
-            text, origin, *_ = _BEXT.unpack(read_exactly(file, _BEXT.size))
+            sample_span, chunk_size = (start_offset, bytes_present, missing_bytes), bytes_present
+        elif chunk_name == b"ds64":
+            long_riff_size, long_size, *_ = _DS64.unpack(read_exactly(open_file, _DS64.size))
+        elif chunk_name == b"fmt ":
+            content = read_exactly(open_file, min(chunk_size, 40))
+            format = _parse_format(content, byte_order)
+            if int.from_bytes(content[:2], byte_order) == _TAG_EXTENSIBLE:
+                mask = int.from_bytes(content[20:24], byte_order)
+        elif chunk_name == b"bext" and chunk_size >= _BEXT.size:
+            text, origin, *_ = _BEXT.unpack(read_exactly(open_file, _BEXT.size))
             description, originator = _text(text), _text(origin)
-        elif name in descriptions and size <= _DESCRIPTION_MAX:
-            descriptions[name] = read_exactly(file, size)
-        elif name == b"cue " and size <= _CUES_MAX:
-            cues = _cues(read_exactly(file, size), order)
-        elif name == b"LIST" and 4 <= size <= _CUES_MAX and file.read(4) == b"adtl":
-            labels = _labels(read_exactly(file, size - 4), order)
-        elif name not in _IGNORED_CHUNKS and len(other_chunks) < _OTHERS_MAX:
-            other_chunks.append((name.decode("latin-1"), size))
-        file.seek(_next_chunk(file, start + size))
-    if samples is None or format is None:
+        elif chunk_name in descriptions and chunk_size <= _DESCRIPTION_MAX:
+            descriptions[chunk_name] = read_exactly(open_file, chunk_size)
+        elif chunk_name == b"cue " and chunk_size <= _CUES_MAX:
+            cues = _cues(read_exactly(open_file, chunk_size), byte_order)
+        elif (
+            chunk_name == b"LIST" and 4 <= chunk_size <= _CUES_MAX and open_file.read(4) == b"adtl"
+        ):
+            cue_labels = _labels(read_exactly(open_file, chunk_size - 4), byte_order)
+        elif chunk_name not in _IGNORED_CHUNKS and len(other_chunks) < _OTHERS_MAX:
+            other_chunks.append((chunk_name.decode("latin-1"), chunk_size))
+        open_file.seek(_next_chunk(open_file, start_offset + chunk_size))
+    if sample_span is None or format is None:
         raise NotWaveError("this WAVE file holds no samples")
-    offset, size, missing = samples
-    names = track_names(descriptions[b"iXML"], format.n_channels)
-    if descriptions[b"iXML"] and not names:  # nothing of it is understood
+    offset, chunk_size, missing_bytes = sample_span
+    channel_names = track_names(descriptions[b"iXML"], format.n_channels)
+    if descriptions[b"iXML"] and not channel_names:  # nothing of it is understood
         other_chunks.append(("iXML", len(descriptions[b"iXML"])))
     return WaveInfo(
         container,
         format,
-        size // format.frame_bytes,
+        chunk_size // format.frame_bytes,
         offset,
-        size,
+        chunk_size,
         originator,
         description,
         descriptions[b"axml"],
         descriptions[b"chna"],
         mask,
-        missing,
+        missing_bytes,
         tuple(other_chunks),
-        tuple((labels.get(number, str(number)), frame) for number, frame in cues.items()),
-        names,
+        tuple((cue_labels.get(number, str(number)), frame) for number, frame in cues.items()),
+        channel_names,
     )
 
 
-def _next_chunk(file: BinaryIO, end: int) -> int:
+def _next_chunk(open_file: BinaryIO, end_offset: int) -> int:
     """Where the chunk after one that ends at an offset begins: some programs leave out the byte
     that fills a chunk of odd size.
     """
-    if not end & 1:
-        return end
-    file.seek(end)
-    following = file.read(5)
+    if not end_offset & 1:
+        return end_offset
+    open_file.seek(end_offset)
+    following = open_file.read(5)
     is_bare = following[:4] in _COMMON_CHUNKS and following[1:] not in _COMMON_CHUNKS
-    return end if is_bare else end + 1
+    return end_offset if is_bare else end_offset + 1
 
 
 def _cues(content: bytes, order: _Order) -> dict[int, int]:
@@ -317,16 +321,16 @@ def _cues(content: bytes, order: _Order) -> dict[int, int]:
     return {number: frame for number, *_, frame in points}
 
 
-def _labels(content: bytes, order: _Order) -> dict[int, str]:
+def _labels(chunk_content: bytes, order: _Order) -> dict[int, str]:
     """The names of cue points, by their numbers."""
-    names: dict[int, str] = {}
+    names_by_number: dict[int, str] = {}
     start, form = 0, f"{_ORDER_SIGNS[order]}4sII"
-    while start + 12 <= len(content):
-        kind, size, number = struct.unpack_from(form, content, start)
+    while start + 12 <= len(chunk_content):
+        kind, size, number = struct.unpack_from(form, chunk_content, start)
         if kind == b"labl" and size >= 4:
-            names[number] = _text(content[start + 12 : start + 8 + size])
+            names_by_number[number] = _text(chunk_content[start + 12 : start + 8 + size])
         start += 8 + size + (size & 1)
-    return names
+    return names_by_number
 
 
 def _sizes(
@@ -358,13 +362,13 @@ def _text(field: bytes) -> str:
     return field.split(b"\0", 1)[0].decode("utf-8", "replace").strip()
 
 
-def _parse_format(content: bytes, order: _Order) -> WaveFormat:
-    if len(content) < 16:
+def _parse_format(chunk_content: bytes, byte_order: _Order) -> WaveFormat:
+    if len(chunk_content) < 16:
         raise NotWaveError("this WAVE file ends within its header")
-    form = f"{_ORDER_SIGNS[order]}HHIIHH"
-    tag, n_channels, rate, _, frame, n_bits = struct.unpack(form, content[:16])
-    if tag == _TAG_EXTENSIBLE and len(content) >= 40:
-        tag = int.from_bytes(content[24:26], order)
+    form = f"{_ORDER_SIGNS[byte_order]}HHIIHH"
+    tag, n_channels, rate, _, frame_bytes, n_bits = struct.unpack(form, chunk_content[:16])
+    if tag == _TAG_EXTENSIBLE and len(chunk_content) >= 40:
+        tag = int.from_bytes(chunk_content[24:26], byte_order)
     if tag in _CODINGS:
         raise NotWaveError(f"samples coded as {_CODINGS[tag]} are not supported; save it as PCM")
     forms: dict[tuple[int, int], Bits] = {
@@ -377,12 +381,12 @@ def _parse_format(content: bytes, order: _Order) -> WaveFormat:
     }
     # Samples of 12 or 20 bits are the upper bits of whole bytes.
     n_bytes = -(-n_bits // 8)
-    if tag in (_TAG_PCM, _TAG_FLOAT) and frame not in (0, n_channels * n_bytes):
+    if tag in (_TAG_PCM, _TAG_FLOAT) and frame_bytes not in (0, n_channels * n_bytes):
         raise NotWaveError(
-            f"a frame of {n_channels} × {n_bits} bits has {frame} bytes by its header, not "
+            f"a frame of {n_channels} × {n_bits} bits has {frame_bytes} bytes by its header, not "
             f"{n_channels * n_bytes}; such samples are not supported"
         )
-    bits = forms.get((tag, 8 * n_bytes if tag == _TAG_PCM and frame else n_bits))
+    bits = forms.get((tag, 8 * n_bytes if tag == _TAG_PCM and frame_bytes else n_bits))
     if bits is None or not n_channels or not rate:
         raise NotWaveError(f"samples of {n_bits} bits with format tag {tag} are not supported")
     return WaveFormat(rate, n_channels, bits)

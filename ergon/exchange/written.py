@@ -39,26 +39,26 @@ _APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
 _written_here: set[str] = set()
 
 
-def digest(file: BinaryIO, samples: str | None = None) -> str:
-    """The hash of a whole file, 64 hex digits. The hash of its `samples`, if it is a WAVE file
+def digest(hashed_file: BinaryIO, samples_hash: str | None = None) -> str:
+    """The hash of a whole file, 64 hex digits. The hash of its `samples_hash`, if it is a WAVE file
     whose writer knows it, is not computed again.
     """
     try:
-        file.seek(0)
-        info = parse(file)
+        hashed_file.seek(0)
+        info = parse(hashed_file)
     except NotWaveError:
-        return _plain_digest(file)
+        return _plain_digest(hashed_file)
     n_bytes = info.n_frames * info.format.frame_bytes
     hashed = hashlib.sha256()
-    file.seek(0)
-    _hash(hashed, file, info.offset)
-    if samples is None:
+    hashed_file.seek(0)
+    _hash(hashed, hashed_file, info.offset)
+    if samples_hash is None:
         hashed_samples = hashlib.sha256()
-        _hash(hashed_samples, file, n_bytes)
-        samples = hashed_samples.hexdigest()
-    hashed.update(samples.encode())
-    file.seek(info.offset + n_bytes)
-    _hash(hashed, file)
+        _hash(hashed_samples, hashed_file, n_bytes)
+        samples_hash = hashed_samples.hexdigest()
+    hashed.update(samples_hash.encode())
+    hashed_file.seek(info.offset + n_bytes)
+    _hash(hashed, hashed_file)
     return hashed.hexdigest()
 
 
@@ -98,10 +98,10 @@ def remember(hashed: str) -> None:
 def is_known(path: Path) -> bool:
     """Whether a file is as ergon wrote it for this user, on this machine."""
     try:
-        with open_regular(path) as file:
-            stat = os.fstat(file.fileno())
+        with open_regular(path) as written_file:
+            stat = os.fstat(written_file.fileno())
             if abs(time.time_ns() - stat.st_mtime_ns) < _COARSE:
-                hashed = digest(file)
+                hashed = digest(written_file)
             else:
                 hashed = _digest_of(path, stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns)
     except OSError:
@@ -114,8 +114,8 @@ def is_known(path: Path) -> bool:
     if any(hashed.encode() in register for register in registers):
         return True
     # An earlier version hashed WAVE files as all others.
-    with contextlib.suppress(OSError), open_regular(path) as file:
-        hashed = _plain_digest(file)
+    with contextlib.suppress(OSError), open_regular(path) as written_file:
+        hashed = _plain_digest(written_file)
     return any(hashed.encode() in register for register in registers)
 
 

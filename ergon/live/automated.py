@@ -38,13 +38,13 @@ def tangible_paths(stage: Stage, mat: int, held_mats: Sequence[int]) -> dict[Mod
     """
 
     def key(module_key: ModuleKey, numbers: Sequence[float]) -> bytes:
-        values = _engine_values(stage, [module_key], [numbers])
+        engine_values = _engine_values(stage, [module_key], [numbers])
         reached = stage.network.reachable_network(
             mat,
             stage.rate,
             held=list(held_mats),
-            ties=list(values.ties),
-            factors=list(values.factors),
+            ties=list(engine_values.ties),
+            factors=list(engine_values.factors),
         )
         return reached.key()
 
@@ -63,14 +63,14 @@ def _engine_values(
 ) -> AutomatedValues:
     """Values of modules as the engine takes them. No hand feels the automation of a BANK."""
     assembly = stage.built.assembly
-    ties, factors = [], []
+    ties, link_factors = [], []
     for module_key, module_numbers in zip(modules, numbers, strict=True):
         if len(module_numbers) == 3:
             k, z, m = module_numbers
             ties.append((assembly.mats[module_key], k, z, m))
         else:
-            factors += [(link, max(module_numbers)) for link in assembly.links_of(module_key)]
-    return AutomatedValues(tuple(ties), tuple(factors))
+            link_factors += [(link, max(module_numbers)) for link in assembly.links_of(module_key)]
+    return AutomatedValues(tuple(ties), tuple(link_factors))
 
 
 def tangible_modules(stage: Stage, players: Collection[str]) -> dict[str, list[str]]:
@@ -101,26 +101,31 @@ def value_sets(
     rows = list(paths.values())
     instants = sorted({since, *(p[0] for points in rows for p in points if p[0] > since)})
     known_keys: set[object] = set()
-    for values, stays in _values_along(rows, instants):
+    for value_set, stays in _values_along(rows, instants):
         key = (
-            tuple(values) if stays else tuple(_ratio_step(x) for numbers in values for x in numbers)
+            tuple(value_set)
+            if stays
+            else tuple(_ratio_step(x) for numbers in value_set for x in numbers)
         )
         if key not in known_keys:
             known_keys.add(key)
-            yield _engine_values(stage, modules, values)
+            yield _engine_values(stage, modules, value_set)
 
 
 def _values_along(
-    rows: Sequence[Points], instants: Sequence[float]
+    module_paths: Sequence[Points], path_instants: Sequence[float]
 ) -> Iterator[tuple[list[tuple[float, ...]], bool]]:
     """Values at each instant and on the way between two of them, and whether they are held
     there.
     """
-    begin, values_before = instants[0], [value_at(points, instants[0]) for points in rows]
-    for end in instants[1:]:
-        values_now = [value_at(points, end) for points in rows]
+    begin_instant, values_before = (
+        path_instants[0],
+        [value_at(points, path_instants[0]) for points in module_paths],
+    )
+    for end_instant in path_instants[1:]:
+        values_now = [value_at(points, end_instant) for points in module_paths]
         yield values_before, values_now == values_before
-        if end - begin > SHORT_CHANGE and values_now != values_before:
+        if end_instant - begin_instant > SHORT_CHANGE and values_now != values_before:
             n = max(
                 1,
                 math.ceil(
@@ -129,7 +134,7 @@ def _values_along(
             )
             for place in range(1, n):
                 yield _interpolated(values_before, values_now, place / n), False
-        begin, values_before = end, values_now
+        begin_instant, values_before = end_instant, values_now
     yield values_before, True
 
 

@@ -90,14 +90,14 @@ def config_bytes() -> bytes:
         return b""
     path = config_path()
     try:
-        data = read_bounded(path, _MAX_BYTES)
+        config_data = read_bounded(path, _MAX_BYTES)
     except FileNotFoundError:
         return b""
     except OSError as error:
         raise BoardError(f"{path}: {error.strerror or error}") from None
-    if len(data) > _MAX_BYTES:
+    if len(config_data) > _MAX_BYTES:
         raise BoardError(f"{path}: larger than a list of devices may be ({_MAX_BYTES:,} bytes)")
-    return data
+    return config_data
 
 
 def device_urls() -> dict[str, str]:
@@ -115,38 +115,42 @@ def boards(devices_by_player: Mapping[str, str], urls_by_name: Mapping[str, str]
     BoardError.
     """
     axes_by_device: dict[str, list[tuple[int, str]]] = {}
-    names: dict[str, str] = {}
+    names_by_url: dict[str, str] = {}
     for player, text in devices_by_player.items():
-        url, axis = resolve(text, urls_by_name)
+        url, axis_number = resolve(text, urls_by_name)
         kind, _, address = url.partition("?")[0].partition(":")
         if kind in PAGE_KINDS and not address:  # each player has a key of the page
             url = url.replace(":", f":{player}", 1)
         if ":" not in text and (name_match := _DEVICE_NAME.match(text)):
-            names.setdefault(url, name_match["name"])
-        axes = axes_by_device.setdefault(url, [])
-        if any(axis == taken_axis for taken_axis, _ in axes):
+            names_by_url.setdefault(url, name_match["name"])
+        device_axes = axes_by_device.setdefault(url, [])
+        if any(axis_number == taken_axis for taken_axis, _ in device_axes):
             raise BoardError(
-                f"axis {axis} of {url} is given to two players; a device with several axes has "
-                f"{url}#{axis + 1} too (`ergon emulate frame --axes 2` emulates one)"
+                f"axis {axis_number} of {url} is given to two players; a device with several axes "
+                "has "
+                f"{url}#{axis_number + 1} too (`ergon emulate frame --axes 2` emulates one)"
             )
-        axes.append((axis, player))
+        device_axes.append((axis_number, player))
     return [
-        Board(url, tuple(axes), name=names.get(url, "")) for url, axes in axes_by_device.items()
+        Board(url, tuple(axes), name=names_by_url.get(url, ""))
+        for url, axes in axes_by_device.items()
     ]
 
 
-def resolve(text: str, urls_by_name: Mapping[str, str]) -> tuple[str, int]:
+def resolve(device_text: str, urls_by_name: Mapping[str, str]) -> tuple[str, int]:
     """(URL, axis) of `URL#3`, or of `name` or `name.3` of the user's file. Raises BoardError."""
-    if ":" in text:
-        url, _, axis_text = text.partition("#")
+    if ":" in device_text:
+        url, _, axis_text = device_text.partition("#")
         # The options of a URL come after its axis.
         number, mark, options = axis_text.partition("?")
         if axis_text and not number.isdecimal():
-            raise BoardError(f"{text}: the axis is a number from 0 on, as in {url}#0")
+            raise BoardError(f"{device_text}: the axis is a number from 0 on, as in {url}#0")
         return url + mark + options, int(number or 0)
-    name_match = _DEVICE_NAME.match(text)
+    name_match = _DEVICE_NAME.match(device_text)
     if name_match is None:
-        raise BoardError(f"{text}: a device is a URL, such as firefader:/dev/ttyACM0, or a name")
+        raise BoardError(
+            f"{device_text}: a device is a URL, such as firefader:/dev/ttyACM0, or a name"
+        )
     device, axis = name_match["name"], name_match["axis"]
     if device not in urls_by_name:
         known_names = (

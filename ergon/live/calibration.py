@@ -98,18 +98,18 @@ def calibrated_axes(url: str) -> set[int]:
 
 
 def _axes_in_list(url: str) -> dict[int, tuple[Axis, bool]]:
-    table = _table(read_config())
+    axis_table = _table(read_config())
     identity, address = board_identity(url), _address(url)
-    axes = {}
-    for number in range(16):
+    axes_by_number = {}
+    for axis_number in range(16):
         for name, is_own in (
-            (f"{identity}#{number}", identity is not None),
-            (f"{address}#{number}", False),
+            (f"{identity}#{axis_number}", identity is not None),
+            (f"{address}#{axis_number}", False),
         ):
-            if name in table:
-                axes[number] = _parse_axis(name, table[name]), is_own
+            if name in axis_table:
+                axes_by_number[axis_number] = _parse_axis(name, axis_table[name]), is_own
                 break
-    return axes
+    return axes_by_number
 
 
 def _table(config: dict[str, Any]) -> dict[str, Any]:
@@ -128,43 +128,47 @@ def axis_header(board: Board, number: int) -> dict[str, object]:
     }
 
 
-def _parse_axis(name: str, row: Any) -> Axis:
+def _parse_axis(name: str, axis_row: Any) -> Axis:
     try:
-        low, high = row["range"]
+        low_end, high_end = axis_row["range"]
         written_numbers = (
-            low,
-            high,
-            *(row[field] for field in ("sign", "zero", "gain", "force_max")),
+            low_end,
+            high_end,
+            *(axis_row[field] for field in ("sign", "zero", "gain", "force_max")),
         )
         if any(type(value) not in (int, float) for value in written_numbers):
             raise TypeError
-        axis = Axis(
-            int(row["sign"]),
-            float(row["zero"]),
-            float(row["gain"]),
-            (float(low), float(high)),
-            float(row["force_max"]),
+        parsed_axis = Axis(
+            int(axis_row["sign"]),
+            float(axis_row["zero"]),
+            float(axis_row["gain"]),
+            (float(low_end), float(high_end)),
+            float(axis_row["force_max"]),
         )
-        numbers = (axis.zero, axis.gain, *axis.range, axis.force_max)
-        if not all(map(math.isfinite, numbers)) or axis.gain == 0 or row["sign"] not in (-1, 1):
+        numbers = (parsed_axis.zero, parsed_axis.gain, *parsed_axis.range, parsed_axis.force_max)
+        if (
+            not all(map(math.isfinite, numbers))
+            or parsed_axis.gain == 0
+            or axis_row["sign"] not in (-1, 1)
+        ):
             raise ValueError
     except (KeyError, OverflowError, TypeError, ValueError):
         raise BoardError(
             f'{config_path()}: [{_TABLE}."{name}"] is not what `ergon devices calibrate` writes'
         ) from None
-    return axis
+    return parsed_axis
 
 
-def find_direction(url: str, number: int, axis_before: Axis | None = None) -> Axis:
+def find_direction(url: str, axis_number: int, axis_before: Axis | None = None) -> Axis:
     """Find the direction of an axis by a small force.
 
     Returns `axis_before` if its direction still holds; else another motor is connected, and the
     axis is as the device describes it. Raises EngineError, UnsureError if the axis does not move
     both ways.
     """
-    device = _core.Device(url, [] if axis_before is None else [axis_before.for_core(number)])
+    device = _core.Device(url, [] if axis_before is None else [axis_before.for_core(axis_number)])
     try:
-        sign = int(device.direction(number, 1e-3))
+        sign = int(device.direction(axis_number, 1e-3))
         if axis_before is None:
             return uncalibrated_axis(device, sign)
     finally:
@@ -199,54 +203,54 @@ def axes_as_known(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int,
         device.close()
 
 
-def store_axis(url: str, number: int, axis: Axis) -> Path:
+def store_axis(url: str, number: int, stored_axis: Axis) -> Path:
     """Write an axis into the user's list of devices; every other line stays. Raises BoardError."""
     from ergon.exchange.safe import open_for_writing
 
     path = config_path()
     config_before = read_config()
     text = config_bytes().decode()
-    name = axis_key(url, number)
-    row: dict[str, Any] = {
-        "sign": axis.sign,
-        "zero": axis.zero,
-        "gain": axis.gain,
-        "range": list(axis.range),
-        "force_max": axis.force_max,
+    axis_name = axis_key(url, number)
+    axis_row: dict[str, Any] = {
+        "sign": stored_axis.sign,
+        "zero": stored_axis.zero,
+        "gain": stored_axis.gain,
+        "range": list(stored_axis.range),
+        "force_max": stored_axis.force_max,
     }
-    lines = [f"[{_TABLE}.{json.dumps(name)}]"]
-    lines += [f"{field} = {json.dumps(value)}" for field, value in row.items()]
-    text_after = _with_table(text, lines)
+    table_lines = [f"[{_TABLE}.{json.dumps(axis_name)}]"]
+    table_lines += [f"{field} = {json.dumps(value)}" for field, value in axis_row.items()]
+    text_after = _with_table(text, table_lines)
     # However the user's file is formatted, everything else in it must stay the same.
     try:
-        expected_config = {**config_before, _TABLE: {**_table(config_before), name: row}}
+        expected_config = {**config_before, _TABLE: {**_table(config_before), axis_name: axis_row}}
         is_unchanged = parse_toml(text_after.encode()) == expected_config
     except MalformedTextError:
         is_unchanged = False
     if not is_unchanged:
         raise BoardError(
-            f"{path} has a form that ergon cannot edit; add to it:\n" + ("\n".join(lines))
+            f"{path} has a form that ergon cannot edit; add to it:\n" + ("\n".join(table_lines))
         )
     with open_for_writing(path, binary=False, force=True, replaceable=False) as file:
         file.write(text_after.encode())
     return path
 
 
-def _with_table(text: str, lines: list[str]) -> str:
+def _with_table(config_text: str, lines: list[str]) -> str:
     """The text with a table in place of the one with the same header, or else at its end."""
-    end = "\r\n" if "\r\n" in text else "\n"
-    table = end.join(lines) + end
-    rows = text.splitlines(keepends=True)
-    row_index = next((i for i, row in enumerate(rows) if row.strip() == lines[0]), None)
+    end = "\r\n" if "\r\n" in config_text else "\n"
+    table_text = end.join(lines) + end
+    text_rows = config_text.splitlines(keepends=True)
+    row_index = next((i for i, row in enumerate(text_rows) if row.strip() == lines[0]), None)
     if row_index is None:
-        gap = "" if not text else end if text.endswith("\n") else end + end
-        return text + gap + table
+        gap = "" if not config_text else end if config_text.endswith("\n") else end + end
+        return config_text + gap + table_text
     stop_index = row_index + 1
-    while stop_index < len(rows) and not rows[stop_index].lstrip().startswith("["):
+    while stop_index < len(text_rows) and not text_rows[stop_index].lstrip().startswith("["):
         stop_index += 1
     # Comments and empty lines above the next table belong to that one.
     while stop_index > row_index + 1 and (
-        not rows[stop_index - 1].strip() or rows[stop_index - 1].startswith("#")
+        not text_rows[stop_index - 1].strip() or text_rows[stop_index - 1].startswith("#")
     ):
         stop_index -= 1
-    return "".join(rows[:row_index]) + table + "".join(rows[stop_index:])
+    return "".join(text_rows[:row_index]) + table_text + "".join(text_rows[stop_index:])

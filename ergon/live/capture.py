@@ -16,7 +16,7 @@ _RATE = 44100
 
 
 def capture(
-    boards: Sequence[Board], path: Path, *, tick: float, seconds: float | None
+    boards: Sequence[Board], path: Path, *, tick: float, record_seconds: float | None
 ) -> _core.Performance:
     """Begin to record hands at `tick` [Hz]; nothing pushes them. Raises EngineError.
 
@@ -27,17 +27,17 @@ def capture(
     ticks_per_row = max(1, round(_RATE / tick))
     network = _core.Network()
     network.part("hands")
-    axes = [(board, number, player) for board in boards for number, player in board.axes]
-    mats = [network.mas(player, M=1.0) for _, _, player in axes]
+    recorded_axes = [(board, number, player) for board in boards for number, player in board.axes]
+    mats = [network.mas(player, M=1.0) for _, _, player in recorded_axes]
     timeline = _core.Timeline(network, _RATE)
     still = np.zeros(1)
     for mat in mats:
         timeline.hand(mat, ticks_per_row, positions=still)
-    hands = {player: hand for hand, (_, _, player) in enumerate(axes)}
+    hands = {player: hand for hand, (_, _, player) in enumerate(recorded_axes)}
     about = {
         "made": f"by ergon {_core.__version__}",
         "day": time.strftime("%Y-%m-%d %H:%M:%S"),
-        "axes": [axis_header(board, number) for board, number, _ in axes],
+        "axes": [axis_header(board, number) for board, number, _ in recorded_axes],
     }
     return _core.Performance(
         _core.Simulation(network, timeline),
@@ -45,9 +45,11 @@ def capture(
         tick_frames=ticks_per_row,
         audio="null",
         n_frames=None
-        if seconds is None
-        else max(1, round(seconds * _RATE / ticks_per_row)) * ticks_per_row,
-        hands=[_core.LiveHand(still, 1.0, None, np.zeros(0), None, np.zeros(0)) for _ in axes],
+        if record_seconds is None
+        else max(1, round(record_seconds * _RATE / ticks_per_row)) * ticks_per_row,
+        hands=[
+            _core.LiveHand(still, 1.0, None, np.zeros(0), None, np.zeros(0)) for _ in recorded_axes
+        ],
         boards=[
             _core.LiveBoard(
                 board.url,
@@ -57,5 +59,7 @@ def capture(
             )
             for board in boards
         ],
-        record=_core.RecordTarget(path, [(player, "") for _, _, player in axes], json.dumps(about)),
+        record=_core.RecordTarget(
+            path, [(player, "") for _, _, player in recorded_axes], json.dumps(about)
+        ),
     )

@@ -84,16 +84,16 @@ class ClockFollower:
         self._next = clocks
         self.is_placed = True
 
-    def _add_clock(self, instant: float) -> None:
-        if instant - self._last > _SILENCE or instant < self._last:
+    def _add_clock(self, clock_instant: float) -> None:
+        if clock_instant - self._last > _SILENCE or clock_instant < self._last:
             self._clocks.clear()
             self._stray_clocks.clear()
-        self._last = instant
-        beat_estimate, observation = self.estimate(), (self._next, instant)
+        self._last = clock_instant
+        beat_estimate, observation = self.estimate(), (self._next, clock_instant)
         self._next += 1
         if (
             beat_estimate is None
-            or abs(beat_estimate.instant_of(observation[0] / CLOCKS_PER_BEAT) - instant)
+            or abs(beat_estimate.instant_of(observation[0] / CLOCKS_PER_BEAT) - clock_instant)
             <= _ERROR_MAX
         ):
             self._stray_clocks.clear()
@@ -118,10 +118,11 @@ class ClockFollower:
         clocks = list(self._clocks)
         if len(clocks) < _CLOCKS_MIN:
             return None
-        line = _fit_line(clocks)
+        clock_line = _fit_line(clocks)
         for _ in range(_TRIALS):
             errors = [
-                instant - line.instant_of(number / CLOCKS_PER_BEAT) for number, instant in clocks
+                instant - clock_line.instant_of(number / CLOCKS_PER_BEAT)
+                for number, instant in clocks
             ]
             lateness_max = max(_LATE_MIN, _LATE_FACTOR * median(map(abs, errors)))
             punctual = [
@@ -129,8 +130,8 @@ class ClockFollower:
             ]
             if len(punctual) == len(clocks) or len(punctual) < _CLOCKS_MIN // 2:
                 break
-            clocks, line = punctual, _fit_line(punctual)
-        return line if _BEAT_MIN <= line.length <= _BEAT_MAX else None
+            clocks, clock_line = punctual, _fit_line(punctual)
+        return clock_line if _BEAT_MIN <= clock_line.length <= _BEAT_MAX else None
 
 
 def _fit_line(clocks: list[tuple[int, float]]) -> BeatEstimate:

@@ -60,14 +60,14 @@ def _unbundled(datagram: bytes, deepest: int) -> Iterator[bytes]:
         return
     if deepest == 0 or len(datagram) < _BUNDLE_HEADER_BYTES:
         raise MalformedDatagramError
-    offset = _BUNDLE_HEADER_BYTES
-    while offset < len(datagram):
-        size = int.from_bytes(datagram[offset : offset + 4], "big")
-        offset += 4
-        if size == 0 or size % 4 or offset + size > len(datagram):
+    message_offset = _BUNDLE_HEADER_BYTES
+    while message_offset < len(datagram):
+        size = int.from_bytes(datagram[message_offset : message_offset + 4], "big")
+        message_offset += 4
+        if size == 0 or size % 4 or message_offset + size > len(datagram):
             raise MalformedDatagramError
-        yield from _unbundled(datagram[offset : offset + size], deepest - 1)
-        offset += size
+        yield from _unbundled(datagram[message_offset : message_offset + size], deepest - 1)
+        message_offset += size
 
 
 def _type_tags(message: bytes) -> bytes:
@@ -76,7 +76,9 @@ def _type_tags(message: bytes) -> bytes:
     return message[offset:].partition(b"\0")[0] or b","
 
 
-def encode_message(address: str, arguments: Sequence[object], when: float | None = None) -> bytes:
+def encode_message(
+    address: str, arguments: Sequence[object], time_tag: float | None = None
+) -> bytes:
     """A message as bytes; with an instant [s since 1970], in a bundle with that time tag.
 
     An instant of 0 is OSC's `immediately`.
@@ -88,8 +90,8 @@ def encode_message(address: str, arguments: Sequence[object], when: float | None
     for argument in arguments:
         builder.add_arg(argument)  # type: ignore[arg-type]
     message = builder.build()
-    if when is None:
+    if time_tag is None:
         return message.dgram
-    bundle = OscBundleBuilder(when or IMMEDIATELY)  # type: ignore[arg-type]
+    bundle = OscBundleBuilder(time_tag or IMMEDIATELY)  # type: ignore[arg-type]
     bundle.add_content(message)
     return bundle.build().dgram

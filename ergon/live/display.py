@@ -63,9 +63,9 @@ class PerformanceViewer:
     def view(self, status: _core.Status, recording: str | None = None) -> PerformanceView:
         """The view of `status`; `recording` says why hands cannot be recorded at present."""
         stage = self._stage
-        seconds = status.frame / stage.rate
+        elapsed_seconds = status.frame / stage.rate
         tempo = stage.piece.tempo_map
-        keys = tuple(
+        key_views = tuple(
             HandView(
                 hand.player,
                 hand.key,
@@ -81,25 +81,27 @@ class PerformanceViewer:
         )
         peak = max(status.peaks, default=0.0)
         return PerformanceView(
-            where=tempo.written(tempo.beats(seconds)),
-            playing=tuple(self._playing(seconds)),
-            keys=keys,
+            where=tempo.written(tempo.beats(elapsed_seconds)),
+            playing=tuple(self._playing(elapsed_seconds)),
+            keys=key_views,
             load=status.load,
             late=status.late,
             gaps=gap_count(status),
             peak_db=decibels_of(peak),
-            troubles=troubles(status, [key.player for key in keys], recording, is_endless=False),
+            troubles=troubles(
+                status, [key.player for key in key_views], recording, is_endless=False
+            ),
             panicked=status.panicked,
         )
 
-    def _playing(self, seconds: float) -> list[tuple[str, str]]:
+    def _playing(self, elapsed_seconds: float) -> list[tuple[str, str]]:
         from bisect import bisect_right
 
-        upto = bisect_right(self._gestures, seconds, key=lambda gesture: gesture.start)
+        upto = bisect_right(self._gestures, elapsed_seconds, key=lambda gesture: gesture.start)
         latest: dict[str, str] = {}
         # The last few that began are enough: a hand plays one gesture at a time, and its layers.
         for gesture in self._gestures[max(0, upto - 64) : upto]:
-            if gesture.stop > seconds:
+            if gesture.stop > elapsed_seconds:
                 latest[gesture.player] = gesture.name
         return list(latest.items())
 
@@ -121,16 +123,18 @@ def view_lines(view: PerformanceView, width: int) -> list[str]:
     return [line[:width] for line in shown]
 
 
-def _key_line(key: HandView) -> str:
-    player_and_key = f"{key.player} on {key.key}"
-    hand = "tripped" if key.tripped else "hand" if key.real else "stand-in"
-    meter = meter_of(key.position, *key.travel)
-    force = f"{key.force:+7.3f} N"
-    if key.real:
-        force += f", sent {key.sent:+7.3f} N"
-        if key.scale < 1.0:
-            force += f" ({_percent(key.scale)})"
-    return f"{'':9}  {player_and_key:16} {meter} {1e3 * key.position:+7.2f} mm {force}  {hand}"
+def _key_line(hand_view: HandView) -> str:
+    player_and_key = f"{hand_view.player} on {hand_view.key}"
+    hand = "tripped" if hand_view.tripped else "hand" if hand_view.real else "stand-in"
+    meter = meter_of(hand_view.position, *hand_view.travel)
+    force = f"{hand_view.force:+7.3f} N"
+    if hand_view.real:
+        force += f", sent {hand_view.sent:+7.3f} N"
+        if hand_view.scale < 1.0:
+            force += f" ({_percent(hand_view.scale)})"
+    return (
+        f"{'':9}  {player_and_key:16} {meter} {1e3 * hand_view.position:+7.2f} mm {force}  {hand}"
+    )
 
 
 def meter_of(x: float, low: float, high: float) -> str:
@@ -208,14 +212,14 @@ def event_sentence(
     event: _core.PerformanceEvent, players: Sequence[str], boards: Sequence[str]
 ) -> str:
     """An event as a sentence; empty where a player need not know of it."""
-    _, event_kind, number = event
-    board = boards[int(number)] if int(number) < len(boards) else "a device"
-    player = players[int(number)] if int(number) < len(players) else "a hand"
+    _, event_kind, event_number = event
+    board = boards[int(event_number)] if int(event_number) < len(boards) else "a device"
+    player = players[int(event_number)] if int(event_number) < len(players) else "a hand"
     return {
         "gone": f"{board} is disconnected; its stand-in plays on",
         "back": f"{board} is back: its hand takes over at the next bar",
         "took over": f"{player} plays",
-        "lost": f"the physics thread was stopped for {number:.3f} s",
+        "lost": f"the physics thread was stopped for {event_number:.3f} s",
         "tripped: not finite": f"{player}'s key tripped: a force or a position was not finite; "
         f"no force for half a second, {_THIRD}",
         "tripped: speed": f"{player}'s key tripped: it was too fast; no force for half a second, "

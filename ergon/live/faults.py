@@ -41,7 +41,7 @@ def measure_faults() -> list[FaultRow]:
 
     Raises EngineError if an emulator does not answer its own driver.
     """
-    rows: dict[str, list[FaultResult]] = {}
+    fault_rows: dict[str, list[FaultResult]] = {}
     for measured in _core.measure_faults():
         cell = FaultResult(
             measured.device,
@@ -52,8 +52,8 @@ def measure_faults() -> list[FaultRow]:
             measured.rise,
             measured.exceeds,
         )
-        rows.setdefault(measured.fault, []).append(cell)
-    return [FaultRow(fault, cells) for fault, cells in rows.items()]
+        fault_rows.setdefault(measured.fault, []).append(cell)
+    return [FaultRow(fault, cells) for fault, cells in fault_rows.items()]
 
 
 def _result_text(measured: _core.FaultMeasurement) -> str:

@@ -110,27 +110,29 @@ def _cost_ratio(
     plan = _core.Plan(network, timeline, method=method)
     cost = sum(row.cost for row in plan.rows()) / rate
     simulation = _core.Simulation(network, timeline, plan=plan)
-    block = np.empty((max(64, min(20_000, round(1e-2 / cost))), simulation.n_out))
-    best = math.inf
+    frame_block = np.empty((max(64, min(20_000, round(1e-2 / cost))), simulation.n_out))
+    best_time = math.inf
     end = time.perf_counter() + seconds
-    while best == math.inf or time.perf_counter() < end:
+    while best_time == math.inf or time.perf_counter() < end:
         start_time = time.thread_time()
-        simulation.process(block)
-        best = min(best, time.thread_time() - start_time)
-    return best / (len(block) * cost)
+        simulation.process(frame_block)
+        best_time = min(best_time, time.thread_time() - start_time)
+    return best_time / (len(frame_block) * cost)
 
 
 def describe_thread(checkup: Checkup) -> Iterator[Finding]:
     """The priority and rights of the physics thread, as the kernel reports them."""
     if checkup.priority is None:
-        sentence, todo = "no real-time priority", _RIGHTS
+        finding_sentence, todo = "no real-time priority", _RIGHTS
         if platform.system() != "Linux":
             todo = "this system gives none; keep other programs closed, and play with --ahead 4096"
     else:
-        sentence, todo = f"SCHED_FIFO {checkup.priority}", ""
-    yield Finding("thread", sentence, todo, {"fifo": checkup.priority})
-    sentence = "locked in RAM" if checkup.locked else "not locked: it may be swapped out"
-    yield Finding("memory", sentence, "" if checkup.locked else _RIGHTS, {"locked": checkup.locked})
+        finding_sentence, todo = f"SCHED_FIFO {checkup.priority}", ""
+    yield Finding("thread", finding_sentence, todo, {"fifo": checkup.priority})
+    finding_sentence = "locked in RAM" if checkup.locked else "not locked: it may be swapped out"
+    yield Finding(
+        "memory", finding_sentence, "" if checkup.locked else _RIGHTS, {"locked": checkup.locked}
+    )
 
 
 def measure_wakeups(checkup: Checkup, noun: str = "wake-up") -> Finding:
@@ -166,8 +168,8 @@ def measure_sound(spec: str) -> Finding:
             "start PipeWire, PulseAudio or JACK; without one `--audio file:x.wav` keeps the sound"
         )
         return Finding("sound", str(error), todo, {"backend": None})
-    total = FRAMES_AHEAD / rate + info.latency
-    sentence = f"{info.sentence}; heard {1e3 * total:.0f} ms after it is computed"
+    total_latency = FRAMES_AHEAD / rate + info.latency
+    sentence = f"{info.sentence}; heard {1e3 * total_latency:.0f} ms after it is computed"
     todo = ""
     if info.backend == "null":
         todo = "no server answers: start PipeWire, PulseAudio or JACK to hear anything"
@@ -181,7 +183,7 @@ def measure_sound(spec: str) -> Finding:
         "rate_hz": info.rate,
         "block": info.block,
         "latency_s": info.latency,
-        "total_s": total,
+        "total_s": total_latency,
         "gaps": gaps,
     }
     return Finding("sound", sentence, todo, numbers)
@@ -266,7 +268,7 @@ def quantiles_text(seconds: NDArray[np.float64]) -> str:
     return ", ".join(f"{name} {duration_text(quantile(seconds, part))}" for name, part in parts)
 
 
-def histogram(seconds: NDArray[np.float64]) -> dict[str, object]:
+def histogram(wake_seconds: NDArray[np.float64]) -> dict[str, object]:
     """The quantiles [s], and a histogram: bin i counts durations from 2^(i-1) µs to below 2^i µs.
 
     The first bin counts those below 1 µs; the last bin also counts all longer ones.
@@ -274,11 +276,11 @@ def histogram(seconds: NDArray[np.float64]) -> dict[str, object]:
     import numpy as np
 
     bins = np.zeros(24, dtype=int)
-    us = np.maximum(np.floor(1e6 * seconds + 1e-6), 0.0).astype(int)
+    us = np.maximum(np.floor(1e6 * wake_seconds + 1e-6), 0.0).astype(int)
     widths = np.array([int(n).bit_length() for n in us], dtype=int)
     np.add.at(bins, np.minimum(widths, len(bins) - 1), 1)
     names = (("p50_s", 0.5), ("p99_s", 0.99), ("p999_s", 0.999), ("max_s", 1.0))
-    quantiles: dict[str, object] = {name: quantile(seconds, part) for name, part in names}
+    quantiles: dict[str, object] = {name: quantile(wake_seconds, part) for name, part in names}
     return {**quantiles, "histogram_us": bins.tolist()}
 
 

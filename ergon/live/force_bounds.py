@@ -98,7 +98,7 @@ def force_response(
 
 
 def _response_of(
-    reached: _core.ReachableNetwork, tick_frames: int, reach: float
+    reached: _core.ReachableNetwork, tick_frames: int, lever_ratio: float
 ) -> NDArray[np.float64]:
     import numpy as np
 
@@ -108,7 +108,7 @@ def _response_of(
         return np.full(_RESPONSE_TICKS[0], _DIVERGED_STIFFNESS)
     # Hands that feel each other may move in opposite directions: a spring between two hands then
     # counts twice.
-    return response * (reach * reach * (1 + reached.others))
+    return response * (lever_ratio * lever_ratio * (1 + reached.others))
 
 
 class ForceBoundsFinder:
@@ -147,8 +147,8 @@ class ForceBoundsFinder:
         moments = _moments(stage, start, glides)
         glided_bounds = tuple(bounds_before) if len(moments) > 1 else ()
         hands = [hand for hand in stage.live if hand.index in self._real]
-        values = [_automation_sets(stage, hand, hands, start) for hand in hands]
-        query = moments, glided_bounds, values
+        automation_values = [_automation_sets(stage, hand, hands, start) for hand in hands]
+        query = moments, glided_bounds, automation_values
         if (
             self._last_query
             and self._last_query[0] is stage.network
@@ -157,7 +157,7 @@ class ForceBoundsFinder:
             return self._last_bounds
         least_before = {hand_bounds.player: hand_bounds.least for hand_bounds in bounds_before}
         bounds = []
-        for hand, led in zip(hands, values, strict=True):
+        for hand, led in zip(hands, automation_values, strict=True):
             hand_moments = tuple(
                 (frame, *_with_automation(led, first_values, last_values))
                 for frame, first_values, last_values in moments
@@ -176,11 +176,13 @@ class ForceBoundsFinder:
         moments: Sequence[tuple[int, Sequence[_MomentValues], Sequence[_MomentValues]]],
         scale_before: ForceScale | None,
     ) -> HandForceBounds:
-        start = moments[0][0]
+        start_frame = moments[0][0]
         bounds: list[tuple[int, float]] = []
         scales: list[ForceScale] = []
         for moment_index, (frame, first_values, last_values) in enumerate(moments):
-            is_short = len(moments) == 2 and moments[1][0] - start <= SHORT_CHANGE * stage.rate
+            is_short = (
+                len(moments) == 2 and moments[1][0] - start_frame <= SHORT_CHANGE * stage.rate
+            )
             end = self._least_scale(stage, hand, hands, last_values)
             # During a short glide, the limit of the stage before still counts at the beginning.
             from_old = scale_before if moment_index == 0 and is_short else None
@@ -188,7 +190,7 @@ class ForceBoundsFinder:
             worst = min(begin, end, key=lambda borne: borne.scale)
             scales.append(worst)
             is_rise = bool(bounds) and worst.scale > bounds[-1][1]
-            ticks = (frame - start) / hand.tick_frames
+            ticks = (frame - start_frame) / hand.tick_frames
             bounds.append((math.ceil(ticks) if is_rise else math.floor(ticks), worst.scale))
         least = min(scales, key=lambda borne: borne.scale)
         return HandForceBounds(hand.player, tuple(bounds), least, scales[-1])
@@ -215,8 +217,8 @@ class ForceBoundsFinder:
             ties=list(moment.ties),
             factors=list(moment.factors),
         )
-        key = hand.index, reached.others, reached.key()
-        borne = self._cache.pop(key, None)
+        bounds_key = hand.index, reached.others, reached.key()
+        borne = self._cache.pop(bounds_key, None)
         if borne is None:
             self.n_responses += 1
             hand_limit = self._hand_limit(
@@ -224,7 +226,7 @@ class ForceBoundsFinder:
             )
             assert hand_limit is not None  # it is real
             borne = ForceScale(hand_limit.scale, hand_limit.stiffness, hand_limit.limit)
-        self._cache[key] = borne  # the latest last
+        self._cache[bounds_key] = borne  # the latest last
         if len(self._cache) > _CACHE_MAX:
             del self._cache[next(iter(self._cache))]
         return borne
@@ -259,16 +261,16 @@ def _with_automation(
 
     def each(moment: _MomentValues) -> list[_MomentValues]:
         automated_bounds = []
-        for values in led:
-            mats = {mat for mat, *_ in values.ties}
+        for led_values in led:
+            mats = {mat for mat, *_ in led_values.ties}
             ties = (tie for tie in moment.ties if tie[0] not in mats)
-            links = {link for link, _ in values.factors}
+            links = {link for link, _ in led_values.factors}
             factors = (factor for factor in moment.factors if factor[0] not in links)
             automated_bounds.append(
                 replace(
                     moment,
-                    ties=(*ties, *values.ties),
-                    factors=(*factors, *values.factors),
+                    ties=(*ties, *led_values.ties),
+                    factors=(*factors, *led_values.factors),
                 )
             )
         return automated_bounds
@@ -277,22 +279,22 @@ def _with_automation(
 
 
 def _moments(
-    stage: Stage, start: int, glides: Sequence[Glide]
+    stage: Stage, start_frame: int, glides: Sequence[Glide]
 ) -> tuple[tuple[int, _MomentValues, _MomentValues], ...]:
     """The stretches of a piece: (first frame, values at the beginning, values at the end)."""
     couplings = [
         (link, _coupling_end(stage, until))
         for link, (_, until) in zip(stage.built.couplings, acting(stage.piece), strict=True)
     ]
-    moving = [glide for glide in glides if _on_grid(stage, glide.stop) > start]
-    frames = {start, *(_on_grid(stage, glide.stop) for glide in moving)}
-    frames |= {max(start, _on_grid(stage, glide.start)) for glide in moving}
-    frames |= {int(end) for _, end in couplings if start < end < math.inf}
+    moving = [glide for glide in glides if _on_grid(stage, glide.stop) > start_frame]
+    frames = {start_frame, *(_on_grid(stage, glide.stop) for glide in moving)}
+    frames |= {max(start_frame, _on_grid(stage, glide.start)) for glide in moving}
+    frames |= {int(end) for _, end in couplings if start_frame < end < math.inf}
     for glide in moving:
-        frames |= set(_glide_frames(stage, glide, start))
+        frames |= set(_glide_frames(stage, glide, start_frame))
     rising = sorted(frames)
-    if rising[-1] - start <= SHORT_CHANGE * stage.rate:
-        rising = sorted({start, rising[-1]})
+    if rising[-1] - start_frame <= SHORT_CHANGE * stage.rate:
+        rising = sorted({start_frame, rising[-1]})
 
     def moment(frame: int, since: int) -> _MomentValues:
         ended_links = tuple(link for link, end in couplings if end <= since)
@@ -315,12 +317,12 @@ def _on_grid(stage: Stage, instant: float) -> int:
     return -(-int(instant * stage.rate + 0.5) // _core.GRID) * _core.GRID
 
 
-def _glide_frames(stage: Stage, glide: Glide, start: int) -> Iterator[int]:
+def _glide_frames(stage: Stage, glide: Glide, start_frame: int) -> Iterator[int]:
     """Frames within a long glide, so dense that its numbers change by one ratio between two of
     them.
     """
     first_frame, last_frame = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
-    if last_frame - max(first_frame, start) <= SHORT_CHANGE * stage.rate:
+    if last_frame - max(first_frame, start_frame) <= SHORT_CHANGE * stage.rate:
         return
     pairs = [(a, b) for a, b in zip(glide.before, glide.after, strict=True) if a > 0 and b > 0]
     a, b = max(pairs, key=lambda pair: abs(math.log(pair[1] / pair[0])), default=(1.0, 1.0))
@@ -328,7 +330,7 @@ def _glide_frames(stage: Stage, glide: Glide, start: int) -> Iterator[int]:
     for place in range(1, n):
         share = ((b / a) ** (place / n) - 1.0) / (b / a - 1.0)
         frame = first_frame + round(share * (last_frame - first_frame))
-        if frame > start:
+        if frame > start_frame:
             yield frame
 
 
@@ -336,24 +338,26 @@ def _glide_values(
     stage: Stage, glides: Sequence[Glide], frame: int
 ) -> tuple[tuple[tuple[int, float, float, float], ...], tuple[tuple[int, float], ...]]:
     """Values of CELs and links at a frame of a glide, as the engine computes them."""
-    ties, factors = [], []
+    ties, link_factors = [], []
     for glide in glides:
         first_frame, last_frame = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
-        share = min(1.0, max(0.0, (frame - first_frame) / (last_frame - first_frame)))
-        if share == 1.0 and glide.value_alone is None:
+        glide_share = min(1.0, max(0.0, (frame - first_frame) / (last_frame - first_frame)))
+        if glide_share == 1.0 and glide.value_alone is None:
             continue
         module_key = glide.part, glide.module
         if len(glide.before) == 3:
             # 1/M, K/M and Z/M glide linearly, because a frame uses K and Z per mass.
             (k, z, m), (to_k, to_z, to_m) = glide.before, glide.after
-            mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * share)
-            k, z = (mass * (a / m + (b / to_m - a / m) * share) for a, b in ((k, to_k), (z, to_z)))
+            mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * glide_share)
+            k, z = (
+                mass * (a / m + (b / to_m - a / m) * glide_share) for a, b in ((k, to_k), (z, to_z))
+            )
             ties.append((stage.built.assembly.mats[module_key], k, z, mass))
         elif len(glide.before) == 2:
-            stiffest = max(of + (1.0 - of) * share for of in glide.body_factors)
-            factors += [(link, stiffest) for link in stage.built.assembly.bodies[module_key]]
+            stiffest = max(of + (1.0 - of) * glide_share for of in glide.body_factors)
+            link_factors += [(link, stiffest) for link in stage.built.assembly.bodies[module_key]]
         else:
             first_ratio, last_ratio = glide.factors
-            factor = first_ratio + (last_ratio - first_ratio) * share
-            factors += [(link, factor) for link in stage.built.assembly.links[module_key]]
-    return tuple(ties), tuple(factors)
+            factor = first_ratio + (last_ratio - first_ratio) * glide_share
+            link_factors += [(link, factor) for link in stage.built.assembly.links[module_key]]
+    return tuple(ties), tuple(link_factors)

@@ -26,7 +26,7 @@ def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
     n_taken = int(tally["taken"])
     gaps, waits, needs = zip(*(lead.arrival_times(part) for part in (0.5, 0.99, 1.0)), strict=True)
     _, _, needed = lead.arrival_times(_USUALLY)
-    numbers: dict[str, object] = {
+    arrival_figures: dict[str, object] = {
         "url": board.url,
         "taken": n_taken,
         "refused": int(tally["refused"]),
@@ -40,23 +40,31 @@ def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
         "need_max_s": needs[2],
         "delay_s": address.delay,
     }
-    name = board.display_name
+    board_name = board.display_name
     if n_taken < _ENOUGH:
-        sentence = f"{name}: {n_taken} positions came, and {_ENOUGH} are needed to measure"
-        return Finding("hands", sentence, "move it all the time while it is measured", numbers)
+        finding_sentence = (
+            f"{board_name}: {n_taken} positions came, and {_ENOUGH} are needed to measure"
+        )
+        return Finding(
+            "hands", finding_sentence, "move it all the time while it is measured", arrival_figures
+        )
     rate = 1.0 / tally["gap"] if tally["gap"] else 0.0
-    sentence = (
-        f"{name}: {rate:.0f} positions a second while it moves, one each "
+    finding_sentence = (
+        f"{board_name}: {rate:.0f} positions a second while it moves, one each "
         f"{tally['gap'] * 1e3:.1f} ms ± {tally['deviation'] * 1e3:.1f} ms, p99 "
         f"{duration_text(gaps[1])}; "
     )
     if address.kind in _STAMPED:
-        sentence += f"on the way for {duration_text(waits[0])}, p99 {duration_text(waits[1])}; "
+        finding_sentence += (
+            f"on the way for {duration_text(waits[0])}, p99 {duration_text(waits[1])}; "
+        )
     else:
-        sentence += "nothing says when they were taken; "
+        finding_sentence += "nothing says when they were taken; "
     total = address.delay + TICK_SECONDS
-    sentence += f"{duration_text(total)} from a position to the force on the finger"
-    return Finding("hands", sentence, _advice(address, needed, int(tally["refused"])), numbers)
+    finding_sentence += f"{duration_text(total)} from a position to the force on the finger"
+    return Finding(
+        "hands", finding_sentence, _advice(address, needed, int(tally["refused"])), arrival_figures
+    )
 
 
 def _advice(address: LedAddress, needed: float, refused: int) -> str:

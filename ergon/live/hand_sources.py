@@ -40,17 +40,17 @@ class HandSource:
 
 def hand_sources() -> list[HandSource]:
     """Sources of a hand on this machine; opens none."""
-    sources = [
+    listed_sources = [
         HandSource("page", "page:", "a pointer, pen or finger on the page of `--view`"),
         HandSource("keys", "keys:", "letters of this computer's keyboard, on that page"),
         HandSource("osc", "osc:/x", f"messages to port {OSC_PORT} of this machine"),
     ]
     for path in gamepads():
         name = f"{path.name}, which rumbles by the force"
-        sources.append(HandSource("gamepad", f"gamepad:ly?in={path}", name))
+        listed_sources.append(HandSource("gamepad", f"gamepad:ly?in={path}", name))
     try:
         names = input_names()
     except MidiError as error:
-        return [*sources, HandSource("midi", "midi:cc2", str(error))]
+        return [*listed_sources, HandSource("midi", "midi:cc2", str(error))]
     urls = [(f"midi:cc2?in={name}", name) for name in names]
-    return [*sources, *(HandSource("midi", url, name) for url, name in urls)]
+    return [*listed_sources, *(HandSource("midi", url, name) for url, name in urls)]

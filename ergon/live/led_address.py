@@ -94,23 +94,27 @@ def is_led(url: str) -> bool:
 def parse_led_address(url: str) -> LedAddress:
     """The source at a URL `KIND:WHAT?OPTION&OPTION=VALUE`. Raises BoardError."""
     target, _, options = url.partition("?")
-    kind, _, address = target.partition(":")
-    _check_what(url, kind, address)
-    numbers: dict[str, float] = {}
+    source_kind, _, address = target.partition(":")
+    _check_what(url, source_kind, address)
+    numbers_by_name: dict[str, float] = {}
     other_options: dict[str, int | str | bool] = {}
-    for option in filter(None, options.split("&")):
-        name, has_value, text = option.partition("=")
-        if option == "lockstep":
+    for url_option in filter(None, options.split("&")):
+        option_name, has_value, option_text = url_option.partition("=")
+        if url_option == "lockstep":
             other_options["lockstep"] = True
-        elif name in (*_FIELDS, _TRACE) and has_value:
-            numbers[_FIELDS.get(name, name)] = _quantity(url, name, text)
-        elif (kind, name) in _SPECIAL and has_value:
-            field, read = _SPECIAL[kind, name]
-            other_options[field] = read(url, text)
+        elif option_name in (*_FIELDS, _TRACE) and has_value:
+            numbers_by_name[_FIELDS.get(option_name, option_name)] = _quantity(
+                url, option_name, option_text
+            )
+        elif (source_kind, option_name) in _SPECIAL and has_value:
+            field, read = _SPECIAL[source_kind, option_name]
+            other_options[field] = read(url, option_text)
         else:
-            raise BoardError(f"{url}: unknown option '{option}'; {_known_options(kind)}")
-    finger = Finger(**{name: numbers.pop(name) for name in tuple(numbers) if name in _FINGER})
-    if numbers.get("delay", 0.0) > _DELAY_MAX:
+            raise BoardError(f"{url}: unknown option '{url_option}'; {_known_options(source_kind)}")
+    finger = Finger(
+        **{name: numbers_by_name.pop(name) for name in tuple(numbers_by_name) if name in _FINGER}
+    )
+    if numbers_by_name.get("delay", 0.0) > _DELAY_MAX:
         raise BoardError(f"{url}: a delay is at most {_DELAY_MAX * 1e3:g} ms")
     if finger.stiffness > _STIFFNESS_PER_MASS_MAX * finger.mass:
         raise BoardError(
@@ -118,7 +122,7 @@ def parse_led_address(url: str) -> LedAddress:
             f"{finger.stiffness / _STIFFNESS_PER_MASS_MAX * 1e3:.2g} g for K = "
             f"{finger.stiffness:g} N/m"
         )
-    return LedAddress(kind, address, finger, **numbers, **other_options)  # type: ignore[arg-type]
+    return LedAddress(source_kind, address, finger, **numbers_by_name, **other_options)  # type: ignore[arg-type]
 
 
 _FINGER = ("stiffness", "damping", "mass")
@@ -144,7 +148,7 @@ def _known_options(kind: str) -> str:
     return f"the options are {', '.join(names)}"
 
 
-def _quantity(url: str, name: str, text: str) -> float:
+def _quantity(url: str, option_name: str, text: str) -> float:
     from ergon.notation.tables import quantities
     from ergon.notation.text.errors import TextError
 
@@ -157,14 +161,14 @@ def _quantity(url: str, name: str, text: str) -> float:
         _TRACE: quantities.DURATION,
     }
     try:
-        value = quantities.quantity(text, dimensions[name])
+        option_value = quantities.quantity(text, dimensions[option_name])
     except TextError as error:
-        raise BoardError(f"{url}: {name}: {error.message}") from None
-    if name == "K" and value == 0.0:
+        raise BoardError(f"{url}: {option_name}: {error.message}") from None
+    if option_name == "K" and option_value == 0.0:
         raise BoardError(
             f"{url}: K has to be above zero: without a spring nothing leads the finger"
         )
-    return value
+    return option_value
 
 
 def _number_between(low: int, high: int) -> Callable[[str, str], int]:

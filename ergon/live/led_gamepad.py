@@ -131,17 +131,19 @@ class GamepadPort:
             if not has_come:
                 continue
             try:
-                data = os.read(self._file, _EVENTS_AT_ONCE * _EVENT.size)
+                event_bytes = os.read(self._file, _EVENTS_AT_ONCE * _EVENT.size)
             except OSError:  # unplugged
-                data = b""
-            if not data:
-                for value in self._values:
-                    value.leave()
+                event_bytes = b""
+            if not event_bytes:
+                for axis_value in self._values:
+                    axis_value.leave()
                 return
-            for code, number, instant in events(data[: len(data) // _EVENT.size * _EVENT.size]):
-                for value in self._values:
-                    if value.code == code:
-                        value.receive(number, instant)
+            for code, number, instant in events(
+                event_bytes[: len(event_bytes) // _EVENT.size * _EVENT.size]
+            ):
+                for axis_value in self._values:
+                    if axis_value.code == code:
+                        axis_value.receive(number, instant)
 
     @property
     def rumbles(self) -> bool:

@@ -72,39 +72,39 @@ def open_led_hands(
     players = {board.url: player for board in boards for _, player in board.axes}
     addresses = {board.url: parse_led_address(board.url) for board in boards if is_led(board.url)}
     leads: dict[str, _core.Lead] = {}
-    sources: list[_Source] = []
+    led_sources: list[_Source] = []
     sentences: list[str] = []
     try:
         for url, address in addresses.items():
             leads[url] = _lead(url, address, keys.get(players[url], LedKey()))
-        for port, values in _osc_values(addresses, leads).items():
+        for port, osc_values in _osc_values(addresses, leads).items():
             osc = OscPort(port)
-            sources.append(osc)
-            for value in values:
+            led_sources.append(osc)
+            for value in osc_values:
                 osc.add(value)
             osc.begin()
-            paths = ", ".join(value.path for value in values)
+            paths = ", ".join(value.path for value in osc_values)
             sentences.append(f"positions of {paths} are taken from OSC at 127.0.0.1:{osc.port}")
         for name, listeners in _midi_values(addresses, leads).items():
             midi = open_midi_input(name or VIRTUAL, listeners, make_midi)
-            sources.append(midi)
+            led_sources.append(midi)
             sentences.append(f"positions are taken from the MIDI input {midi.name}")
         for name, axes in _gamepad_values(addresses, leads).items():
             path = pad_path(name)
             pad = GamepadPort(path, axes)
-            sources.append(pad)
+            led_sources.append(pad)
             motors = ", which rumbles with the force" if pad.rumbles else ""
             sentences.append(f"positions are taken from the gamepad {path}{motors}")
     except BoardError:
-        for source in (*sources, *leads.values()):
+        for source in (*led_sources, *leads.values()):
             source.close()
         raise
     led = [replace(board, lead=leads.get(board.url)) for board in boards]
-    return LedHands(led, sources, sentences)
+    return LedHands(led, led_sources, sentences)
 
 
-def _lead(url: str, address: LedAddress, key: LedKey) -> _core.Lead:
-    finger, travel = address.finger, key.travel
+def _lead(url: str, address: LedAddress, led_key: LedKey) -> _core.Lead:
+    finger, travel = address.finger, led_key.travel
     if address.travel is not None:
         travel = (-0.5 * address.travel, 0.5 * address.travel)
     try:
@@ -113,7 +113,7 @@ def _lead(url: str, address: LedAddress, key: LedKey) -> _core.Lead:
             finger=(finger.stiffness, finger.damping, finger.mass),
             delay=address.delay,
             range=travel,
-            spring=(key.stiffness, key.rest),
+            spring=(led_key.stiffness, led_key.rest),
             lockstep=address.lockstep,
             traced_ticks=int(address.trace * _TRACED_RATE),
             present=address.kind not in PAGE_KINDS,
@@ -166,9 +166,9 @@ def summary(board: Board, lead: _core.Lead) -> str:
     players = ", ".join(player for _, player in board.axes)
     gap, deviation = tally["gap"], tally["deviation"]
     count = f"{tally['taken']:,.0f} position" + ("" if tally["taken"] == 1.0 else "s")
-    sentence = f"{players} by {board.display_name}: {count}"
+    arrival_sentence = f"{players} by {board.display_name}: {count}"
     if gap > 0.0:
-        sentence += (
+        arrival_sentence += (
             f", one each {gap * 1e3:.1f} ms ± {deviation * 1e3:.1f} ms; path "
             f"{address.delay * 1e3:g} ms late and within {_FAST * gap * gap / 8.0 * 1e3:.2g} mm "
             f"where the hand accelerates by {_FAST:g} m/s²"
@@ -178,4 +178,6 @@ def summary(board: Board, lead: _core.Lead) -> str:
         (tally["misdated"], "with impossible times"),
         (tally["refused"], "refused"),
     ]
-    return "; ".join([sentence, *(f"{n:,.0f} {counted_event}" for n, counted_event in counts if n)])
+    return "; ".join(
+        [arrival_sentence, *(f"{n:,.0f} {counted_event}" for n, counted_event in counts if n)]
+    )

@@ -80,27 +80,35 @@ Message = Played | SongPosition | Transport
 _TRANSPORT = {message.value: message for message in Transport}
 
 
-def parse_message(data: bytes) -> Message | None:
+def parse_message(message_bytes: bytes) -> Message | None:
     """The message in the bytes of one packet; None for malformed and all other messages."""
-    if len(data) == 1:
-        return _TRANSPORT.get(data[0])
-    if len(data) == 2 and data[1] <= 127 and data[0] & 0xF0 in (_PRESSURE, _PROGRAM):
-        return Pressure(data[1]) if data[0] & 0xF0 == _PRESSURE else Program(data[1])
-    if len(data) != 3 or data[1] > 127 or data[2] > 127:
+    if len(message_bytes) == 1:
+        return _TRANSPORT.get(message_bytes[0])
+    if (
+        len(message_bytes) == 2
+        and message_bytes[1] <= 127
+        and message_bytes[0] & 0xF0 in (_PRESSURE, _PROGRAM)
+    ):
+        return (
+            Pressure(message_bytes[1])
+            if message_bytes[0] & 0xF0 == _PRESSURE
+            else Program(message_bytes[1])
+        )
+    if len(message_bytes) != 3 or message_bytes[1] > 127 or message_bytes[2] > 127:
         return None
-    kind = data[0] & 0xF0
-    if kind == _ON and data[2]:  # velocity 0 ends a note
-        return Note(data[1], data[2])
-    if kind in (_ON, _OFF):
-        return NoteEnd(data[1])
-    if kind == _CONTROL:
-        return Control(data[1], data[2])
-    if kind == _WHEEL:
-        return Wheel(data[1] | data[2] << 7)
-    if kind == _KEY_PRESSURE:
-        return Pressure(data[2], data[1])
-    if data[0] == _SONG_POSITION:
-        return SongPosition((data[1] | data[2] << 7) * CLOCKS_PER_SONG_POSITION)
+    message_kind = message_bytes[0] & 0xF0
+    if message_kind == _ON and message_bytes[2]:  # velocity 0 ends a note
+        return Note(message_bytes[1], message_bytes[2])
+    if message_kind in (_ON, _OFF):
+        return NoteEnd(message_bytes[1])
+    if message_kind == _CONTROL:
+        return Control(message_bytes[1], message_bytes[2])
+    if message_kind == _WHEEL:
+        return Wheel(message_bytes[1] | message_bytes[2] << 7)
+    if message_kind == _KEY_PRESSURE:
+        return Pressure(message_bytes[2], message_bytes[1])
+    if message_bytes[0] == _SONG_POSITION:
+        return SongPosition((message_bytes[1] | message_bytes[2] << 7) * CLOCKS_PER_SONG_POSITION)
     return None
 
 

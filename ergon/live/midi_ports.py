@@ -175,13 +175,13 @@ def _close(port: Any) -> None:
 def input_names() -> list[str]:
     """The names of this machine's MIDI inputs; opens none. Raises MidiError."""
     rtmidi = _rtmidi()
-    names: list[str] = []
+    port_names: list[str] = []
     for system in rtmidi.get_compiled_api():
         with contextlib.suppress(rtmidi.RtMidiError, NotImplementedError):
             port = rtmidi.MidiIn(system)
-            names += [str(name) for name in port.get_ports()]
+            port_names += [str(name) for name in port.get_ports()]
             port.delete()
-    return names
+    return port_names
 
 
 def _open_port(rtmidi: Any, make: Any, port_name: str, direction: str) -> tuple[Any, str]:
@@ -206,23 +206,23 @@ def _open_port(rtmidi: Any, make: Any, port_name: str, direction: str) -> tuple[
             trouble = str(error)
     if port_name == VIRTUAL:
         raise MidiError(f"no MIDI {direction} of ergon's own can be opened: {trouble}")
-    port, number, name = numbered_ports[
+    port, number, opened_name = numbered_ports[
         choose_port(port_name, [name for *_, name in numbered_ports], direction)
     ]
     try:
         port.open_port(number, CLIENT_NAME)
     except _failures(rtmidi) as error:
-        raise MidiError(f"the MIDI {direction} {name} cannot be opened: {error}") from None
-    return port, name
+        raise MidiError(f"the MIDI {direction} {opened_name} cannot be opened: {error}") from None
+    return port, opened_name
 
 
-def choose_port(port_name: str, names: Sequence[str], direction: str) -> int:
+def choose_port(port_name: str, port_names: Sequence[str], direction: str) -> int:
     """The number of the port called `port_name`, or of the only one that contains it. Raises
     MidiError.
     """
-    equal_names = [number for number, name in enumerate(names) if name == port_name]
+    equal_names = [number for number, name in enumerate(port_names) if name == port_name]
     partial_names = [
-        n for n, name in enumerate(names) if port_name and port_name.lower() in name.lower()
+        n for n, name in enumerate(port_names) if port_name and port_name.lower() in name.lower()
     ]
     candidates = equal_names or partial_names
     if len(candidates) == 1:
@@ -232,10 +232,10 @@ def choose_port(port_name: str, names: Sequence[str], direction: str) -> int:
         if candidates
         else f"no MIDI {direction} is called"
     )
-    shown = ", ".join(f"'{names[n]}'" for n in (candidates or range(len(names))))
+    shown = ", ".join(f"'{port_names[n]}'" for n in (candidates or range(len(port_names))))
     if candidates:
         raise MidiError(f"{several}{shown}; write more of the name")
-    existing_ports = f"there are {shown}" if names else "there is none"
+    existing_ports = f"there are {shown}" if port_names else "there is none"
     raise MidiError(
         f"{several} '{port_name}'; {existing_ports}; `{VIRTUAL}` opens one of ergon's own"
     )

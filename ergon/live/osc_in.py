@@ -56,8 +56,8 @@ def request_handlers(
     """Address → handler of its arguments. `gain` is the ratio of 0 dB; `handler_of`
     gives the handler of an input by its name.
     """
-    parts = stage.listening.parts()
-    groups = {name: group for group, name in enumerate(parts)}
+    part_names = stage.listening.parts()
+    groups = {name: group for group, name in enumerate(part_names)}
 
     def setter_for(names: Iterable[str]) -> Callable[[float], None]:
         mine = [groups[name] for name in names]
@@ -65,7 +65,7 @@ def request_handlers(
             [performance.part_gain(group, ratio) for group in mine]
         )
 
-    owned = exclusive_instruments(stage.piece, parts)
+    owned = exclusive_instruments(stage.piece, part_names)
     inputs = (name for name, take in stage.piece.takes.items() if take.is_from_osc)
     return {
         "/ergon/cmd": text_handler(command),
@@ -75,7 +75,10 @@ def request_handlers(
         "/ergon/gain": gain_handler(
             lambda ratio: _check_accepted([performance.gain(gain * ratio)])
         ),
-        **{f"/ergon/instrument/{name}/gain": gain_handler(setter_for([name])) for name in parts},
+        **{
+            f"/ergon/instrument/{name}/gain": gain_handler(setter_for([name]))
+            for name in part_names
+        },
         **{
             f"/ergon/player/{player}/gain": gain_handler(setter_for(mine))
             if mine

@@ -162,15 +162,15 @@ def _piece_beats(stage: Stage) -> Iterator[OscEvent]:
         yield event
 
 
-def beat_events(tempo: TempoMap, rate: float, bar: int) -> Iterator[OscEvent]:
+def beat_events(tempo: TempoMap, rate: float, first_bar: int) -> Iterator[OscEvent]:
     """Every beat from a bar on, without end, with (bar, beat, bpm)."""
     while True:
-        start, length = tempo.bars.bar(bar)
+        start, length = tempo.bars.bar(first_bar)
         for beat in range(math.ceil(length)):
             position = start + beat
             frame = frame_of(tempo.seconds(position), rate)
-            yield frame, "/ergon/beat", (bar, beat + 1, float(tempo.bpm(position)))
-        bar += 1
+            yield frame, "/ergon/beat", (first_bar, beat + 1, float(tempo.bpm(position)))
+        first_bar += 1
 
 
 def _gesture_events(stage: Stage) -> Iterator[OscEvent]:

@@ -111,11 +111,11 @@ def perform(
         )
         for board in config.boards
     ]
-    record = None
+    record_target = None
     if config.record is not None:
         axes = [(hand.player, hand.key) for hand in stage.live]
         about = json.dumps({**config.about, "sent": "wire"}, ensure_ascii=False)
-        record = _core.RecordTarget(config.record, axes, about)
+        record_target = _core.RecordTarget(config.record, axes, about)
     fades_from = None
     if stage.fades_from is not None and not config.endless and config.end is None:
         fades_from = max(0, stage.fades_from - config.start // tick * tick)
@@ -134,7 +134,7 @@ def perform(
             boards=boards,
             bars=bar_frames(stage, 0, stage.n_frames),
             ahead=config.ahead,
-            record=record,
+            record=record_target,
             frozen=[
                 _core.FrozenStem(stem.path, stem.offset, stem.n_frames, stem.taps)
                 for stem in config.frozen
@@ -151,18 +151,18 @@ def perform(
         simulation.restore(start)
 
 
-def bar_frames(stage: Stage, start: int, stop: int) -> list[int]:
-    """Frames from `start` to before `stop` at which a bar begins."""
+def bar_frames(stage: Stage, start_frame: int, stop: int) -> list[int]:
+    """Frames from `start_frame` to before `stop` at which a bar begins."""
     tempo = stage.piece.tempo_map
-    first_bar, _ = tempo.bars.bar_beat(max(0.0, tempo.beats(start / stage.rate)))
-    frames: list[int] = []
+    first_bar, _ = tempo.bars.bar_beat(max(0.0, tempo.beats(start_frame / stage.rate)))
+    bar_starts: list[int] = []
     for bar in range(first_bar, first_bar + _BARS_MAX):
         frame = int(tempo.seconds(tempo.bars.start(bar)) * stage.rate + 0.5)
         if frame >= stop:
             break
-        if frame >= start:
-            frames.append(frame)
-    return frames
+        if frame >= start_frame:
+            bar_starts.append(frame)
+    return bar_starts
 
 
 def _written_forces(
@@ -205,10 +205,10 @@ def _compute_unheard(
     """Compute and mix `n_frames` unheard, so that the filters of the mixer reach their state."""
     import numpy as np
 
-    frame = 0
+    frame_count = 0
     for frames in frames_of(simulation, n_frames, BLOCK):
         for stem in config.frozen:
-            stem.join(frames, frame)
+            stem.join(frames, frame_count)
         mixer.process(frames, np.zeros((len(frames), n_channels)))
-        frame += len(frames)
-        progress(frame)
+        frame_count += len(frames)
+        progress(frame_count)

@@ -42,12 +42,12 @@ def preflight_frames(stage: Stage) -> int:
 
 def find_gain(
     stage: Stage,
-    level: Level,
+    wanted_level: Level,
     frozen: Sequence[VerifiedStem],
     progress: Callable[[int], None],
 ) -> PreflightGain:
-    """The gain that brings the mix to the peak or loudness of `level`; the stage itself does not
-    advance.
+    """The gain that brings the mix to the peak or loudness of `wanted_level`; the stage itself does
+    not advance.
 
     Stand-ins play for real hands; `frozen` parts are included. `progress` is called with the
     number of frames done.
@@ -55,19 +55,19 @@ def find_gain(
     import numpy as np
 
     n_frames = preflight_frames(stage)
-    mixer = stage.mixer(highpass=level.highpass, reference=level.reference)
-    measured = MeasuredLevel(level, stage.rate, stage.n_channels)
+    mixer = stage.mixer(highpass=wanted_level.highpass, reference=wanted_level.reference)
+    measured = MeasuredLevel(wanted_level, stage.rate, stage.n_channels)
     simulation = stage.simulation
     start = simulation.snapshot()
-    frame = 0
-    for frames in frames_of(simulation, n_frames, BLOCK):
+    frame_count = 0
+    for mixed_frames in frames_of(simulation, n_frames, BLOCK):
         for stem in frozen:
-            stem.join(frames, frame)
-        mixed = np.zeros((len(frames), stage.n_channels))
-        mixer.process(frames, mixed)
+            stem.join(mixed_frames, frame_count)
+        mixed = np.zeros((len(mixed_frames), stage.n_channels))
+        mixer.process(mixed_frames, mixed)
         measured.take(mixed)
-        frame += len(frames)
-        progress(frame)
+        frame_count += len(mixed_frames)
+        progress(frame_count)
     simulation.restore(start)
     if n_frames == stage.n_frames:
         return PreflightGain(measured.gain(), None)

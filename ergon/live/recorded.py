@@ -56,10 +56,10 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
             f"{rate_option} renders at the recorded rate"
         )
     try:
-        positions = from_start(recording)
+        tick_positions = from_start(recording)
     except NotRecordingError as error:
         raise RecordingMismatchError(f"{path}: {error}") from None
-    positions[: int(recording.ticks()[0])] = np.nan
+    tick_positions[: int(recording.ticks()[0])] = np.nan
     hands = {}
     for index, (player, key) in enumerate(recording.axes):
         if player not in piece.players or piece.players[player].key != key:
@@ -71,7 +71,7 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
             raise RecordingMismatchError(
                 f"{path}: its ticks last {recording.frames} frames, the score's {ticks}"
             )
-        hands[player] = np.ascontiguousarray(positions[:, index])
+        hands[player] = np.ascontiguousarray(tick_positions[:, index])
     description = read_description(recording)
     return HandRecording(
         hands, _recorded_level(description), tuple(_warnings(recording, description, piece))

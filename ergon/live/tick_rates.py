@@ -25,7 +25,7 @@ def measure_tick_rates(url: str, seconds: float) -> Iterator[Finding]:
 
     The device gets no force. Raises EngineError where it is not there.
     """
-    best = None
+    best_finding = None
     for frames in TICK_FRAMES:
         rate = _AUDIO_RATE / frames
         device = _core.Device(url)
@@ -37,9 +37,9 @@ def measure_tick_rates(url: str, seconds: float) -> Iterator[Finding]:
             device.close()
         finding = _tick_finding(url, rate, checkup, busy)
         if finding.numbers["fits"]:
-            best = rate, finding
+            best_finding = rate, finding
         yield finding
-    yield _advice(url, best)
+    yield _advice(url, best_finding)
 
 
 def _tick_finding(url: str, rate: float, checkup: Checkup, busy: float) -> Finding:
@@ -70,16 +70,16 @@ def _tick_finding(url: str, rate: float, checkup: Checkup, busy: float) -> Findi
     return Finding("tick", sentence, "", numbers)
 
 
-def _advice(url: str, best: tuple[float, Finding] | None) -> Finding:
+def _advice(url: str, best_finding: tuple[float, Finding] | None) -> Finding:
     """The shortest tick of which at most one in a thousand is late."""
-    if best is None:
-        sentence = f"{url}: more than one tick in 1,000 is late with every length of a tick"
+    if best_finding is None:
+        finding_sentence = f"{url}: more than one tick in 1,000 is late with every length of a tick"
         todo = "close other programs, or try another cable or port; `tick: 500Hz` gives more time"
-        return Finding("shortest", sentence, todo, {"url": url, "tick_hz": None})
-    rate, finding = best
-    sentence = (
+        return Finding("shortest", finding_sentence, todo, {"url": url, "tick_hz": None})
+    rate, finding = best_finding
+    finding_sentence = (
         f"{url}: `tick: {rate:.0f}Hz` of a player is the shortest that holds: a force comes "
         f"{duration_text(float(str(finding.numbers['felt_p50_s'])))} after its position, and takes "
         f"{100 * float(str(finding.numbers['load'])):.0f}% of a processor beside the piece"
     )
-    return Finding("shortest", sentence, "", {"url": url, "tick_hz": rate})
+    return Finding("shortest", finding_sentence, "", {"url": url, "tick_hz": rate})

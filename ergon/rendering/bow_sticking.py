@@ -56,25 +56,28 @@ def sticking_detector(rubbing: ProbedLink) -> Sliding | None:
     return None if band is None else Sliding(rubbing, *band)
 
 
-def friction_extremes(fields: Any) -> tuple[float, float] | None:
+def friction_extremes(law_fields: Any) -> tuple[float, float] | None:
     """The speeds [m/s] of the lowest and the highest friction, if friction falls beyond both."""
     import numpy as np
 
     from ergon import _core
 
-    if not fields.get("damping"):
+    if not law_fields.get("damping"):
         return None
     try:
-        law = _core.Law(None, fields["damping"], fields.get("constants") or {})
+        law = _core.Law(None, law_fields["damping"], law_fields.get("constants") or {})
     except (ValueError, _core.LawError):
         return None
     speeds = np.linspace(-_SPEED_MAX, _SPEED_MAX, _STEPS)
-    forces = np.zeros(_STEPS)
-    law.forces(np.zeros(_STEPS), speeds, forces)
-    if not np.isfinite(forces).all():
+    friction_forces = np.zeros(_STEPS)
+    law.forces(np.zeros(_STEPS), speeds, friction_forces)
+    if not np.isfinite(friction_forces).all():
         return None
-    low, high = int(np.argmin(forces)), int(np.argmax(forces))
-    falls = forces[-1] < _FALLING_RATIO * forces[high] and forces[0] > _FALLING_RATIO * forces[low]
-    if not (low < high and forces[high] > 0.0 > forces[low] and falls):
+    low, high = int(np.argmin(friction_forces)), int(np.argmax(friction_forces))
+    falls = (
+        friction_forces[-1] < _FALLING_RATIO * friction_forces[high]
+        and friction_forces[0] > _FALLING_RATIO * friction_forces[low]
+    )
+    if not (low < high and friction_forces[high] > 0.0 > friction_forces[low] and falls):
         return None
     return float(speeds[low]), float(speeds[high])

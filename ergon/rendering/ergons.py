@@ -12,12 +12,12 @@ if TYPE_CHECKING:
 
 
 def stream(
-    simulation: Simulation, n_frames: int, form: Form, names: Names, block: int = 4096
+    simulation: Simulation, n_frames: int, form: Form, names: Names, block_frames: int = 4096
 ) -> Iterator[tuple[str, int]]:
     """Run a recording simulation to frame `n_frames`; gives (rows of a block, frames done)."""
     import numpy as np
 
-    for first_frame in range(0, n_frames, block):
-        count = min(block, n_frames - first_frame)
+    for first_frame in range(0, n_frames, block_frames):
+        count = min(block_frames, n_frames - first_frame)
         simulation.process(np.zeros((count, simulation.n_out)))
         yield rows(form, simulation.ergons(), names), first_frame + count

@@ -38,23 +38,25 @@ class GestureFidelity:
 def gesture_fidelities(stage: Any) -> list[GestureFidelity]:
     """The reports of a staged piece that was run to its end."""
     simulation = stage.simulation
-    groups: dict[tuple[str, str, str], list[Report]] = {}
+    reports_by_gesture: dict[tuple[str, str, str], list[Report]] = {}
     for report in simulation.reports():
         gesture = stage.gestures[report.gesture]
-        groups.setdefault((gesture.player, gesture.name, gesture.key), []).append(report)
+        reports_by_gesture.setdefault((gesture.player, gesture.name, gesture.key), []).append(
+            report
+        )
     keys = stage.piece.keys
     return [
         _merged_fidelity(*group_key, reports, keys[group_key[2]].reach)
-        for group_key, reports in groups.items()
+        for group_key, reports in reports_by_gesture.items()
     ]
 
 
 def _merged_fidelity(
-    player: str, name: str, key: str, reports: list[Report], reach: float
+    player: str, name: str, key: str, reports: list[Report], lever_ratio: float
 ) -> GestureFidelity:
-    # The engine moves a key as the piece sees it, `reach` times as far; results are those of the
-    # key.
-    worst = max(reports, key=lambda report: report.worst)
+    # The engine moves a key as the piece sees it, `lever_ratio` times as far; results are those of
+    # the key.
+    worst_report = max(reports, key=lambda report: report.worst)
     compared = sum(report.compared for report in reports)
     squares = sum(report.rms * report.rms * report.compared for report in reports)
     n_ergons = sum(report.n_ergons for report in reports)
@@ -65,13 +67,13 @@ def _merged_fidelity(
         times=len(reports),
         is_layer=not compared and n_ergons > 0,
         n_ergons=n_ergons,
-        rms=sqrt(squares / compared) / reach if compared else 0.0,
-        worst=worst.worst / reach,
-        worst_at=worst.worst_at,
-        pushed_by=worst.pushed_by,
-        strongest=max(report.strongest for report in reports) / reach,
-        low=min(report.low for report in reports) / reach,
-        high=max(report.high for report in reports) / reach,
+        rms=sqrt(squares / compared) / lever_ratio if compared else 0.0,
+        worst=worst_report.worst / lever_ratio,
+        worst_at=worst_report.worst_at,
+        pushed_by=worst_report.pushed_by,
+        strongest=max(report.strongest for report in reports) / lever_ratio,
+        low=min(report.low for report in reports) / lever_ratio,
+        high=max(report.high for report in reports) / lever_ratio,
         missed=sum(report.missed for report in reports),
         first_points_missed=sum(report.first_point_missed for report in reports),
     )

@@ -24,7 +24,7 @@ from .staged import Staged
 def write(
     stage: Staged,
     taps: Mapping[str, Sequence[int]],
-    source: Source,
+    source_facts: Source,
     folder: Path,
     progress: Callable[[int], None],
     *,
@@ -48,12 +48,12 @@ def write(
     paths = stem_paths(folder, [part for part, _ in stem_columns], WAVE)
     for path in (*paths, folder / MANIFEST):
         check_target(path, force=force, inputs=inputs)
-    stamp = Stamp(source.title, source.score, source.plan)
-    with file_group(force=force, inputs=inputs) as files:
+    stamp = Stamp(source_facts.title, source_facts.score, source_facts.plan)
+    with file_group(force=force, inputs=inputs) as output_files:
         writers = []
         for (_, tap_columns), path in zip(stem_columns, paths, strict=True):
-            file = files.open(path, binary=True)
-            format = WaveFormat(int(source.rate), len(tap_columns), "double")
+            file = output_files.open(path, binary=True)
+            format = WaveFormat(int(source_facts.rate), len(tap_columns), "double")
             writers.append(WaveWriter(file, format, n_frames, stamp))
         frames_done = 0
         blocks = frames_of(stage.simulation, n_frames, BLOCK)
@@ -69,6 +69,6 @@ def write(
             Stem(part, path, tap_columns, writer.sha256)
             for (part, tap_columns), path, writer in zip(stem_columns, paths, writers, strict=True)
         )
-        frozen = Frozen(source, n_frames, stems)
-        files.write(folder / MANIFEST, manifest_text(frozen).encode())  # gets its name last
+        frozen = Frozen(source_facts, n_frames, stems)
+        output_files.write(folder / MANIFEST, manifest_text(frozen).encode())  # gets its name last
     return frozen

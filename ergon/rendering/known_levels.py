@@ -62,14 +62,14 @@ class KnownLevels:
         keys = self._state_keys(n_stretches - 1) if numbers else ()
         return all(self._store.has(keys[number]) for number in numbers)
 
-    def states(self, numbers: Sequence[int], n_stretches: int) -> list[Stretch] | None:
+    def states(self, balance_numbers: Sequence[int], n_stretches: int) -> list[Stretch] | None:
         """The measures and states of some balances after the first stretches; None if any is not
         known.
         """
-        keys = self._state_keys(n_stretches - 1) if numbers else ()
-        stored = [self._store.get(keys[number]) for number in numbers]
+        keys = self._state_keys(n_stretches - 1) if balance_numbers else ()
+        stored = [self._store.get(keys[number]) for number in balance_numbers]
         known_states = [state for state in stored if state is not None]
-        return known_states if len(known_states) == len(numbers) else None
+        return known_states if len(known_states) == len(balance_numbers) else None
 
     def _give(self, balance: Balance, key: str, stop: int) -> bool:
         known_level = self._store.get(key)

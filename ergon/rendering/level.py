@@ -205,14 +205,14 @@ class MasterChain:
 
         if len(self._scaled) < len(block):
             self._scaled = np.empty(block.shape)
-        frames = np.multiply(block, self.gain, out=self._scaled[: len(block)])
+        block_frames = np.multiply(block, self.gain, out=self._scaled[: len(block)])
         if self._limiter is not None:
-            frames = self._limiter.limit(frames)
+            block_frames = self._limiter.limit(block_frames)
         unskipped = np.ascontiguousarray(
-            frames[max(self._start - self._frame, 0) : max(self._stop - self._frame, 0)]
+            block_frames[max(self._start - self._frame, 0) : max(self._stop - self._frame, 0)]
         )
         take_start = max(self._start, self._frame)
-        self._frame += len(frames)
+        self._frame += len(block_frames)
         if not len(unskipped):
             return
         unskipped = np.ascontiguousarray(

@@ -52,21 +52,21 @@ class GatedLoudness:
         """
         return _gated(self._inside(first, last), 20.0 * math.log10(max(gain, 1e-30)))
 
-    def gain_to(self, target: float) -> float | None:
-        """The gain [dB] at which the loudness is `target` [LUFS]; None for silence."""
+    def gain_to(self, target_lufs: float) -> float | None:
+        """The gain [dB] at which the loudness is `target_lufs` [LUFS]; None for silence."""
         import numpy as np
 
-        blocks = self._inside(0, None)
-        loudest = float(np.max(blocks, initial=-math.inf))
+        gated_blocks = self._inside(0, None)
+        loudest = float(np.max(gated_blocks, initial=-math.inf))
         if loudest == -math.inf:
             return None
-        gain = target - loudest  # at least one block passes the gates
+        gain_db = target_lufs - loudest  # at least one block passes the gates
         for _ in range(_ROUNDS):
-            change = target - _gated(blocks, gain)
-            gain += change
+            change = target_lufs - _gated(gated_blocks, gain_db)
+            gain_db += change
             if abs(change) < GAIN_STEP / 100:
                 break
-        return gain
+        return gain_db
 
     def _inside(self, first: int, last: int | None) -> NDArray[np.float64]:
         """The blocks that lie between two steps: the first of them ends 400 ms after `first`."""

@@ -78,13 +78,15 @@ def measure_excursions(
     closed = [ContactClosings(contact) for contact in probed.contacts]
     bows = [bow for bow in map(sticking_detector, probed.rubbings) if bow is not None]
     first_frame = 0
-    for frames in frames_of(stage.simulation, stage.n_analysed_frames, _BLOCK):
-        for swing, low, high in zip(moved, frames.min(axis=0), frames.max(axis=0), strict=True):
+    for block_frames in frames_of(stage.simulation, stage.n_analysed_frames, _BLOCK):
+        for swing, low, high in zip(
+            moved, block_frames.min(axis=0), block_frames.max(axis=0), strict=True
+        ):
             swing.low, swing.high = min(swing.low, float(low)), max(swing.high, float(high))
         for closing in closed:
-            closing.take(frames, first_frame)
+            closing.take(block_frames, first_frame)
         for bow in bows:
-            bow.take(frames, stage.rate)
-        first_frame += len(frames)
+            bow.take(block_frames, stage.rate)
+        first_frame += len(block_frames)
         progress(first_frame)
     return moved, closed, bows

@@ -46,12 +46,12 @@ class MeasuredLevel:
         """
         from ergon import _core
 
-        level = self._level
-        if level.loudness is None or self._loudness is None or self._peak == 0.0:
+        wanted_level = self._level
+        if wanted_level.loudness is None or self._loudness is None or self._peak == 0.0:
             return self.gain_of_peak(self._peak)
         to_peak = gain_to_peak(self._true_peak.peak)
-        decibels = self._loudness.gain_to(level.loudness)
+        decibels = self._loudness.gain_to(wanted_level.loudness)
         if decibels is None:
             return to_peak
         gain = _core.decibels(round(decibels / GAIN_STEP) * GAIN_STEP)
-        return gain if level.limit is not None else min(gain, to_peak)
+        return gain if wanted_level.limit is not None else min(gain, to_peak)

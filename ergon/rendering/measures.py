@@ -34,61 +34,65 @@ class Measures:
     t60: float | None
 
 
-def measures(frames: NDArray[np.float64], rate: float) -> Measures:
+def measures(sound_frames: NDArray[np.float64], rate: float) -> Measures:
     """The figures of frames (n_frames, n_channels) at `rate` [Hz].
 
     Powers of channels are added up; pitch and partial are those of the loudest channel.
     """
     import numpy as np
 
-    if not len(frames) or not frames.any():
+    if not len(sound_frames) or not sound_frames.any():
         return Measures(None, None, None, None)
-    power = (frames * frames).sum(axis=1)
-    loudest = frames[:, int((frames * frames).sum(axis=0).argmax())]
-    f, spectrum = _spectrum(frames, rate)
+    power_values = (sound_frames * sound_frames).sum(axis=1)
+    loudest = sound_frames[:, int((sound_frames * sound_frames).sum(axis=0).argmax())]
+    f, spectrum = _spectrum(sound_frames, rate)
     audible = f >= _LOWEST
     total = float(spectrum[audible].sum())
     centroid = float((f * spectrum)[audible].sum() / total) if total > 0.0 else None
     return Measures(
         centroid,
-        _pitch(loudest, power, rate),
+        _pitch(loudest, power_values, rate),
         _partial(loudest, rate),
-        _t60(np.asarray(power), rate),
+        _t60(np.asarray(power_values), rate),
     )
 
 
 def _spectrum(
-    frames: NDArray[np.float64], rate: float
+    sound_frames: NDArray[np.float64], rate: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Frequencies, and power summed over Hann windows that overlap by half (Welch 1967)."""
     import numpy as np
 
     window = np.hanning(_SIZE + 1)[:-1, None]
-    power: NDArray[np.float64] = np.zeros(_SIZE // 2 + 1)
-    for first_frame in range(0, max(1, len(frames) - _SIZE // 2), _SIZE // 2):
-        block = frames[first_frame : first_frame + _SIZE]
-        padded = np.zeros((_SIZE, frames.shape[1]))
+    power_values: NDArray[np.float64] = np.zeros(_SIZE // 2 + 1)
+    for first_frame in range(0, max(1, len(sound_frames) - _SIZE // 2), _SIZE // 2):
+        block = sound_frames[first_frame : first_frame + _SIZE]
+        padded = np.zeros((_SIZE, sound_frames.shape[1]))
         padded[: len(block)] = block
-        power += (np.abs(np.fft.rfft(window * padded, axis=0)) ** 2).sum(axis=1)
-    f = np.arange(len(power), dtype=np.float64) * (rate / _SIZE)
-    return f, power
+        power_values += (np.abs(np.fft.rfft(window * padded, axis=0)) ** 2).sum(axis=1)
+    f = np.arange(len(power_values), dtype=np.float64) * (rate / _SIZE)
+    return f, power_values
 
 
 def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> float | None:
     """The pitch by the normalised difference function of YIN (de Cheveigné & Kawahara 2002)."""
     import numpy as np
 
-    span, longest = int(_PITCH_SPAN * rate), int(rate / _LOWEST) + 2
-    if len(x) < span + longest:
+    span_frames, longest = int(_PITCH_SPAN * rate), int(rate / _LOWEST) + 2
+    if len(x) < span_frames + longest:
         return None
     sums = np.concatenate([[0.0], np.cumsum(power)])
-    start = int(np.argmax(sums[span : len(x) - longest + 1] - sums[: len(x) - longest - span + 1]))
-    segment = x[start : start + span + longest]
+    start = int(
+        np.argmax(
+            sums[span_frames : len(x) - longest + 1] - sums[: len(x) - longest - span_frames + 1]
+        )
+    )
+    segment = x[start : start + span_frames + longest]
     size = 1 << (2 * len(segment)).bit_length()
-    transform = np.fft.rfft(segment[:span], size)
+    transform = np.fft.rfft(segment[:span_frames], size)
     match = np.fft.irfft(np.conj(transform) * np.fft.rfft(segment, size), size)[:longest]
     squares = np.concatenate([[0.0], np.cumsum(segment * segment)])
-    energy = squares[span : span + longest] - squares[:longest]
+    energy = squares[span_frames : span_frames + longest] - squares[:longest]
     difference = np.maximum(energy[0] + energy - 2.0 * match, 0.0)
     total = np.cumsum(difference[1:])
     normal = np.ones(longest)
@@ -107,16 +111,16 @@ def _partial(x: NDArray[np.float64], rate: float) -> float | None:
     """The highest peak of one Hann window over the whole sound, interpolated by a parabola."""
     import numpy as np
 
-    size = 2 * len(x)
-    magnitude = np.abs(np.fft.rfft(x * np.hanning(len(x) + 1)[:-1], size))
-    low = max(1, math.ceil(_LOWEST * size / rate))
+    transform_size = 2 * len(x)
+    magnitude = np.abs(np.fft.rfft(x * np.hanning(len(x) + 1)[:-1], transform_size))
+    low = max(1, math.ceil(_LOWEST * transform_size / rate))
     if len(magnitude) < low + 2 or not magnitude[low:-1].any():
         return None
     peak_bin = low + int(magnitude[low:-1].argmax())
     return (
         _parabola_peak(np.log(np.maximum(magnitude[peak_bin - 1 : peak_bin + 2], 1e-300)), peak_bin)
         * rate
-        / size
+        / transform_size
     )
 
 
@@ -132,15 +136,17 @@ def _t60(power: NDArray[np.float64], rate: float) -> float | None:
     """T60 by backward integration of the energy (Schroeder 1965), after the last loud blow."""
     import numpy as np
 
-    span = max(1, int(_LEVEL_SPAN * rate))
-    levels = power[: len(power) // span * span].reshape(-1, span).sum(axis=1)
-    if len(levels) < 3:
+    span_frames = max(1, int(_LEVEL_SPAN * rate))
+    level_values = (
+        power[: len(power) // span_frames * span_frames].reshape(-1, span_frames).sum(axis=1)
+    )
+    if len(level_values) < 3:
         return None
     # A blow is a rise by 3 dB to a level that is loud.
-    rises = levels[1:] > np.maximum(2.0 * levels[:-1], levels.max() / _LAST_BLOW)
-    blow = 1 + int(np.flatnonzero(rises)[-1]) if rises.any() else int(levels.argmax())
-    levels = levels[blow + int(levels[blow : blow + 5].argmax()) :]
-    energy_left = np.cumsum(levels[::-1])[::-1]
+    rises = level_values[1:] > np.maximum(2.0 * level_values[:-1], level_values.max() / _LAST_BLOW)
+    blow = 1 + int(np.flatnonzero(rises)[-1]) if rises.any() else int(level_values.argmax())
+    level_values = level_values[blow + int(level_values[blow : blow + 5].argmax()) :]
+    energy_left = np.cumsum(level_values[::-1])[::-1]
     if energy_left[0] <= 0.0:
         return None
     fall = 10.0 * np.log10(np.maximum(energy_left / energy_left[0], 1e-30))
@@ -148,8 +154,8 @@ def _t60(power: NDArray[np.float64], rate: float) -> float | None:
     # The sum misses what the file cuts off, so the end of the file has to lie well below the range.
     if (
         len(fitted_frames) < 2
-        or 10.0 * math.log10(max(levels[-1] / levels.max(), 1e-30)) > _DECAY[1] - 10.0
+        or 10.0 * math.log10(max(level_values[-1] / level_values.max(), 1e-30)) > _DECAY[1] - 10.0
     ):
         return None
-    slope = float(np.polyfit(fitted_frames * span / rate, fall[fitted_frames], 1)[0])
+    slope = float(np.polyfit(fitted_frames * span_frames / rate, fall[fitted_frames], 1)[0])
     return -60.0 / slope if slope < 0.0 else None

@@ -97,13 +97,13 @@ class RenderMemory:
         step = stretches.STRETCH_FRAMES
         stops = [*range(step, stage.n_frames, step), stage.n_frames]
         highpass, reference = job.level.highpass, job.level.reference
-        mixes, levels = [], []
+        mixes, stretch_levels = [], []
         all_taps = simulation.output_keys(stops)
         for stop, taps in zip(stops, all_taps, strict=True):
             mix = stage.mix_key(taps, highpass=highpass, reference=reference)
             stems = stage.stem_keys(taps, highpass=highpass, reference=reference)
             mixes.append(key_of("mix", stop, mix))
-            levels.append([key_of("levels", stop, stem) for stem in stems])
+            stretch_levels.append([key_of("levels", stop, stem) for stem in stems])
 
         def mixer_key(index: int) -> str:
             mix = stage.mix_key(
@@ -125,7 +125,7 @@ class RenderMemory:
             score=job.stamp.score,
             state_key=mixer_key,
         )
-        self.levels = KnownLevels(store, levels, balance_keys)
+        self.levels = KnownLevels(store, stretch_levels, balance_keys)
         self.masters = KnownMasters(
             store, mixes[-1], n_frames=stage.n_frames, score=job.stamp.score
         )
@@ -150,13 +150,18 @@ class RenderMemory:
 
     def _followed_mix(self, job: RenderJob) -> KnownMix | None:
         """The frames that a job follows to find the end and the gain of the piece, or its own."""
-        start, stop = job.start, job.stop
+        start_frame, stop_frame = job.start, job.stop
         if job.level.limit is not None or job.level.is_levelled or job.ending is not None:
             # What limiter, level and search do depends on all that came before.
-            start, stop = 0, min(self._n_frames, stop + ceil(_LOOK_AHEAD * self._rate))
-        last_frame = max(stop, job.simulated_frames(self._n_frames))
+            start_frame, stop_frame = (
+                0,
+                min(self._n_frames, stop_frame + ceil(_LOOK_AHEAD * self._rate)),
+            )
+        last_frame = max(stop_frame, job.simulated_frames(self._n_frames))
         # A part may sound on after the piece has faded out.
-        return self._mixed.known(start, last_frame, job.ending, 0 if job.has_open_end else stop)
+        return self._mixed.known(
+            start_frame, last_frame, job.ending, 0 if job.has_open_end else stop_frame
+        )
 
     def computing(
         self, job: RenderJob, balances: Sequence[Balance], mixer: Mixer | None
@@ -166,24 +171,28 @@ class RenderMemory:
         """
         last_frame = job.simulated_frames(self._n_frames)
         simulation = ResumedSimulation(self.simulation, self.store, self._n_frames, last_frame)
-        numbers = self.levels.recall(balances, job.stop)
-        part_balances = [balances[number] for number in numbers]
+        balance_numbers = self.levels.recall(balances, job.stop)
+        part_balances = [balances[number] for number in balance_numbers]
         if mixer is None:
-            return ComputedRender(simulation, part_balances, None, (), self, balances, numbers)
+            return ComputedRender(
+                simulation, part_balances, None, (), self, balances, balance_numbers
+            )
         known_frames: Sequence[NDArray[np.float64]] = ()
         for n_stretches in range(
             min(self._mixed.n_leading(), (last_frame - 1) // stretches.STRETCH_FRAMES), 0, -1
         ):
             is_stored = self._mixed.has_state(n_stretches) and simulation.has_states(n_stretches)
-            if is_stored and self.levels.has_states(numbers, n_stretches):
-                known_frames = self._resume(n_stretches, simulation, mixer, part_balances, numbers)
+            if is_stored and self.levels.has_states(balance_numbers, n_stretches):
+                known_frames = self._resume(
+                    n_stretches, simulation, mixer, part_balances, balance_numbers
+                )
                 break
         recorder = None
         if job.stores_mix:
             recorder = MixRecorder(self._mixed, self._n_frames, sum(map(len, known_frames)))
             simulation.outcomes = recorder.outcomes
         return ComputedRender(
-            simulation, part_balances, recorder, known_frames, self, balances, numbers
+            simulation, part_balances, recorder, known_frames, self, balances, balance_numbers
         )
 
     def _resume(
@@ -197,14 +206,19 @@ class RenderMemory:
         """Bring everything to the end of the first stretches; their frames, or none if any part of
         that cannot be read.
         """
-        frames, state = self._mixed.leading(n_stretches), self._mixed.state(n_stretches)
+        known_frames, state = self._mixed.leading(n_stretches), self._mixed.state(n_stretches)
         levels = self.levels.states(numbers, n_stretches)
-        if frames is None or state is None or levels is None or not simulation.resume(n_stretches):
+        if (
+            known_frames is None
+            or state is None
+            or levels is None
+            or not simulation.resume(n_stretches)
+        ):
             return ()
         mixer.set_state(state)
         for balance, known_level in zip(balances, levels, strict=True):
             balance.resume(known_level.sound, known_level.state)
-        return frames
+        return known_frames
 
     def put_states(
         self, n_stretches: int, mixer: Mixer, balances: Sequence[Balance], numbers: Sequence[int]

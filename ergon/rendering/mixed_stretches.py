@@ -150,24 +150,24 @@ class MixedStretches:
         If the sound is followed to its end, the mix may end sooner, by the same `ending`, but not
         before frame `needed`.
         """
-        step = stretches.STRETCH_FRAMES
-        first_index = start // step
+        stretch_frames = stretches.STRETCH_FRAMES
+        first_index = start // stretch_frames
         has_ended = False
         known_stretches: list[_Stretch] = []
         outcome_before = Outcome() if first_index == 0 else None
-        for index in range(first_index, (stop - 1) // step + 1):
-            stretch = self._read(index)
+        for stretch_index in range(first_index, (stop - 1) // stretch_frames + 1):
+            stretch = self._read(stretch_index)
             if stretch is None:
                 return None
-            self._known[index] = stretch
+            self._known[stretch_index] = stretch
             if known_stretches:
                 outcome_before = known_stretches[-1].outcome
             known_stretches.append(stretch)
-            known_stop = index * step + len(stretch.frames)
+            known_stop = stretch_index * stretch_frames + len(stretch.frames)
             has_ended = has_ended or (ending is not None and stretch.ending == ending)
             if known_stop >= stop or (has_ended and known_stop >= needed):
                 break
-            if known_stop < self._stop(index):
+            if known_stop < self._stop(stretch_index):
                 return None
         last_stretch = known_stretches[-1]
         if stop < known_stop and not has_ended:
@@ -180,21 +180,21 @@ class MixedStretches:
         frames = [stretch.frames for stretch in known_stretches]
         if ending is None:
             frames[-1] = frames[-1][: stop - known_stop + len(frames[-1])]
-        return KnownMix(first_index * step, tuple(frames), last_stretch.outcome)
+        return KnownMix(first_index * stretch_frames, tuple(frames), last_stretch.outcome)
 
-    def known_with(self, master: KnownMaster, start: int, stop: int) -> KnownMix | None:
-        """The mix from the stretch of frame `start` on up to frame `stop`, of a piece whose end,
-        gain and outcome are known; None if any of it is not.
+    def known_with(self, master: KnownMaster, start: int, stop_frame: int) -> KnownMix | None:
+        """The mix from the stretch of frame `start` on up to frame `stop_frame`, of a piece whose
+        end, gain and outcome are known; None if any of it is not.
         """
-        step = stretches.STRETCH_FRAMES
-        first_index, frames = start // step, []
-        for index in range(first_index, (stop - 1) // step + 1):
+        stretch_frames = stretches.STRETCH_FRAMES
+        first_index, known_frames = start // stretch_frames, []
+        for index in range(first_index, (stop_frame - 1) // stretch_frames + 1):
             stretch = self._read(index)
-            n_needed = min(stop - index * step, step)
+            n_needed = min(stop_frame - index * stretch_frames, stretch_frames)
             if stretch is None or len(stretch.frames) < n_needed:
                 return None
-            frames.append(stretch.frames[:n_needed])
-        return KnownMix(first_index * step, tuple(frames), master.outcome, master)
+            known_frames.append(stretch.frames[:n_needed])
+        return KnownMix(first_index * stretch_frames, tuple(known_frames), master.outcome, master)
 
     def n_leading(self) -> int:
         """How many stretches from the first one on are stored, and complete unless a render ended
@@ -242,14 +242,16 @@ class MixedStretches:
         """Store the frames of `blocks` from frame `first_frame` on, where a stretch begins; False
         if the folder takes nothing.
         """
-        index = first_frame // stretches.STRETCH_FRAMES
-        stretch_before = self._read(index) if self._store.has(self._keys[index]) else None
+        stretch_index = first_frame // stretches.STRETCH_FRAMES
+        stretch_before = (
+            self._read(stretch_index) if self._store.has(self._keys[stretch_index]) else None
+        )
         if stretch_before is not None and len(stretch_before.frames) >= sum(map(len, blocks)):
             if ending in (None, stretch_before.ending) or stretch_before.outcome != outcome:
                 return True
             blocks = [stretch_before.frames]
         state = [*outcome.fields(self._score), ending]
-        return self._store.put(self._keys[index], blocks, json.dumps(state).encode())
+        return self._store.put(self._keys[stretch_index], blocks, json.dumps(state).encode())
 
     def _stop(self, index: int) -> int:
         return min((index + 1) * stretches.STRETCH_FRAMES, self._n_frames)

@@ -204,13 +204,13 @@ class RemoteSimulation(StretchedSimulation):
             answer, chain.asked = self._workers.answer(chain.asked), None
             self._take(chain, answer)
         while chain.asked is None and not chain.is_home and self._is_wanted(chain):
-            stop = min(chain.frame + stretches.STRETCH_FRAMES, self._n_frames)
+            stop_frame = min(chain.frame + stretches.STRETCH_FRAMES, self._n_frames)
             chain.keys = [
-                self._simulation.island_key(part.island, chain.frame, stop, part.key)
+                self._simulation.island_key(part.island, chain.frame, stop_frame, part.key)
                 for part in chain.parts
             ]
-            if not self._recall(chain, stop):
-                chain.asked = self._workers.submit(self._request(chain, stop))
+            if not self._recall(chain, stop_frame):
+                chain.asked = self._workers.submit(self._request(chain, stop_frame))
 
     def _is_wanted(self, chain: _Chain) -> bool:
         return chain.frame < min(self._n_frames, self._frame + _LEAD * stretches.STRETCH_FRAMES)
@@ -222,9 +222,9 @@ class RemoteSimulation(StretchedSimulation):
         ]
         return Request(at=chain.frame, stop=stop, islands=islands)
 
-    def _recall(self, chain: _Chain, stop: int) -> bool:
+    def _recall(self, chain: _Chain, stop_frame: int) -> bool:
         """Take the stretch from the store, if all of it is there."""
-        if self._store is None or stop - chain.frame < stretches.STRETCH_FRAMES:
+        if self._store is None or stop_frame - chain.frame < stretches.STRETCH_FRAMES:
             return False
         known_islands = []
         for part, key in zip(chain.parts, chain.keys, strict=True):
@@ -234,7 +234,7 @@ class RemoteSimulation(StretchedSimulation):
             known_islands.append(stored)
         self._keep(
             chain,
-            stop,
+            stop_frame,
             [island_stretch.sound for island_stretch in known_islands],
             [island_stretch.state for island_stretch in known_islands],
         )
@@ -249,12 +249,12 @@ class RemoteSimulation(StretchedSimulation):
         if answer.get("diverged"):
             chain.is_home = True  # from the state that `_end` restores
             return
-        stop = min(chain.frame + stretches.STRETCH_FRAMES, self._n_frames)
-        n_frames = stop - chain.frame
-        sizes = [8 * n_frames * part.island.n_out for part in chain.parts]
-        if [len(sound) for sound in answer["sounds"]] != sizes or len(answer["states"]) != len(
-            sizes
-        ):
+        stop_frame = min(chain.frame + stretches.STRETCH_FRAMES, self._n_frames)
+        n_frames = stop_frame - chain.frame
+        sound_sizes = [8 * n_frames * part.island.n_out for part in chain.parts]
+        if [len(sound) for sound in answer["sounds"]] != sound_sizes or len(
+            answer["states"]
+        ) != len(sound_sizes):
             raise ClusterError(f"worker {answer['worker']} sent sounds of another length")
         sounds = [
             np.frombuffer(sound_bytes, dtype="<f8").astype(np.float64)
@@ -263,9 +263,9 @@ class RemoteSimulation(StretchedSimulation):
         if self._store is not None and n_frames == stretches.STRETCH_FRAMES:
             for key, sound, state in zip(chain.keys, sounds, answer["states"], strict=True):
                 self._store.put(key, sound, state)
-        self.n_computed += n_frames * len(sizes)
-        self._workers.receive(answer, n_frames * len(sizes))
-        self._keep(chain, stop, sounds, answer["states"])
+        self.n_computed += n_frames * len(sound_sizes)
+        self._workers.receive(answer, n_frames * len(sound_sizes))
+        self._keep(chain, stop_frame, sounds, answer["states"])
 
     def _keep(
         self,

@@ -74,7 +74,7 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
     for path in paths:
         check_target(path, force=job.force, inputs=job.inputs)
     with contextlib.ExitStack() as stack:
-        files = stack.enter_context(file_group(force=job.force, inputs=job.inputs))
+        output_files = stack.enter_context(file_group(force=job.force, inputs=job.inputs))
         limiter = limiter_of(stage, job)
         mixers: list[tuple[str, Mixer, Limiting | None, tuple[str, ...]]] = [
             (job.target, stage.mixer(highpass=highpass, reference=reference), limiter, ())
@@ -83,15 +83,15 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
             follows = None if limiter is None else StemLimiter(limiter, job.format.n_channels)
             mixers.append((str(path), mixer, follows, _channel_names(stem, job.format.n_channels)))
         tracks, opened_files = [], []
-        for name, mixer, limits, channel_names in mixers:
-            file = files.open(name, binary=True)
-            opened_files.append(file)
+        for output_name, mixer, limits, channel_names in mixers:
+            open_file = output_files.open(output_name, binary=True)
+            opened_files.append(open_file)
 
             def written_to(
                 job: RenderJob,
                 first: int,
-                name: str = name,
-                file: BinaryIO = file,
+                name: str = output_name,
+                file: BinaryIO = open_file,
                 limits: Limiting | None = limits,
                 channel_names: tuple[str, ...] = channel_names,
             ) -> MasterChain:
@@ -99,16 +99,16 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
                 writer = sound.writer(name, file, job.format, job.n_frames, stamp)
                 return chain_of(writer, stage, job, limits, first)
 
-            tracks.append(track_of(stack, job, name, mixer, written_to))
+            tracks.append(track_of(stack, job, output_name, mixer, written_to))
         balances = _balances(stage, job)
-        filmed = _filmed(files, stage, job, reference)
+        filmed = _filmed(output_files, stage, job, reference)
         if filmed is not None:
             filled = _fill(stage, job, tracks, progress, balances, filmed)
             filmed.finish()
         else:
             filled = _recalled_or_computed(stage, job, tracks, progress, balances)
-        for file, rendered in zip(opened_files, filled.files, strict=True):
-            files.note_samples(file, rendered.sha256)
+        for open_file, rendered in zip(opened_files, filled.files, strict=True):
+            output_files.note_samples(open_file, rendered.sha256)
     wall = time.perf_counter() - start
     mix, *other_files = filled.files
     levels = tuple(balance.level(mix.gain, filled.job.stop) for balance in balances)
@@ -218,17 +218,19 @@ def render_array(
     """
     import numpy as np
 
-    blocks: list[NDArray[np.float64]] = []
+    mixed_blocks: list[NDArray[np.float64]] = []
 
     def written_to(of: RenderJob, first: int) -> MasterChain:
-        blocks.append(np.zeros((of.n_frames, of.format.n_channels)))
-        return chain_of(ArrayWriter(of.format, blocks[0]), stage, of, limiter_of(stage, of), first)
+        mixed_blocks.append(np.zeros((of.n_frames, of.format.n_channels)))
+        return chain_of(
+            ArrayWriter(of.format, mixed_blocks[0]), stage, of, limiter_of(stage, of), first
+        )
 
     mixer = stage.mixer(highpass=job.level.highpass, reference=job.level.reference)
     with contextlib.ExitStack() as stack:
         track = track_of(stack, job, "-", mixer, written_to)
         filled = _recalled_or_computed(stage, job, [track], progress, ())
-    return blocks[0], filled.files[0], filled.outcome
+    return mixed_blocks[0], filled.files[0], filled.outcome
 
 
 def _fill(
@@ -262,7 +264,7 @@ def _fill_known(
         return _fill_with_master(stage, job, track, known_mix, known_mix.master, progress)
     if not job.has_open_end:
         track.finish = track.begin(job, known_mix.first)
-    frame, end = known_mix.first, None
+    frame_count, end = known_mix.first, None
     n_frames = job.simulated_frames(stage.n_frames)
     fade = _silence_detector(stage, job)
     for mixed in known_mix.blocks(job.block):
@@ -270,12 +272,14 @@ def _fill_known(
         if fade is not None and end is None:
             end = fade.take(folded)
         track.take(folded)
-        frame += len(mixed)
-        progress(min(frame, n_frames))
+        frame_count += len(mixed)
+        progress(min(frame_count, n_frames))
         if end is not None and job.has_open_end:
             break
-    piece_end = frame if end is None else end
-    filled = _finished(stage, job, [track], known_mix.first, piece_end, frame - known_mix.first)
+    piece_end = frame_count if end is None else end
+    filled = _finished(
+        stage, job, [track], known_mix.first, piece_end, frame_count - known_mix.first
+    )
     return replace(filled, recalled=1.0, outcome=known_mix.outcome)
 
 
@@ -349,7 +353,7 @@ def _simulate(
     latencies = (track.finish.latency for track in tracks if track.finish is not None)
     needed = min(stage.n_frames, job.stop + max(latencies, default=0))
     last_frame = max(needed, job.simulated_frames(stage.n_frames))
-    fade, end = _silence_detector(stage, job), None
+    fade, piece_end = _silence_detector(stage, job), None
     n_known = 0 if computing is None else computing.n_known
     known_blocks = () if computing is None else computing.known_blocks(job.block)
     blocks = frames_of(simulation, last_frame - n_known, job.block)
@@ -360,40 +364,40 @@ def _simulate(
     with contextlib.closing(ahead(blocks) if is_ahead else blocks) as coming:
         for mixed in known_blocks:
             folded = _fold(mixed, job.format.n_channels)
-            if fade is not None and end is None:
-                end = fade.take(folded)
+            if fade is not None and piece_end is None:
+                piece_end = fade.take(folded)
             tracks[0].take(folded)
             first_frame += len(mixed)
             progress(first_frame)
-        for frames in coming:
+        for coming_frames in coming:
             for track in tracks:
-                mixed = mixed_block(len(frames))
-                track.mixer.process(frames, mixed)
+                mixed = mixed_block(len(coming_frames))
+                track.mixer.process(coming_frames, mixed)
                 if computing is not None and track is tracks[0]:
                     computing.take(mixed)
                 folded = _fold(mixed, job.format.n_channels)
-                if fade is not None and end is None and track is tracks[0]:
-                    end = fade.take(folded)
+                if fade is not None and piece_end is None and track is tracks[0]:
+                    piece_end = fade.take(folded)
                 track.take(folded)
             for balance in balances:
-                balance.take(frames)
-            first_frame += len(frames)
+                balance.take(coming_frames)
+            first_frame += len(coming_frames)
             progress(first_frame)
             if computing is not None:
                 computing.end_block(first_frame, tracks[0].mixer)
-            if end is not None and (job.has_open_end or first_frame >= needed):
+            if piece_end is not None and (job.has_open_end or first_frame >= needed):
                 break
-    return first_frame if end is None else end, first_frame
+    return first_frame if piece_end is None else piece_end, first_frame
 
 
 def frames_of(
-    simulation: Simulation, stop: int, block: int
+    simulation: Simulation, stop_frame: int, block_frames: int
 ) -> Generator[NDArray[np.float64], None, None]:
-    """The next `stop` frames in blocks; each is a new array, since another thread may hold it."""
+    """Blocks up to frame `stop_frame`; each is a new array, since another thread may hold it."""
     import numpy as np
 
-    for first_frame in range(0, stop, block):
-        frames = np.empty((min(block, stop - first_frame), simulation.n_out))
+    for first_frame in range(0, stop_frame, block_frames):
+        frames = np.empty((min(block_frames, stop_frame - first_frame), simulation.n_out))
         simulation.process(frames)
         yield frames
 

@@ -101,13 +101,13 @@ class ResumedSimulation(StretchedSimulation):
     def _keys(self, n_stretches: int) -> list[str]:
         """The keys of the last of the first stretches of each island."""
         step = stretches.STRETCH_FRAMES
-        keys = []
+        stretch_keys = []
         for part in self._parts:
             key = ""
             for start in range(0, n_stretches * step, step):
                 key = self._simulation.island_key(part.island, start, start + step, key)
-            keys.append(key)
-        return keys
+            stretch_keys.append(key)
+        return stretch_keys
 
     def _skip(self) -> None:
         """Bring the simulation to the first frame that is asked for.
@@ -118,53 +118,55 @@ class ResumedSimulation(StretchedSimulation):
         import numpy as np
 
         step, n_skipped, self._n_skipped = stretches.STRETCH_FRAMES, self._n_skipped, 0
-        for part in self._parts:
-            self._simulation.silence(part.island)
+        for island_part in self._parts:
+            self._simulation.silence(island_part.island)
         unheard = np.empty((min(step, _UNHEARD_FRAMES), self.n_out))
         for first_frame in range(0, n_skipped, len(unheard)):
             if first_frame == n_skipped - step:
-                for part, stretch in zip(self._parts, self._stretches_before, strict=True):
-                    self._simulation.recall(part.island, stretch.sound)
+                for island_part, stretch in zip(self._parts, self._stretches_before, strict=True):
+                    self._simulation.recall(island_part.island, stretch.sound)
             self._simulation.process(unheard)
-        for part, stretch in zip(self._parts, self._stretches_before, strict=True):
-            self._simulation.set_state(part.island, stretch.state)
+        for island_part, stretch in zip(self._parts, self._stretches_before, strict=True):
+            self._simulation.set_state(island_part.island, stretch.state)
         self.n_recalled += n_skipped * len(self._parts)
         self._stretches_before = []
 
     def _begin(self) -> None:
         """Recall the islands whose stretch is known; compute the others."""
-        stop = min(self._frame + stretches.STRETCH_FRAMES, self._n_frames)
-        n_frames = stop - self._frame
-        for part in self._parts:
-            part.is_recalled, part.state = False, None
+        stop_frame = min(self._frame + stretches.STRETCH_FRAMES, self._n_frames)
+        n_frames = stop_frame - self._frame
+        for island_part in self._parts:
+            island_part.is_recalled, island_part.state = False, None
             if n_frames <= 0:
                 continue
-            part.key = self._simulation.island_key(part.island, self._frame, stop, part.key)
-            stored = self._store.get(part.key) if stop <= self._last else None
-            if stored is not None and len(stored.sound) == n_frames * part.island.n_out:
-                self._simulation.recall(part.island, stored.sound)
-                part.is_recalled, part.state = True, stored.state
+            island_part.key = self._simulation.island_key(
+                island_part.island, self._frame, stop_frame, island_part.key
+            )
+            stored = self._store.get(island_part.key) if stop_frame <= self._last else None
+            if stored is not None and len(stored.sound) == n_frames * island_part.island.n_out:
+                self._simulation.recall(island_part.island, stored.sound)
+                island_part.is_recalled, island_part.state = True, stored.state
                 self.n_recalled += n_frames
                 continue
             if self._store_accepts:
-                self._simulation.record(part.island)
+                self._simulation.record(island_part.island)
             self.n_computed += n_frames
 
     def _end(self) -> None:
         """Keep what was computed of a complete stretch; the last one ends with the piece."""
-        for part in self._parts:
-            if part.is_recalled and part.state is not None:
+        for island_part in self._parts:
+            if island_part.is_recalled and island_part.state is not None:
                 # What the simulation reports is then that of a render which recalls nothing.
-                self._simulation.set_state(part.island, part.state)
+                self._simulation.set_state(island_part.island, island_part.state)
         if self.outcomes is not None:
             self.outcomes[self._frame] = Outcome.from_simulation(self._simulation)
         if self._frame > self._n_frames:
             return
-        for part in self._parts:
-            if part.is_recalled or not self._store_accepts:
+        for island_part in self._parts:
+            if island_part.is_recalled or not self._store_accepts:
                 continue
-            stretch = self._simulation.recorded(part.island)
+            stretch = self._simulation.recorded(island_part.island)
             # A folder that takes nothing now will take nothing later.
-            self._store_accepts = self._store.put(part.key, stretch.sound, stretch.state)
+            self._store_accepts = self._store.put(island_part.key, stretch.sound, stretch.state)
         if self._frame == self._n_frames:
             self._store.forget()

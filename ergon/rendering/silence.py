@@ -24,7 +24,7 @@ class Silence:
 
 
 def apply_silences(
-    frames: NDArray[np.float64], first_frame: int, silences: Sequence[Silence], rate: float
+    silenced_frames: NDArray[np.float64], first_frame: int, silences: Sequence[Silence], rate: float
 ) -> NDArray[np.float64]:
     """Frames (n_frames, n_channels), of which the first is number `first_frame`, with the silences
     applied.
@@ -34,23 +34,25 @@ def apply_silences(
     import numpy as np
 
     fall, rise = (max(1, int(rate * seconds + 0.5)) for seconds in (_FALL, _RISE))
-    end = first_frame + len(frames)
+    end = first_frame + len(silenced_frames)
     for silence in silences:
-        stop = end if silence.stop is None else silence.stop
-        if silence.start >= end or stop + rise <= first_frame:
+        stop_frame = end if silence.stop is None else silence.stop
+        if silence.start >= end or stop_frame + rise <= first_frame:
             continue
         frame_numbers = np.arange(first_frame, end)
-        gains = np.ones(len(frame_numbers), np.float32)
+        frame_gains = np.ones(len(frame_numbers), np.float32)
         frames_until_silent = np.clip(silence.start + fall - 1 - frame_numbers, 0, fall).astype(
             np.float32
         )
-        frames_since_stop = np.clip(frame_numbers - stop + 1, 0, rise).astype(np.float32)
-        gains[frame_numbers >= silence.start] = (frames_until_silent / np.float32(fall))[
+        frames_since_stop = np.clip(frame_numbers - stop_frame + 1, 0, rise).astype(np.float32)
+        frame_gains[frame_numbers >= silence.start] = (frames_until_silent / np.float32(fall))[
             frame_numbers >= silence.start
         ]
-        gains[frame_numbers >= stop] = (frames_since_stop / np.float32(rise))[frame_numbers >= stop]
-        is_shaped = gains != 1.0
-        frames = frames.copy()
-        single = frames[is_shaped].astype(np.float32) * gains[is_shaped, None]
-        frames[is_shaped] = single.astype(np.float64)
-    return frames
+        frame_gains[frame_numbers >= stop_frame] = (frames_since_stop / np.float32(rise))[
+            frame_numbers >= stop_frame
+        ]
+        is_shaped = frame_gains != 1.0
+        silenced_frames = silenced_frames.copy()
+        single = silenced_frames[is_shaped].astype(np.float32) * frame_gains[is_shaped, None]
+        silenced_frames[is_shaped] = single.astype(np.float64)
+    return silenced_frames

@@ -45,14 +45,14 @@ class StretchedSimulation(ABC):
         while len(out):
             if self._frame % STRETCH_FRAMES == 0:
                 self._begin()
-            until = (self._frame // STRETCH_FRAMES + 1) * STRETCH_FRAMES
+            until_frame = (self._frame // STRETCH_FRAMES + 1) * STRETCH_FRAMES
             if self._frame < self._n_frames:
-                until = min(until, self._n_frames)
-            n_frames = min(len(out), until - self._frame)
+                until_frame = min(until_frame, self._n_frames)
+            n_frames = min(len(out), until_frame - self._frame)
             self._simulation.process(out[:n_frames])
             self._frame += n_frames
             out = out[n_frames:]
-            if self._frame == until:
+            if self._frame == until_frame:
                 self._end()
 
     @abstractmethod

@@ -92,14 +92,16 @@ def _set_gains(stage: Staged, job: RenderJob, tracks: Sequence[Track], piece_end
     so that they still add up. What a limiter does to the mix is done to them too.
     """
     mix, *stems = [track.held for track in tracks if track.held is not None]
-    gain = _measured_gain(stage, job, mix, piece_end)
-    shared = gain
+    mix_gain = _measured_gain(stage, job, mix, piece_end)
+    shared = mix_gain
     if job.format.bits != "float" and job.level.limit is None:
         ceiling = job.level.normalise or 1.0
-        shared = min(gain, ceiling_gain(max((stem.peak for stem in stems), default=0.0), ceiling))
+        shared = min(
+            mix_gain, ceiling_gain(max((stem.peak for stem in stems), default=0.0), ceiling)
+        )
     for index, track in enumerate(tracks):
         if track.finish is not None:
-            track.finish.gain = shared if index else gain
+            track.finish.gain = shared if index else mix_gain
 
 
 def _measured_gain(stage: Staged, job: RenderJob, mix: FrameSpool, piece_end: int) -> float:

@@ -29,19 +29,19 @@ def channels(order: int) -> int:
     return (order + 1) * (order + 1)
 
 
-def harmonics(order: int, directions: NDArray[np.float64]) -> NDArray[np.float64]:
+def harmonics(ambisonic_order: int, directions: NDArray[np.float64]) -> NDArray[np.float64]:
     """Real N3D harmonics in ACN order, (n_directions, (order + 1)²), of unit vectors (n, 3).
 
     AmbiX has its x to the front and its y to the left. The recurrences are those of associated
     Legendre functions divided by cos^m of the elevation, so that no angle has to be computed.
     """
     x, y, z = directions[:, 1], -directions[:, 0], directions[:, 2]
-    basis = np.zeros((len(directions), channels(order)))
+    basis = np.zeros((len(directions), channels(ambisonic_order)))
     cosine, sine = np.ones(len(directions)), np.zeros(len(directions))  # of m·azimuth, · level^m
     diagonal = 1.0  # P_m^m without its level^m
-    for m in range(order + 1):
+    for m in range(ambisonic_order + 1):
         legendre_before, legendre = np.zeros(len(directions)), np.full(len(directions), diagonal)
-        for n in range(m, order + 1):
+        for n in range(m, ambisonic_order + 1):
             scale = _n3d(n, m)
             basis[:, n * n + n + m] = scale * legendre * cosine
             if m:
@@ -69,20 +69,20 @@ def _degrees(order: int) -> list[int]:
     return [n for n in range(order + 1) for _ in range(2 * n + 1)]
 
 
-def max_re_weights(order: int) -> NDArray[np.float64]:
+def max_re_weights(ambisonic_order: int) -> NDArray[np.float64]:
     """Weights of the degrees, (order + 1,), that maximise the length of the energy vector (eq.
     10).
     """
-    x = _core.cos(137.9 / (order + 1.51) * pi / 180.0)
+    x = _core.cos(137.9 / (ambisonic_order + 1.51) * pi / 180.0)
     legendre_before, legendre = 0.0, 1.0
-    weights = []
-    for n in range(order + 1):
-        weights.append(legendre)
+    degree_weights = []
+    for n in range(ambisonic_order + 1):
+        degree_weights.append(legendre)
         legendre_before, legendre = (
             legendre,
             ((2 * n + 1) * x * legendre - n * legendre_before) / (n + 1),
         )
-    return np.array(weights)
+    return np.array(degree_weights)
 
 
 def encoder(order: int, directions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -91,7 +91,7 @@ def encoder(order: int, directions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def allrad(
-    order: int, array: NDArray[np.float64], virtual: NDArray[np.float64] | None = None
+    ambisonic_order: int, array: NDArray[np.float64], virtual: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
     """All-round decoder with max-rE weights, (n_loudspeakers, (order + 1)²), for N3D channels.
 
@@ -100,9 +100,9 @@ def allrad(
     """
     virtual = spread_directions(_VIRTUAL) if virtual is None else virtual
     gains = vbap(virtual, array, keeps_imaginary=True)
-    weights = max_re_weights(order)[_degrees(order)]
-    basis = harmonics(order, virtual)
-    decoder = np.zeros((len(array), channels(order)))
+    weights = max_re_weights(ambisonic_order)[_degrees(ambisonic_order)]
+    basis = harmonics(ambisonic_order, virtual)
+    decoder = np.zeros((len(array), channels(ambisonic_order)))
     # Summed direction by direction: the bits of a matrix product would depend on the machine's
     # library.
     for row, harmonic in zip(gains, basis, strict=True):

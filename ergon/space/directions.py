@@ -51,17 +51,17 @@ def angles(place: Point) -> Angles:
     return azimuth + 0.0, elevation, sqrt(level * level + z * z)
 
 
-def equidistant(place: Point) -> tuple[float, float]:
+def equidistant(plan_point: Point) -> tuple[float, float]:
     """(x, y) [m] of a point in a plan whose radius grows in proportion to the angle from the
     zenith.
 
     The zenith is the middle; a point at the horizon is drawn at its own distance.
     """
-    x, y, _ = place
+    x, y, _ = plan_point
     level = sqrt(x * x + y * y)
     if not level:
         return 0.0, 0.0
-    _, elevation, distance = angles(place)
+    _, elevation, distance = angles(plan_point)
     scale = distance * (1.0 - elevation / 90.0) / level
     return x * scale, y * scale
 
@@ -76,17 +76,18 @@ def unit_vectors(places: Iterable[Point]) -> NDArray[np.float64]:
     return vectors / np.where(length == 0.0, 1.0, length)[:, None]
 
 
-def spread_directions(count: int, lowest: float = -1.0) -> NDArray[np.float64]:
-    """`count` directions that fill the sphere evenly above the height `lowest` (z), (count, 3).
+def spread_directions(direction_count: int, lowest: float = -1.0) -> NDArray[np.float64]:
+    """`direction_count` directions that fill the sphere evenly above the height `lowest` (z),
+    (count, 3).
 
     On a spiral by the golden angle (R. Swinbank, R. J. Purser, Q. J. R. Meteorol. Soc. 132, 2006).
     """
     import numpy as np
 
-    rows = []
-    for i in range(count):
-        z = 1.0 - (1.0 - lowest) * (i + 0.5) / count
+    direction_rows = []
+    for i in range(direction_count):
+        z = 1.0 - (1.0 - lowest) * (i + 0.5) / direction_count
         level = sqrt(1.0 - z * z)
         turn = _GOLDEN_ANGLE * i
-        rows.append((level * _core.cos(turn), level * _core.sin(turn), z))
-    return np.array(rows)
+        direction_rows.append((level * _core.cos(turn), level * _core.sin(turn), z))
+    return np.array(direction_rows)

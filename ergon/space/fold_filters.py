@@ -39,34 +39,36 @@ class Field:
         return len(self.speakers) if self.order is None else channels(self.order)
 
 
-def to_field(source: Field, target: Field) -> NDArray[np.float64]:
+def to_field(source_field: Field, target_field: Field) -> NDArray[np.float64]:
     """Filters from one field to another, (n_in, n_out, 1). Raises ArrayError.
 
     Loudspeakers are panned to others by VBAP, and encoded as plane waves; Ambisonics is decoded by
     AllRAD. A lower order leaves channels out, a higher one has silent ones.
     """
-    if source.order is None and target.order is None:
-        if source.speakers == target.speakers:
-            return np.eye(source.n_channels)[:, :, None]
-        gains = vbap(unit_vectors(source.speakers), unit_vectors(target.speakers))
-    elif target.order is not None:
-        gains = np.eye(source.n_channels, target.n_channels)
-        if source.order is None:
-            gains = encoder(target.order, unit_vectors(source.speakers))
+    if source_field.order is None and target_field.order is None:
+        if source_field.speakers == target_field.speakers:
+            return np.eye(source_field.n_channels)[:, :, None]
+        speaker_gains = vbap(
+            unit_vectors(source_field.speakers), unit_vectors(target_field.speakers)
+        )
+    elif target_field.order is not None:
+        speaker_gains = np.eye(source_field.n_channels, target_field.n_channels)
+        if source_field.order is None:
+            speaker_gains = encoder(target_field.order, unit_vectors(source_field.speakers))
     else:
-        assert source.order is not None
-        gains = _decoder(source.order, unit_vectors(target.speakers)).T
-    return np.ascontiguousarray(gains[:, :, None])
+        assert source_field.order is not None
+        speaker_gains = _decoder(source_field.order, unit_vectors(target_field.speakers)).T
+    return np.ascontiguousarray(speaker_gains[:, :, None])
 
 
-def to_stereo(source: Field) -> NDArray[np.float64]:
+def to_stereo(source_field: Field) -> NDArray[np.float64]:
     """Two channels by constant power, (n_in, 2, 1), by how far to the right each direction is.
 
     A stereo pair stays as it is, whatever its angle.
     """
-    array, decoder = _directions(source)
+    array, decoder = _directions(source_field)
     right = array[:, 0]
-    if source.order is None and len(array) == 2 and _are_mirrored(array):
+    if source_field.order is None and len(array) == 2 and _are_mirrored(array):
         return np.eye(2)[np.argsort(right)][:, :, None]
     sides = np.stack([np.sqrt((1.0 - right) / 2.0), np.sqrt((1.0 + right) / 2.0)], 1)
     return _through(decoder, sides[:, :, None])
@@ -89,18 +91,18 @@ def directions_of(source: Field) -> NDArray[np.float64]:
     return _directions(source)[0]
 
 
-def _directions(source: Field) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+def _directions(source_field: Field) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     """Directions from which a field is heard, and the decoder of Ambisonics to them (n_directions,
     n_in).
     """
-    if source.order is None:
-        return unit_vectors(source.speakers), None
+    if source_field.order is None:
+        return unit_vectors(source_field.speakers), None
     array = unit_vectors(
         point(first_azimuth + 360.0 * k / n, elevation, 1.0)
         for n, elevation, first_azimuth in _VIRTUAL
         for k in range(n)
     )
-    return array, _decoder(source.order, array)
+    return array, _decoder(source_field.order, array)
 
 
 def _decoder(order: int, array: NDArray[np.float64]) -> NDArray[np.float64]:

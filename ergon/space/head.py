@@ -69,31 +69,33 @@ class Head:
         Band-limited interpolation with a raised cosine as window (J. O. Smith and P. Gossett,
         ICASSP 1984).
         """
-        ratio = self.rate / rate  # samples of the head per sample at `rate`
-        band = min(1.0, 1.0 / ratio)
-        reach = _REACH / band
+        rate_ratio = self.rate / rate  # samples of the head per sample at `rate`
+        band = min(1.0, 1.0 / rate_ratio)
+        kernel_reach = _REACH / band
         n_taps = self.filters.shape[2]
         latest = float(self.delays.max(initial=0.0)) * self.rate
-        n = ceil((n_taps + latest + 2.0 * reach) / ratio)
+        n = ceil((n_taps + latest + 2.0 * kernel_reach) / rate_ratio)
         resampled = np.zeros((*self.filters.shape[:2], n))
         for index, delay in np.ndenumerate(self.delays):
-            kernel = _kernel(n, n_taps, ratio, reach + delay * self.rate, band)
+            kernel = _kernel(n, n_taps, rate_ratio, kernel_reach + delay * self.rate, band)
             for tap, h in enumerate(self.filters[index]):
                 resampled[index] += h * kernel[:, tap]
-        return resampled * ratio
+        return resampled * rate_ratio
 
 
-def _kernel(n: int, n_taps: int, ratio: float, late: float, band: float) -> NDArray[np.float64]:
+def _kernel(
+    n: int, n_taps: int, rate_ratio: float, late: float, band: float
+) -> NDArray[np.float64]:
     """The weight of each tap in each sample, (n, n_taps)."""
-    reach = _REACH / band
+    kernel_reach = _REACH / band
     kernel = np.zeros((n, n_taps))
-    for sample in range(n):
-        first_tap = max(0, ceil(sample * ratio - late - reach))
+    for sample_index in range(n):
+        first_tap = max(0, ceil(sample_index * rate_ratio - late - kernel_reach))
         for tap in range(first_tap, n_taps):
-            position = sample * ratio - late - tap
-            if position < -reach:
+            position = sample_index * rate_ratio - late - tap
+            if position < -kernel_reach:
                 break
-            kernel[sample, tap] = _windowed_sinc(position, band, reach)
+            kernel[sample_index, tap] = _windowed_sinc(position, band, kernel_reach)
     return kernel
 
 
@@ -121,10 +123,11 @@ def prepared(
     responses: NDArray[np.float64],
     rate: float,
     directions_wanted: NDArray[np.float64],
-    extra: NDArray[np.float64] | None = None,
+    further_directions: NDArray[np.float64] | None = None,
 ) -> Head:
     """A head for `directions_wanted` directions (n, 3), from responses (n_measured, 2, n_samples)
-    at `rate` [Hz]. `extra` (n_measured, 2): delays that come to those in the responses [s].
+    at `rate` [Hz]. `further_directions` (n_measured, 2): delays that come to those in the responses
+    [s].
 
     Responses are equalised so that sound from all directions together (the diffuse field) has a
     flat spectrum, and are made minimum-phase. The delay of a response is the one at which its
@@ -132,18 +135,24 @@ def prepared(
     2008). Between measured directions, magnitudes (in dB) and delays are means weighted by the
     inverse squares of angular distances (D. Shepard, 1968).
     """
-    size = max(_POINTS, 1 << (responses.shape[2] - 1).bit_length())
-    magnitude = np.abs(np.fft.rfft(responses, size))
-    level = np.maximum(magnitude, magnitude.max() * 1e-5) / _diffuse(directions, magnitude, rate)
-    level = level ** _retained_shares(size, rate)
+    transform_size = max(_POINTS, 1 << (responses.shape[2] - 1).bit_length())
+    magnitude = np.abs(np.fft.rfft(responses, transform_size))
+    relative_level = np.maximum(magnitude, magnitude.max() * 1e-5) / _diffuse(
+        directions, magnitude, rate
+    )
+    relative_level = relative_level ** _retained_shares(transform_size, rate)
     delays = np.array([[_delay(h, rate) for h in pair] for pair in responses])
-    delays += 0.0 if extra is None else extra
+    delays += 0.0 if further_directions is None else further_directions
     filters, lates = [], []
     for towards in directions_wanted:
         weights = _weights(directions, towards)
         near_directions = np.flatnonzero(weights)
-        shape = np.exp(np.tensordot(weights[near_directions], np.log(level[near_directions]), 1))
-        filters.append([_minimum_phase(response, size)[:TAPS] * _fade() for response in shape])
+        shape = np.exp(
+            np.tensordot(weights[near_directions], np.log(relative_level[near_directions]), 1)
+        )
+        filters.append(
+            [_minimum_phase(response, transform_size)[:TAPS] * _fade() for response in shape]
+        )
         lates.append(np.tensordot(weights[near_directions], delays[near_directions], 1))
     late = np.array(lates)
     return Head(rate, directions_wanted, np.array(filters), late - late.min())
@@ -185,14 +194,14 @@ def _smooth(power: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _weights(directions: NDArray[np.float64], towards: NDArray[np.float64]) -> NDArray[np.float64]:
     angles = np.arccos(np.clip(directions @ towards, -1.0, 1.0))
-    weights = np.zeros(len(directions))
+    direction_weights = np.zeros(len(directions))
     nearest_rows = np.argsort(angles)[:_AROUND]
     if angles[nearest_rows[0]] < np.radians(0.5):
-        weights[nearest_rows[0]] = 1.0
+        direction_weights[nearest_rows[0]] = 1.0
     else:
-        weights[nearest_rows] = 1.0 / angles[nearest_rows] ** 2
-    weights /= weights.sum()
-    return weights
+        direction_weights[nearest_rows] = 1.0 / angles[nearest_rows] ** 2
+    direction_weights /= direction_weights.sum()
+    return direction_weights
 
 
 def _minimum_phase(magnitude: NDArray[np.float64], size: int) -> NDArray[np.float64]:

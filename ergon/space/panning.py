@@ -28,13 +28,17 @@ class ArrayError(ErgonError, ValueError):
     """No sound can be panned between these loudspeakers."""
 
 
-def nearest_gains(sources: NDArray[np.float64], array: NDArray[np.float64]) -> NDArray[np.float64]:
+def nearest_gains(
+    source_directions: NDArray[np.float64], array: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """1 for the loudspeaker nearest to each source, (n_sources, n_loudspeakers).
 
     Both are unit vectors, (n, 3).
     """
-    gains = np.zeros((len(sources), len(array)))
-    gains[np.arange(len(sources)), np.argmax(_products(sources, array), 1)] = 1.0
+    gains = np.zeros((len(source_directions), len(array)))
+    gains[np.arange(len(source_directions)), np.argmax(_products(source_directions, array), 1)] = (
+        1.0
+    )
     return gains
 
 
@@ -53,7 +57,7 @@ def imaginary_speakers(array: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array(added).reshape(-1, 3)
 
 
-def triangles(points: NDArray[np.float64]) -> NDArray[np.intp]:
+def triangles(hull_points: NDArray[np.float64]) -> NDArray[np.intp]:
     """Triangles of the convex hull: all triples of points whose plane has no point beyond it, (n,
     3).
 
@@ -61,10 +65,10 @@ def triangles(points: NDArray[np.float64]) -> NDArray[np.intp]:
     diagonal is preferred. Raises ArrayError if there are too many points, or if no facet has the
     middle of the room on its inner side.
     """
-    if len(points) > SPEAKERS_MAX + 2:
+    if len(hull_points) > SPEAKERS_MAX + 2:
         raise ArrayError(f"an array for panning has at most {SPEAKERS_MAX} loudspeakers")
-    triples = np.array([*combinations(range(len(points)), 3)], np.intp).reshape(-1, 3)
-    a, b, c = (points[triples[:, i]] for i in range(3))
+    triples = np.array([*combinations(range(len(hull_points)), 3)], np.intp).reshape(-1, 3)
+    a, b, c = (hull_points[triples[:, i]] for i in range(3))
     normals = _cross(b - a, c - a)
     size = np.sqrt((normals * normals).sum(1))
     proper = size > _FLAT
@@ -74,7 +78,7 @@ def triangles(points: NDArray[np.float64]) -> NDArray[np.intp]:
         normals * np.where(distance < 0.0, -1.0, 1.0)[:, None],
         np.abs(distance),
     )
-    beyond = _products(normals, points).max(1) > distance + _FLAT
+    beyond = _products(normals, hull_points).max(1) > distance + _FLAT
     faces: NDArray[np.intp] = triples[~beyond & (distance > _FLAT)]
     if not len(faces):
         raise ArrayError("these loudspeakers do not surround the middle of the room")
@@ -93,7 +97,10 @@ def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64
 
 
 def vbap(
-    sources: NDArray[np.float64], array: NDArray[np.float64], *, keeps_imaginary: bool = False
+    source_directions: NDArray[np.float64],
+    array: NDArray[np.float64],
+    *,
+    keeps_imaginary: bool = False,
 ) -> NDArray[np.float64]:
     """Gains of the loudspeakers around each source, (n_sources, n_loudspeakers), of energy 1.
 
@@ -101,26 +108,26 @@ def vbap(
     `keeps_imaginary` they are not scaled, so that sources fade towards a hole. If a facet has
     more than three corners, the gains of its triangles are averaged. Raises ArrayError.
     """
-    points = np.vstack([array, imaginary_speakers(array)])
-    corners = triangles(points)
-    a, b, c = (points[corners[:, i]] for i in range(3))
+    hull_points = np.vstack([array, imaginary_speakers(array)])
+    corners = triangles(hull_points)
+    a, b, c = (hull_points[corners[:, i]] for i in range(3))
     volume = (a * _cross(b, c)).sum(1)
     # Rows of the inverse of (a b c) by Cramer's rule, whose bits do not depend on a library.
     inverse = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], 1) / volume[:, None, None]
-    gains = np.zeros((len(sources), len(points)))
-    n_faces = np.zeros(len(sources), np.intp)
+    speaker_gains = np.zeros((len(source_directions), len(hull_points)))
+    n_faces = np.zeros(len(source_directions), np.intp)
     for rows, corner in zip(inverse, corners, strict=True):
-        g = _products(sources, rows)
+        g = _products(source_directions, rows)
         inside = g.min(1) >= _INSIDE
         g = np.maximum(g[inside], 0.0)
         g /= np.sqrt((g * g).sum(1))[:, None]
-        gains[np.flatnonzero(inside)[:, None], corner] += g
+        speaker_gains[np.flatnonzero(inside)[:, None], corner] += g
         n_faces += inside
     if not n_faces.all():
         raise ArrayError("these loudspeakers do not surround the middle of the room")
-    gains = _unit_energy(gains)
-    gains = gains[:, : len(array)]
-    return gains if keeps_imaginary else _unit_energy(gains)
+    speaker_gains = _unit_energy(speaker_gains)
+    speaker_gains = speaker_gains[:, : len(array)]
+    return speaker_gains if keeps_imaginary else _unit_energy(speaker_gains)
 
 
 def _unit_energy(gains: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -58,20 +58,20 @@ def qualities(places: tuple[Point, ...]) -> list[Quality]:
     If the loudspeakers do not surround the middle of the room, only the nearest one can be used.
     """
     array = unit_vectors(places)
-    sources = spread_directions(_LOOKED_AT, lowest=0.0)
+    source_directions = spread_directions(_LOOKED_AT, lowest=0.0)
     ways: dict[str, Callable[[], NDArray[np.float64]]] = {
-        "nearest": lambda: nearest_gains(sources, array),
-        "VBAP": lambda: vbap(sources, array),
-        "AllRAD 3": lambda: harmonics(3, sources) @ allrad(3, array).T,
-        "AllRAD 5": lambda: harmonics(5, sources) @ allrad(5, array).T,
+        "nearest": lambda: nearest_gains(source_directions, array),
+        "VBAP": lambda: vbap(source_directions, array),
+        "AllRAD 3": lambda: harmonics(3, source_directions) @ allrad(3, array).T,
+        "AllRAD 5": lambda: harmonics(5, source_directions) @ allrad(5, array).T,
     }
-    rows = []
+    result_rows = []
     for name, compute_gains in ways.items():
         try:
-            rows.append(quality(name, compute_gains(), sources, array))
+            result_rows.append(quality(name, compute_gains(), source_directions, array))
         except ArrayError:
             break
-    return rows
+    return result_rows
 
 
 def quality(
@@ -82,36 +82,36 @@ def quality(
 ) -> Quality:
     """How gains (n_sources, n_loudspeakers) place sources."""
     velocity, vector, energy = localisation_vectors(gains, array)
-    length = np.linalg.norm(vector, axis=1)
-    towards = vector / np.where(length == 0.0, 1.0, length)[:, None]
+    vector_lengths = np.linalg.norm(vector, axis=1)
+    towards = vector / np.where(vector_lengths == 0.0, 1.0, vector_lengths)[:, None]
     angles_off = np.degrees(np.arccos(np.clip((towards * sources).sum(1), -1.0, 1.0)))
-    level = 10.0 * np.log10(np.maximum(energy, 1e-12) / energy.mean())
+    energy_level = 10.0 * np.log10(np.maximum(energy, 1e-12) / energy.mean())
     return Quality(
         name,
-        (float(length.mean()), float(length.min())),
+        (float(vector_lengths.mean()), float(vector_lengths.min())),
         float(np.linalg.norm(velocity, axis=1).mean()),
         (float(angles_off.mean()), float(angles_off.max())),
-        (float(level.min()), float(level.max())),
+        (float(energy_level.min()), float(energy_level.max())),
     )
 
 
 def holes(places: tuple[Point, ...]) -> list[tuple[int, int, float]]:
     """Neighbours at or above the horizon that are far apart: (index, index, angle [degrees])."""
     array = unit_vectors(places)
-    points = np.vstack([array, imaginary_speakers(array)])
+    hull_points = np.vstack([array, imaginary_speakers(array)])
     try:
-        corners_of_all = triangles(points).tolist()
+        corners_of_all = triangles(hull_points).tolist()
     except ArrayError:
         return []
     pairs = {
         (min(a, b), max(a, b))
         for corners in corners_of_all
         for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
-        if max(a, b) < len(array) and points[a][2] > -_SAME and points[b][2] > -_SAME
+        if max(a, b) < len(array) and hull_points[a][2] > -_SAME and hull_points[b][2] > -_SAME
     }
     gaps = []
     for a, b in sorted(pairs):
-        angle = float(np.degrees(np.arccos(np.clip(points[a] @ points[b], -1.0, 1.0))))
+        angle = float(np.degrees(np.arccos(np.clip(hull_points[a] @ hull_points[b], -1.0, 1.0))))
         if angle > _WIDE:
             gaps.append((a, b, angle))
     return gaps

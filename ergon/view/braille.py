@@ -51,12 +51,12 @@ def panels(
 
 def _drawn(
     plots: Sequence[tuple[str, Sequence[Curve]]],
-    width: int,
+    line_width: int,
     heights: Sequence[int],
     t_label: str,
     n_ticks: int,
 ) -> str:
-    width = max(width, WIDTH_MIN)
+    line_width = max(line_width, WIDTH_MIN)
     n_rows = [max(height, HEIGHT_MIN) - 1 for height in heights]  # below a legend
     n_rows[-1] -= 2  # two lines of axis
     x_axes = [
@@ -64,32 +64,37 @@ def _drawn(
         for (_, curves), n in zip(plots, n_rows, strict=True)
     ]
     margin = max(len(drawn_axis.text(tick)) for drawn_axis in x_axes for tick in drawn_axis.ticks)
-    columns = width - margin - 2
+    column_count = line_width - margin - 2
     t = [t for _, curves in plots for curve in curves for t in curve.t]
-    t_axis = axis(t, max(2, columns // 14), tight=True)
+    t_axis = axis(t, max(2, column_count // 14), tight=True)
     lines: list[str] = []
     for (x_label, curves), x_axis, n in zip(plots, x_axes, n_rows, strict=True):
         lines.append(_legend(curves, x_label, margin))
-        lines += _canvas(curves, t_axis, x_axis, n, margin, columns)
-    lines.extend(_time(t_axis, columns, margin, t_label))
+        lines += _canvas(curves, t_axis, x_axis, n, margin, column_count)
+    lines.extend(_time(t_axis, column_count, margin, t_label))
     return "\n".join(line.rstrip() for line in lines) + "\n"
 
 
 def _canvas(
-    curves: Sequence[Curve], t_axis: Axis, x_axis: Axis, rows: int, margin: int, columns: int
+    curves: Sequence[Curve],
+    t_axis: Axis,
+    x_axis: Axis,
+    row_count: int,
+    margin: int,
+    column_count: int,
 ) -> list[str]:
     """The lines of a plot, with the labels of its axis before them."""
-    labels = {_row(x_axis, tick, rows): x_axis.text(tick) for tick in x_axis.ticks}
-    canvas = [[_BLANK] * columns for _ in range(rows)]
+    tick_labels = {_row(x_axis, tick, row_count): x_axis.text(tick) for tick in x_axis.ticks}
+    canvas = [[_BLANK] * column_count for _ in range(row_count)]
     for curve, (period, drawn) in zip(curves, _PATTERNS, strict=False):
-        for column, low, high in _columns(curve, t_axis, x_axis, columns, rows):
+        for column, low, high in _columns(curve, t_axis, x_axis, column_count, row_count):
             if column % period < drawn:
                 for dot in range(low, high + 1):
                     canvas[dot // 4][column // 2] |= _DOTS[column % 2][dot % 4]
     lines = []
     for index, row in enumerate(canvas):
-        corner = "┤" if index in labels else "│"
-        lines.append(f"{labels.get(index, ''):>{margin}} {corner}{''.join(map(chr, row))}")
+        corner = "┤" if index in tick_labels else "│"
+        lines.append(f"{tick_labels.get(index, ''):>{margin}} {corner}{''.join(map(chr, row))}")
     return lines
 
 
@@ -102,14 +107,14 @@ def _columns(
 ) -> Iterator[tuple[int, int, int]]:
     """A dot column that a stroke of the curve covers, and its first and last row from the top."""
     across = _parts(t_axis, curve.t) * (2 * columns - 1)
-    down = (1 - _parts(x_axis, curve.x)) * (4 * rows - 1)
-    is_finite = np.isfinite(across) & np.isfinite(down)
+    rows_down = (1 - _parts(x_axis, curve.x)) * (4 * rows - 1)
+    is_finite = np.isfinite(across) & np.isfinite(rows_down)
     # A curve is drawn in one stroke until it has a gap or goes back in time.
     is_new = ~is_finite[1:] | ~is_finite[:-1] | (np.diff(across) < 0)
     for stroke in np.split(np.arange(len(across)), np.flatnonzero(is_new) + 1):
         if not is_finite[stroke[:1]].any():
             continue
-        first_column, top, bottom = _stroke(across[stroke], down[stroke])
+        first_column, top, bottom = _stroke(across[stroke], rows_down[stroke])
         for column, (low, high) in enumerate(
             zip(top.tolist(), bottom.tolist(), strict=True), first_column
         ):
@@ -122,45 +127,45 @@ def _parts(axis: Axis, values: Sequence[float]) -> NDArray[np.float64]:
 
 
 def _stroke(
-    across: NDArray[np.float64], down: NDArray[np.float64]
+    across: NDArray[np.float64], rows_down: NDArray[np.float64]
 ) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
     """The first column of a stroke, and the lowest and the highest row in each of its columns."""
-    column = np.rint(across).astype(np.int64)
-    first_column, n_columns = int(column[0]), int(column[-1] - column[0]) + 1
+    column_index = np.rint(across).astype(np.int64)
+    first_column, n_columns = int(column_index[0]), int(column_index[-1] - column_index[0]) + 1
     middles = np.arange(first_column, first_column + n_columns)
     # A stroke enters and leaves a column at its edges, or begins and ends within it.
-    enters = np.interp(np.maximum(middles - 0.5, across[0]), across, down)
-    leaves = np.interp(np.minimum(middles + 0.5, across[-1]), across, down)
+    enters = np.interp(np.maximum(middles - 0.5, across[0]), across, rows_down)
+    leaves = np.interp(np.minimum(middles + 0.5, across[-1]), across, rows_down)
     top, bottom = np.minimum(enters, leaves), np.maximum(enters, leaves)
-    np.minimum.at(top, column - first_column, down)
-    np.maximum.at(bottom, column - first_column, down)
+    np.minimum.at(top, column_index - first_column, rows_down)
+    np.maximum.at(bottom, column_index - first_column, rows_down)
     return first_column, np.rint(top).astype(np.int64), np.rint(bottom).astype(np.int64)
 
 
 def _legend(curves: Sequence[Curve], x_label: str, margin: int) -> str:
-    samples = []
+    legend_samples = []
     for curve, (period, drawn) in zip(curves, _PATTERNS, strict=False):
         cells = [_BLANK] * 4
         for column in range(8):
             if column % period < drawn:
                 cells[column // 2] |= _DOTS[column % 2][1]
-        samples.append("".join(map(chr, cells)) + " " + curve.name)
-    return f"{x_label:<{margin + 2}}" + "   " + "   ".join(samples)
+        legend_samples.append("".join(map(chr, cells)) + " " + curve.name)
+    return f"{x_label:<{margin + 2}}" + "   " + "   ".join(legend_samples)
 
 
-def _time(t_axis: Axis, columns: int, margin: int, label: str) -> list[str]:
-    line, words = ["─"] * columns, [" "] * columns
-    room = columns - len(label) - 1
+def _time(t_axis: Axis, column_count: int, margin: int, axis_label: str) -> list[str]:
+    axis_line, tick_words = ["─"] * column_count, [" "] * column_count
+    room = column_count - len(axis_label) - 1
     for tick in t_axis.ticks:
-        column = min(round(t_axis.part(tick) * (columns - 1)), columns - 1)
-        line[column] = "┴"
-        text = t_axis.text(tick)
-        start = max(0, min(column - len(text) // 2, columns - len(text)))
+        column = min(round(t_axis.part(tick) * (column_count - 1)), column_count - 1)
+        axis_line[column] = "┴"
+        tick_text = t_axis.text(tick)
+        start = max(0, min(column - len(tick_text) // 2, column_count - len(tick_text)))
         # A number that would touch its neighbour or the label is left out.
-        if start + len(text) <= room and not any(
-            word != " " for word in words[max(0, start - 1) : start + len(text) + 1]
+        if start + len(tick_text) <= room and not any(
+            word != " " for word in tick_words[max(0, start - 1) : start + len(tick_text) + 1]
         ):
-            words[start : start + len(text)] = text
-    words[columns - len(label) :] = label
+            tick_words[start : start + len(tick_text)] = tick_text
+    tick_words[column_count - len(axis_label) :] = axis_label
     space = " " * (margin + 1)
-    return [f"{space}└{''.join(line)}", f"{space} {''.join(words)}"]
+    return [f"{space}└{''.join(axis_line)}", f"{space} {''.join(tick_words)}"]

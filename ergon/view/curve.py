@@ -48,33 +48,39 @@ def axis(values: Sequence[float], n_ticks: int, *, tight: bool = False) -> Axis:
     `tight` ends at the values (time); otherwise there is a little room round them.
     """
     finite = [value for value in values if isfinite(value)]
-    low, high = (min(finite), max(finite)) if finite else (0.0, 1.0)
-    if high - low <= 1e-12 * max(abs(low), abs(high)):  # a flat line gets room on both sides
-        room = abs(low) * 0.1 or 1.0
-        low, high = low - room, high + room
+    low_value, high_value = (min(finite), max(finite)) if finite else (0.0, 1.0)
+    if high_value - low_value <= 1e-12 * max(
+        abs(low_value), abs(high_value)
+    ):  # a flat line gets room on both sides
+        room = abs(low_value) * 0.1 or 1.0
+        low_value, high_value = low_value - room, high_value + room
         tight = False
-    step, digits = _step((high - low) / max(n_ticks, 1))
-    room = 0.0 if tight else _ROOM * (high - low)
-    low, high = low - room, high + room
+    step, digits = _step((high_value - low_value) / max(n_ticks, 1))
+    room = 0.0 if tight else _ROOM * (high_value - low_value)
+    low_value, high_value = low_value - room, high_value + room
     # A small tolerance, because 3 steps of 0.1 are above 0.3 in floating point.
-    first_tick, last_tick = ceil(low / step - 1e-9), floor(high / step + 1e-9)
+    first_tick, last_tick = ceil(low_value / step - 1e-9), floor(high_value / step + 1e-9)
     ticks = tuple(index * step for index in range(first_tick, last_tick + 1))
-    return Axis(low, high, ticks, digits)
+    return Axis(low_value, high_value, ticks, digits)
 
 
 def _step(step_wanted: float) -> tuple[float, int]:
     """The smallest of 1, 2, 5 times a power of ten that is not below `step_wanted`, and its
     decimals.
     """
-    power = 0
-    while 10.0**power > step_wanted and power > -18:
-        power -= 1
-    while 10.0 ** (power + 1) <= step_wanted and power < 18:
-        power += 1
-    for factor in (1, 2, 5, 10):
+    power_of_ten = 0
+    while 10.0**power_of_ten > step_wanted and power_of_ten > -18:
+        power_of_ten -= 1
+    while 10.0 ** (power_of_ten + 1) <= step_wanted and power_of_ten < 18:
+        power_of_ten += 1
+    for step_factor in (1, 2, 5, 10):
         # Division by a whole number gives the double nearest to 0.2; multiplication by 0.1 does
         # not.
-        step = factor * 10.0**power if power >= 0 else factor / 10.0**-power
+        step = (
+            step_factor * 10.0**power_of_ten
+            if power_of_ten >= 0
+            else step_factor / 10.0**-power_of_ten
+        )
         if step >= step_wanted * (1 - 1e-9):
             break
-    return step, max(0, -power - (factor == 10))
+    return step, max(0, -power_of_ten - (step_factor == 10))

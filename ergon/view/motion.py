@@ -36,9 +36,9 @@ def asked_and_done(
     rate, scale = simulation.rate, _MM / reach
     first_frame, last_frame = int(start * rate + 0.5), int(stop * rate + 0.5)
     step = max(1, (last_frame - first_frame) // points)
-    block = np.zeros((4096, simulation.n_out))
+    frame_block = np.zeros((4096, simulation.n_out))
     while simulation.frame < first_frame:
-        simulation.process(block[: first_frame - simulation.frame])
+        simulation.process(frame_block[: first_frame - simulation.frame])
     t, asked, done = [], [], []
     while True:
         t.append(simulation.frame / rate)
@@ -48,5 +48,5 @@ def asked_and_done(
             break
         until = min(last_frame, simulation.frame + step)
         while simulation.frame < until:
-            simulation.process(block[: until - simulation.frame])
+            simulation.process(frame_block[: until - simulation.frame])
     return Curve("asked", t, asked), Curve("done", t, done)

@@ -35,54 +35,55 @@ class Bar:
     strength: float
 
 
-def heights(bars: Sequence[Bar]) -> tuple[list[float], dict[str, float]]:
+def heights(note_bars: Sequence[Bar]) -> tuple[list[float], dict[str, float]]:
     """The height of each note, in keys of MIDI, and of the line of each instrument without a
     pitch: these lie below all keys, in the order in which they begin.
     """
-    keys = [bar.key for bar in bars if bar.key is not None]
+    keys = [bar.key for bar in note_bars if bar.key is not None]
     lowest, highest = (min(keys), max(keys)) if keys else (_MIDDLE_C, _MIDDLE_C)
     apart = max(2, ceil((highest - lowest) / _LANES_IN_HEIGHT))
-    unpitched = dict.fromkeys(bar.name for bar in bars if bar.key is None)
+    unpitched = dict.fromkeys(bar.name for bar in note_bars if bar.key is None)
     lanes = {name: float(floor(lowest) - apart * n) for n, name in enumerate(unpitched, 1)}
-    return [lanes[bar.name] if bar.key is None else bar.key for bar in bars], lanes
+    return [lanes[bar.name] if bar.key is None else bar.key for bar in note_bars], lanes
 
 
-def picture(bars: Sequence[Bar], *, title: str = "") -> str:
-    """A whole SVG document; `bars` has at least one."""
-    t_axis = axis([0.0, *(bar.end for bar in bars)], 10, tight=True)
-    keys, lanes = heights(bars)
+def picture(note_bars: Sequence[Bar], *, title: str = "") -> str:
+    """A whole SVG document; `note_bars` has at least one."""
+    t_axis = axis([0.0, *(bar.end for bar in note_bars)], 10, tight=True)
+    key_heights, lanes = heights(note_bars)
     left = max(64, round(16 + _CHARACTER * max((len(short(name)) for name in lanes), default=0)))
-    frame = Frame(left, 40, _WIDTH - 16, _HEIGHT - 64, t_axis, _key_axis(keys, lanes))
-    names = dict.fromkeys(bar.name for bar in bars)
+    plot_frame = Frame(left, 40, _WIDTH - 16, _HEIGHT - 64, t_axis, _key_axis(key_heights, lanes))
+    names = dict.fromkeys(bar.name for bar in note_bars)
     colours = {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(names)}
-    parts = [axes(frame, "time [s]", "")]
+    parts = [axes(plot_frame, "time [s]", "")]
     parts += [
-        _rectangle(bar, key, frame, colours[bar.name]) for bar, key in zip(bars, keys, strict=True)
+        _rectangle(bar, key, plot_frame, colours[bar.name])
+        for bar, key in zip(note_bars, key_heights, strict=True)
     ]
-    parts += [*_legend(colours, frame), text(frame.left, 20, short(title), weight="bold")]
+    parts += [*_legend(colours, plot_frame), text(plot_frame.left, 20, short(title), weight="bold")]
     return document(_WIDTH, _HEIGHT, title, parts)
 
 
 def _key_axis(keys: Sequence[float], lanes: Mapping[str, float]) -> Axis:
     """An axis of keys with the names of notes, and those of instruments on their lines."""
-    low, high = floor(min(keys)) - 1, ceil(max(keys)) + 1
-    lowest = floor(max(lanes.values(), default=low - 1.0)) + 1
-    steps = _NAMES if high - low < _ALL_NAMES else (0,)
-    with_name = [key for key in range(lowest, high + 1) if key % 12 in steps]
+    lowest_key, highest_key = floor(min(keys)) - 1, ceil(max(keys)) + 1
+    lowest = floor(max(lanes.values(), default=lowest_key - 1.0)) + 1
+    steps = _NAMES if highest_key - lowest_key < _ALL_NAMES else (0,)
+    with_name = [key for key in range(lowest, highest_key + 1) if key % 12 in steps]
     labels = {key: short(name) for name, key in sorted(lanes.items(), key=itemgetter(1))}
     labels |= {float(key): f"{_NAMES[key % 12]}{key // 12 - 1}" for key in with_name}
-    return Axis(low, high, tuple(labels), 0, tuple(labels.values()))
+    return Axis(lowest_key, highest_key, tuple(labels), 0, tuple(labels.values()))
 
 
-def _rectangle(bar: Bar, key: float, frame: Frame, colour: str) -> str:
-    begin, end = frame.across(bar.begin), frame.across(bar.end)
+def _rectangle(note_bar: Bar, key: float, frame: Frame, colour: str) -> str:
+    begin, end = frame.across(note_bar.begin), frame.across(note_bar.end)
     a_key = abs(frame.down(1.0) - frame.down(0.0))
     thick = max(2.0, min(12.0, 0.8 * a_key))
     return (
         f"<rect x='{begin:.2f}' y='{frame.down(key) - thick / 2:.2f}' "
         f"width='{max(1.5, end - begin - _GAP):.2f}' height='{thick:.2f}' "
-        f"fill='{colour}' fill-opacity='{0.35 + 0.65 * bar.strength:.2f}'>"
-        f"<title>{escape(bar.name)}</title></rect>"
+        f"fill='{colour}' fill-opacity='{0.35 + 0.65 * note_bar.strength:.2f}'>"
+        f"<title>{escape(note_bar.name)}</title></rect>"
     )
 
 

@@ -34,19 +34,21 @@ def picture(blocks: Iterable[NDArray[np.float64]], n_frames: int, rate: float, t
     t_axis = axis((0.0, len(mono) / rate), 8, tight=True)
     peak = float(np.max(np.abs(mono))) or 1.0
     wave = Frame(_LEFT, 36, _RIGHT, 36 + _WAVE, t_axis, axis((-peak, peak), 3))
-    top = wave.bottom + 36
-    sound = Frame(_LEFT, top, _RIGHT, top + _SPECTRUM, t_axis, _frequencies(rate / 2))
+    top_edge = wave.bottom + 36
+    spectrum_frame = Frame(
+        _LEFT, top_edge, _RIGHT, top_edge + _SPECTRUM, t_axis, _frequencies(rate / 2)
+    )
     image = base64.b64encode(png(_coloured(_levels(mono, rate)))).decode()
     parts = [
         axes(wave, "", "mean of channels"),
         _outline(mono, wave),
-        axes(sound, "time [s]", "frequency [Hz]"),
-        f"<image x='{_LEFT}' y='{top:g}' width='{_RIGHT - _LEFT}' height='{_SPECTRUM}' "
+        axes(spectrum_frame, "time [s]", "frequency [Hz]"),
+        f"<image x='{_LEFT}' y='{top_edge:g}' width='{_RIGHT - _LEFT}' height='{_SPECTRUM}' "
         f"preserveAspectRatio='none' href='data:image/png;base64,{image}'/>",
         text(_LEFT, 22, short(title), weight="bold"),
         text(_RIGHT, 22, f"spectrogram: {_RANGE:g} dB down to white", anchor="end"),
     ]
-    return document(_WIDTH, int(sound.bottom) + 48, title, parts)
+    return document(_WIDTH, int(spectrum_frame.bottom) + 48, title, parts)
 
 
 def envelope(
@@ -104,7 +106,7 @@ def _frequencies(highest: float) -> Axis:
     return Axis(math.log10(_LOWEST), math.log10(highest), logs, 0, names)
 
 
-def _outline(mono: NDArray[np.float64], frame: Frame) -> str:
+def _outline(mono: NDArray[np.float64], plot_frame: Frame) -> str:
     """The lowest and highest sample of every pixel column, as one closed shape."""
     import numpy as np
 
@@ -114,8 +116,8 @@ def _outline(mono: NDArray[np.float64], frame: Frame) -> str:
     for column in range(n_columns):
         part = mono[edges[column] : max(edges[column + 1], edges[column] + 1)]
         x = _LEFT + column + 0.5
-        upper.append(f"{x:g} {frame.down(float(part.max())):.1f}")
-        lower.append(f"{x:g} {frame.down(float(part.min())):.1f}")
+        upper.append(f"{x:g} {plot_frame.down(float(part.max())):.1f}")
+        lower.append(f"{x:g} {plot_frame.down(float(part.min())):.1f}")
     points = "L".join(upper + lower[::-1])
     return f"<path d='M{points}Z' fill='#0072b2' stroke='#0072b2' stroke-width='0.5'/>"
 
@@ -128,19 +130,19 @@ def _levels(mono: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
     padded = np.concatenate((np.zeros(_WINDOW // 2), mono, np.zeros(_WINDOW)))
     window = np.hanning(_WINDOW)
     pixels = np.geomspace(rate / 2, _LOWEST, _ROWS + 1) / rate * _WINDOW
-    levels = np.empty((_ROWS, n_columns))
-    for column in range(n_columns):
-        start = int((column + 0.5) / n_columns * len(mono))
+    level_grid = np.empty((_ROWS, n_columns))
+    for column_index in range(n_columns):
+        start = int((column_index + 0.5) / n_columns * len(mono))
         power = np.abs(np.fft.rfft(padded[start : start + _WINDOW] * window)) ** 2
         for row in range(_ROWS):
             # The bins within the pixel, or the nearest two if a pixel is narrower than a bin.
             low, high = int(pixels[row + 1]), int(np.ceil(pixels[row]))
-            levels[row, column] = power[low : max(high, low + 1)].max()
-    loudest = levels.max()
+            level_grid[row, column_index] = power[low : max(high, low + 1)].max()
+    loudest = level_grid.max()
     if loudest <= 0:
-        return np.zeros_like(levels)
+        return np.zeros_like(level_grid)
     floor = 10 ** (-_RANGE / 10)
-    shown: NDArray[np.float64] = 1 + 10 * np.log10(np.maximum(levels / loudest, floor)) / _RANGE
+    shown: NDArray[np.float64] = 1 + 10 * np.log10(np.maximum(level_grid / loudest, floor)) / _RANGE
     return shown
 
 

@@ -36,7 +36,7 @@ class Shape:
     moves: Sequence[float]
 
 
-def admittance(curves: Sequence[Curve], *, title: str, height: int = 400) -> str:
+def admittance(curves: Sequence[Curve], *, title: str, picture_height: int = 400) -> str:
     """Levels `x` [dB] of curves over frequencies `t` [Hz] on a logarithmic axis, as an SVG
     document.
     """
@@ -47,34 +47,40 @@ def admittance(curves: Sequence[Curve], *, title: str, height: int = 400) -> str
     x_axis = axis([x for curve in curves for x in curve.x], 8)
     names, rows = _legend([curve.name for curve in curves])
     top = 36 + _LINE * rows
-    frame = Frame(64, top, _WIDTH - 24, height - 48, t_axis, x_axis)
+    frame = Frame(64, top, _WIDTH - 24, picture_height - 48, t_axis, x_axis)
     parts = [text(64, 20, short(title), weight="bold"), *names]
     parts.append(axes(frame, "frequency [Hz]", "velocity over force [dB re 1 (m/s)/N]"))
     parts += [curve_path(curve, frame, number) for number, curve in enumerate(log_curves)]
-    return document(_WIDTH, height, title, parts)
+    return document(_WIDTH, picture_height, title, parts)
 
 
-def stave(parts: Sequence[tuple[str, Sequence[PitchedMode]]], *, title: str) -> str:
+def stave(parts: Sequence[tuple[str, Sequence[PitchedMode]]], *, picture_title: str) -> str:
     """The modes of each part by pitch and cents from the nearest note, as an SVG document.
 
     If a part has more than STAVE_MAX modes, the first ones are drawn.
     """
-    drawn, top = [text(64, 20, short(title), weight="bold")], 32.0
-    for name, modes in parts:
-        if not modes:
-            drawn.append(text(64, top + 14, f"{short(name)}: none of its modes is a note"))
-            top += 30
+    drawn, top_edge = [text(64, 20, short(picture_title), weight="bold")], 32.0
+    for part_name, pitched_modes in parts:
+        if not pitched_modes:
+            drawn.append(
+                text(64, top_edge + 14, f"{short(part_name)}: none of its modes is a note")
+            )
+            top_edge += 30
             continue
-        shown = sorted(modes[:STAVE_MAX], key=lambda mode: -mode.frequency)
-        bottom = top + 24 + max(180.0, _LINE * (len(shown) + 1))
-        left_out = f" (the first {len(shown)} of {len(modes)} modes)" if modes[STAVE_MAX:] else ""
-        drawn.append(text(64, top + 14, short(name) + left_out))
-        drawn.append(_stave_of(shown, top + 24, bottom))
-        top = bottom + 60
-    return document(_WIDTH, int(top), title, drawn)
+        shown = sorted(pitched_modes[:STAVE_MAX], key=lambda mode: -mode.frequency)
+        bottom = top_edge + 24 + max(180.0, _LINE * (len(shown) + 1))
+        left_out = (
+            f" (the first {len(shown)} of {len(pitched_modes)} modes)"
+            if pitched_modes[STAVE_MAX:]
+            else ""
+        )
+        drawn.append(text(64, top_edge + 14, short(part_name) + left_out))
+        drawn.append(_stave_of(shown, top_edge + 24, bottom))
+        top_edge = bottom + 60
+    return document(_WIDTH, int(top_edge), picture_title, drawn)
 
 
-def shapes(parts: Sequence[tuple[str, Sequence[Shape]]], *, title: str) -> str:
+def shapes(parts: Sequence[tuple[str, Sequence[Shape]]], *, picture_title: str) -> str:
     """The motion of masses in the modes of each part, drawn at their places on the bench, as an SVG
     document.
 
@@ -82,8 +88,8 @@ def shapes(parts: Sequence[tuple[str, Sequence[Shape]]], *, title: str) -> str:
     as a line displaced up and down; others as dots whose size is their motion, full for upwards
     and hollow for downwards.
     """
-    drawn, top = [text(24, 20, short(title), weight="bold")], 32.0
-    columns, size = 4, 184.0
+    drawn, top_edge = [text(24, 20, short(picture_title), weight="bold")], 32.0
+    column_count, cell_size = 4, 184.0
     for name, part_shapes in parts:
         shown = part_shapes[:SHAPES_MAX]
         left_out = (
@@ -91,88 +97,100 @@ def shapes(parts: Sequence[tuple[str, Sequence[Shape]]], *, title: str) -> str:
             if part_shapes[SHAPES_MAX:]
             else ""
         )
-        drawn.append(text(24, top + 14, short(name) + left_out))
+        drawn.append(text(24, top_edge + 14, short(name) + left_out))
         flat = all(_is_row(shape) for shape in shown)
-        height = 90.0 if flat else size - 24
+        cell_height = 90.0 if flat else cell_size - 24
         for number, shape in enumerate(shown):
-            row, column = divmod(number, columns)
-            left, upper = 24 + column * (size + 6), top + 24 + row * (height + 30)
-            words = shape.words[: int(size / _LETTER)]
-            drawn.append(text(left + size / 2, upper + 12, words, anchor="middle"))
-            drawn.append(_shape(shape, left, upper + 18, size - 8, height - 8))
-        top += 40 + (height + 30) * ceil(len(shown) / columns)
-    return document(_WIDTH, int(top), title, drawn)
+            row, column = divmod(number, column_count)
+            left, upper = 24 + column * (cell_size + 6), top_edge + 24 + row * (cell_height + 30)
+            words = shape.words[: int(cell_size / _LETTER)]
+            drawn.append(text(left + cell_size / 2, upper + 12, words, anchor="middle"))
+            drawn.append(_shape(shape, left, upper + 18, cell_size - 8, cell_height - 8))
+        top_edge += 40 + (cell_height + 30) * ceil(len(shown) / column_count)
+    return document(_WIDTH, int(top_edge), picture_title, drawn)
 
 
-def _frequencies(low: float, high: float) -> Axis:
+def _frequencies(low_hertz: float, high_hertz: float) -> Axis:
     """A logarithmic axis with ticks at 1, 2 and 5 times powers of ten; a short range has more
     ticks.
     """
-    low, high = (low, high) if high > low else (0.9 * low, 1.1 * high)
-    decades = range(floor(log10(low)), ceil(log10(high)) + 1)
+    low_hertz, high_hertz = (
+        (low_hertz, high_hertz) if high_hertz > low_hertz else (0.9 * low_hertz, 1.1 * high_hertz)
+    )
+    decades = range(floor(log10(low_hertz)), ceil(log10(high_hertz)) + 1)
     for factors in ((1, 2, 5), (1, 2, 3, 4, 5, 6, 7, 8, 9)):
         ticks = [factor * 10.0**power for power in decades for factor in factors]
-        ticks = [f for f in ticks if low * (1 - 1e-9) <= f <= high * (1 + 1e-9)]
+        ticks = [f for f in ticks if low_hertz * (1 - 1e-9) <= f <= high_hertz * (1 + 1e-9)]
         if len(ticks) >= 3:
             break
     if len(ticks) < 3:
-        ticks = list(axis([low, high], 6, tight=True).ticks)
+        ticks = list(axis([low_hertz, high_hertz], 6, tight=True).ticks)
     if len(ticks) > 16:
         ticks = [f for f in ticks if abs(log10(f) - round(log10(f))) < 1e-9]
     names = tuple(f"{f / 1000:.6g}k" if f >= 1000 else f"{f:.6g}" for f in ticks)
-    return Axis(log10(low), log10(high), tuple(log10(f) for f in ticks), 0, names)
+    return Axis(log10(low_hertz), log10(high_hertz), tuple(log10(f) for f in ticks), 0, names)
 
 
 def _legend(names: Sequence[str]) -> tuple[list[str], int]:
     """The legend below the title, and the number of rows that it takes."""
-    parts, left, row = [], 64.0, 0
+    legend_parts, left_edge, row_index = [], 64.0, 0
     row_width = _WIDTH - 24 - 64
     for number, name in enumerate(names):
         words = name[: int((row_width - 44) / _LETTER)]
         width = 44 + _LETTER * len(words)
-        if left > 64 and left + width > _WIDTH - 24:
-            left, row = 64.0, row + 1
-        y = 38 + _LINE * row
-        parts += [key_line(left, y - 4, number), text(left + 33, y, words)]
-        left += width + 12
-    return parts, row + 1
+        if left_edge > 64 and left_edge + width > _WIDTH - 24:
+            left_edge, row_index = 64.0, row_index + 1
+        y = 38 + _LINE * row_index
+        legend_parts += [key_line(left_edge, y - 4, number), text(left_edge + 33, y, words)]
+        left_edge += width + 12
+    return legend_parts, row_index + 1
 
 
-def _stave_of(modes: Sequence[PitchedMode], top: float, bottom: float) -> str:
+def _stave_of(pitched_modes: Sequence[PitchedMode], top_edge: float, bottom_edge: float) -> str:
     """Modes, the highest first: dots in a frame, and a column of words to its right."""
-    column = 7 + _LETTER * max(len(mode.words) for mode in modes)
-    right = max(_WIDTH - 24 - column - 40, _WIDTH / 2)
-    pitches = [69 + 12 * log2(mode.frequency / 440) for mode in modes]
-    low, high = 12 * floor(min(pitches) / 12), 12 * ceil((max(pitches) + 1e-9) / 12)
-    step = max(1, ceil((high - low) / 12 / ((bottom - top) / _LINE)))
-    octaves = range(int(low), int(high) + 1, 12 * step)
+    column = 7 + _LETTER * max(len(mode.words) for mode in pitched_modes)
+    right_edge = max(_WIDTH - 24 - column - 40, _WIDTH / 2)
+    pitches = [69 + 12 * log2(mode.frequency / 440) for mode in pitched_modes]
+    lowest_key, highest_key = 12 * floor(min(pitches) / 12), 12 * ceil((max(pitches) + 1e-9) / 12)
+    step = max(1, ceil((highest_key - lowest_key) / 12 / ((bottom_edge - top_edge) / _LINE)))
+    octaves = range(int(lowest_key), int(highest_key) + 1, 12 * step)
     names = tuple(f"C{octave // 12 - 1}".replace("-", "−") for octave in octaves)
     ticks = tuple(float(octave) for octave in octaves)
     cents = Axis(-55.0, 55.0, (-50.0, -25.0, 0.0, 25.0, 50.0), 0)
-    frame = Frame(64, top, right, bottom, cents, Axis(float(low), float(high), ticks, 0, names))
-    parts = [axes(frame, "cents from the nearest note", "pitch")]
+    frame = Frame(
+        64,
+        top_edge,
+        right_edge,
+        bottom_edge,
+        cents,
+        Axis(float(lowest_key), float(highest_key), ticks, 0, names),
+    )
+    svg_parts = [axes(frame, "cents from the nearest note", "pitch")]
     heights = [frame.down(pitch) for pitch in pitches]
-    for mode, y, label in zip(modes, heights, _spaced(heights, top + 10, bottom), strict=True):
-        x = frame.across(mode.cents)
-        parts.append(
-            f"<path d='M{x:.1f} {y:.1f}L{right:.1f} {y:.1f}L{right + 30:.1f} {label - 4:.1f}' "
+    for pitched_mode, y, label_height in zip(
+        pitched_modes, heights, _spaced(heights, top_edge + 10, bottom_edge), strict=True
+    ):
+        x = frame.across(pitched_mode.cents)
+        svg_parts.append(
+            f"<path d='M{x:.1f} {y:.1f}L{right_edge:.1f} {y:.1f}L{right_edge + 30:.1f} "
+            f"{label_height - 4:.1f}' "
             f"fill='none' stroke='{_LEADER}' stroke-width='0.6'/>"
         )
-        parts.append(f"<circle cx='{x:.1f}' cy='{y:.1f}' r='3.5' fill='{_UP}'/>")
-        parts.append(text(right + 36, label, mode.words))
-    return "\n".join(parts)
+        svg_parts.append(f"<circle cx='{x:.1f}' cy='{y:.1f}' r='3.5' fill='{_UP}'/>")
+        svg_parts.append(text(right_edge + 36, label_height, pitched_mode.words))
+    return "\n".join(svg_parts)
 
 
 def _spaced(heights_wanted: Sequence[float], top: float, bottom: float) -> list[float]:
     """Heights for lines of text near the wanted ones, in rising order and at least a line apart."""
-    places: list[float] = []
+    line_heights: list[float] = []
     for y in heights_wanted:
-        places.append(max(y + 4, places[-1] + _LINE if places else top))
+        line_heights.append(max(y + 4, line_heights[-1] + _LINE if line_heights else top))
     limit = bottom
-    for i in range(len(places) - 1, -1, -1):
-        places[i] = min(places[i], limit)
-        limit = places[i] - _LINE
-    return places
+    for i in range(len(line_heights) - 1, -1, -1):
+        line_heights[i] = min(line_heights[i], limit)
+        limit = line_heights[i] - _LINE
+    return line_heights
 
 
 def _is_row(shape: Shape) -> bool:
@@ -180,20 +198,31 @@ def _is_row(shape: Shape) -> bool:
     return max(shape.y, default=0.0) - min(shape.y, default=0.0) <= 1e-9 * wide
 
 
-def _shape(shape: Shape, left: float, top: float, width: float, height: float) -> str:
-    largest_move = max((abs(move) for move in shape.moves if isfinite(move)), default=0.0) or 1.0
+def _shape(
+    mode_shape: Shape,
+    left_edge: float,
+    top_edge: float,
+    picture_width: float,
+    picture_height: float,
+) -> str:
+    largest_move = (
+        max((abs(move) for move in mode_shape.moves if isfinite(move)), default=0.0) or 1.0
+    )
     box = (
-        f"<rect x='{left:.1f}' y='{top:.1f}' width='{width:.1f}' height='{height:.1f}' "
+        f"<rect x='{left_edge:.1f}' y='{top_edge:.1f}' width='{picture_width:.1f}' "
+        f"height='{picture_height:.1f}' "
         "fill='none' stroke='#dddddd'/>"
     )
-    stride = max(1, ceil(len(shape.x) / _DOTS_MAX))
-    masses = sorted(zip(shape.x, shape.y, shape.moves, strict=True))[::stride]
-    low_x, low_y = min(shape.x), min(shape.y)
-    wide, tall = max(shape.x) - low_x, max(shape.y) - low_y
-    room_x, room_y = width - 16, height - 16
-    if _is_row(shape):
-        across = [left + 8 + room_x * ((x - low_x) / wide if wide else 0.5) for x, _, _ in masses]
-        middle = top + height / 2
+    stride = max(1, ceil(len(mode_shape.x) / _DOTS_MAX))
+    masses = sorted(zip(mode_shape.x, mode_shape.y, mode_shape.moves, strict=True))[::stride]
+    low_x, low_y = min(mode_shape.x), min(mode_shape.y)
+    wide, tall = max(mode_shape.x) - low_x, max(mode_shape.y) - low_y
+    room_x, room_y = picture_width - 16, picture_height - 16
+    if _is_row(mode_shape):
+        across = [
+            left_edge + 8 + room_x * ((x - low_x) / wide if wide else 0.5) for x, _, _ in masses
+        ]
+        middle = top_edge + picture_height / 2
         down = [middle - 0.5 * room_y * move / largest_move for _, _, move in masses]
         line = "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(across, down, strict=True))
         dots = "".join(
@@ -201,14 +230,14 @@ def _shape(shape: Shape, left: float, top: float, width: float, height: float) -
             for x, y in zip(across, down, strict=True)
             if len(masses) <= 120
         )
-        rest_line = f"M{left:.1f} {middle:.1f}h{width:.1f}"
+        rest_line = f"M{left_edge:.1f} {middle:.1f}h{picture_width:.1f}"
         return (
             f"{box}\n<path d='{rest_line}' fill='none' stroke='#dddddd'/>\n"
             f"<path d='M{line}' fill='none' stroke='{_UP}' stroke-width='1.2'/>{dots}"
         )
     scale = min(room_x / wide if wide else room_y / tall, room_y / tall if tall else room_x / wide)
     largest = min(7.0, max(1.2, 0.5 * scale * hypot(wide, tall) / len(masses) ** 0.5))
-    centre_x, centre_y = left + width / 2, top + height / 2
+    centre_x, centre_y = left_edge + picture_width / 2, top_edge + picture_height / 2
     dots = "".join(
         _dot(
             centre_x + scale * (x - low_x - wide / 2),

@@ -48,7 +48,7 @@ def plot(
     """The same curves as `braille.plot`, as a whole SVG document."""
     if not 1 <= len(curves) <= CURVES_MAX:
         raise ValueError(f"a plot has 1 to {CURVES_MAX} curves, not {len(curves)}")
-    frame = Frame(
+    plot_frame = Frame(
         64,
         40,
         width - 16,
@@ -56,23 +56,31 @@ def plot(
         axis([t for curve in curves for t in curve.t], 8, tight=True),
         axis([x for curve in curves for x in curve.x], 6),
     )
-    parts = [axes(frame, t_label, x_label), lines(curves, frame), _legend(curves, frame)]
-    parts.append(text(frame.left, 20, short(title), weight="bold"))
+    parts = [
+        axes(plot_frame, t_label, x_label),
+        lines(curves, plot_frame),
+        _legend(curves, plot_frame),
+    ]
+    parts.append(text(plot_frame.left, 20, short(title), weight="bold"))
     return document(width, height, title, parts)
 
 
-def panels(rows: Sequence[tuple[str, Sequence[Curve]]], *, title: str, width: int = 900) -> str:
+def panels(
+    panel_rows: Sequence[tuple[str, Sequence[Curve]]], *, title: str, width: int = 900
+) -> str:
     """Curves in frames one above the other over the same time, each with a label."""
-    high, between, top = 190, 46, 44
-    t_axis = axis([t for _, curves in rows for curve in curves for t in curve.t], 8, tight=True)
-    parts = [text(64, 20, short(title), weight="bold")]
-    for row, (label, curves) in enumerate(rows):
-        panel_top = top + row * (high + between)
+    panel_height, between, top_edge = 190, 46, 44
+    t_axis = axis(
+        [t for _, curves in panel_rows for curve in curves for t in curve.t], 8, tight=True
+    )
+    svg_parts = [text(64, 20, short(title), weight="bold")]
+    for row, (label, curves) in enumerate(panel_rows):
+        panel_top = top_edge + row * (panel_height + between)
         x_axis = axis([x for curve in curves for x in curve.x], 5)
-        frame = Frame(64, panel_top, width - 16, panel_top + high, t_axis, x_axis)
-        parts += [axes(frame, "time [s]" if row == len(rows) - 1 else "", label)]
-        parts += [lines(curves, frame), _legend(curves, frame)]
-    return document(width, top + len(rows) * (high + between), title, parts)
+        frame = Frame(64, panel_top, width - 16, panel_top + panel_height, t_axis, x_axis)
+        svg_parts += [axes(frame, "time [s]" if row == len(panel_rows) - 1 else "", label)]
+        svg_parts += [lines(curves, frame), _legend(curves, frame)]
+    return document(width, top_edge + len(panel_rows) * (panel_height + between), title, svg_parts)
 
 
 def lines(curves: Sequence[Curve], frame: Frame) -> str:
@@ -80,14 +88,18 @@ def lines(curves: Sequence[Curve], frame: Frame) -> str:
     return "\n".join(curve_path(curve, frame, number) for number, curve in enumerate(curves))
 
 
-def document(width: int, height: int, title: str, parts: Sequence[str]) -> str:
+def document(
+    picture_width: int, picture_height: int, picture_title: str, parts: Sequence[str]
+) -> str:
     """A whole SVG file round `parts`."""
     header = (
-        f"<svg xmlns='http://www.w3.org/2000/svg' width='{width}' height='{height}' "
-        f"viewBox='0 0 {width} {height}' role='img' aria-label={quoteattr(title)} {_FONT}>\n"
+        f"<svg xmlns='http://www.w3.org/2000/svg' width='{picture_width}' "
+        f"height='{picture_height}' "
+        f"viewBox='0 0 {picture_width} {picture_height}' role='img' "
+        f"aria-label={quoteattr(picture_title)} {_FONT}>\n"
         "<!-- made by ergon -->\n"
-        f"<title>{escape(title)}</title>\n"
-        f"<rect width='{width}' height='{height}' fill='{_PAPER}'/>\n"
+        f"<title>{escape(picture_title)}</title>\n"
+        f"<rect width='{picture_width}' height='{picture_height}' fill='{_PAPER}'/>\n"
     )
     return header + "\n".join(part for part in parts if part) + "\n</svg>\n"
 
@@ -95,26 +107,26 @@ def document(width: int, height: int, title: str, parts: Sequence[str]) -> str:
 def axes(frame: Frame, t_label: str, x_label: str) -> str:
     """Grid, ticks, numbers and labels of a frame."""
     f = frame
-    parts = []
+    svg_parts = []
     for tick in f.t_axis.ticks:
         x = f.across(tick)
-        parts.append(_line(x, f.top, x, f.bottom))
-        parts.append(text(x, f.bottom + 16, f.t_axis.text(tick), anchor="middle"))
+        svg_parts.append(_line(x, f.top, x, f.bottom))
+        svg_parts.append(text(x, f.bottom + 16, f.t_axis.text(tick), anchor="middle"))
     for tick in f.x_axis.ticks:
         x = f.down(tick)
-        parts.append(_line(f.left, x, f.right, x))
-        parts.append(text(f.left - 6, x + 4, f.x_axis.text(tick), anchor="end"))
-    parts.append(
+        svg_parts.append(_line(f.left, x, f.right, x))
+        svg_parts.append(text(f.left - 6, x + 4, f.x_axis.text(tick), anchor="end"))
+    svg_parts.append(
         f"<rect x='{f.left:g}' y='{f.top:g}' width='{f.right - f.left:g}' "
         f"height='{f.bottom - f.top:g}' fill='none' stroke='{_INK}'/>"
     )
-    parts.append(text((f.left + f.right) / 2, f.bottom + 36, t_label, anchor="middle"))
+    svg_parts.append(text((f.left + f.right) / 2, f.bottom + 36, t_label, anchor="middle"))
     middle = (f.top + f.bottom) / 2
-    parts.append(
+    svg_parts.append(
         f"<text x='14' y='{middle:g}' fill='{_INK}' text-anchor='middle' "
         f"transform='rotate(-90 14 {middle:g})'>{escape(x_label)}</text>"
     )
-    return "\n".join(parts)
+    return "\n".join(svg_parts)
 
 
 def curve_path(curve: Curve, frame: Frame, number: int) -> str:
@@ -140,13 +152,15 @@ def short(title: str) -> str:
     return title if len(title) <= _TITLE_MAX else title[: _TITLE_MAX - 1] + "…"
 
 
-def text(x: float, y: float, words: str, *, anchor: str = "start", weight: str = "normal") -> str:
+def text(
+    x: float, y: float, text_words: str, *, anchor: str = "start", weight: str = "normal"
+) -> str:
     """Words at a place; nothing for no words."""
-    if not words:
+    if not text_words:
         return ""
     return (
         f"<text x='{x:.1f}' y='{y:.1f}' fill='{_INK}' text-anchor='{anchor}' "
-        f"font-weight='{weight}'>{escape(words)}</text>"
+        f"font-weight='{weight}'>{escape(text_words)}</text>"
     )
 
 
@@ -160,14 +174,14 @@ def _dash(dash: str) -> str:
 
 def _path(curve: Curve, frame: Frame) -> str:
     """Path data; a gap begins a new subpath."""
-    words, pen = [], "M"
+    path_words, pen = [], "M"
     for t, x in zip(curve.t, curve.x, strict=True):
         if isfinite(t) and isfinite(x):
-            words.append(f"{pen}{frame.across(t):.2f} {frame.down(x):.2f}")
+            path_words.append(f"{pen}{frame.across(t):.2f} {frame.down(x):.2f}")
             pen = "L"
         else:
             pen = "M"
-    return "".join(words)
+    return "".join(path_words)
 
 
 def _legend(curves: Sequence[Curve], frame: Frame) -> str:

@@ -36,41 +36,51 @@ class Point:
     figures: Mapping[str, float]
 
 
-def picture(title: str, targets: Sequence[str], points: Sequence[Point]) -> str:
+def picture(title: str, target_names: Sequence[str], sweep_points: Sequence[Point]) -> str:
     """The sweep as a whole SVG document.
 
     Variants that differ only in the first value are joined by a line; lines get darker from the
     first to the last of the other values.
     """
-    across = _across(points)
+    across = _across(sweep_points)
     curves: dict[tuple[str, ...], list[Point]] = {}
-    for point in points:
+    for point in sweep_points:
         curves.setdefault(point.values[1:], []).append(point)
     if all(len(named_points) == 1 for named_points in curves.values()):  # pairs
-        curves = {(): list(points)}
-    shown = [name for name in _PANELS if any(name in point.figures for point in points)]
-    parts = [text(_LEFT, 20, short(title), weight="bold"), _key(list(curves), targets[1:])]
-    for number, name in enumerate(shown):
+        curves = {(): list(sweep_points)}
+    shown = [name for name in _PANELS if any(name in point.figures for point in sweep_points)]
+    svg_parts = [text(_LEFT, 20, short(title), weight="bold"), _key(list(curves), target_names[1:])]
+    for number, panel_name in enumerate(shown):
         row, column = divmod(number, 2)
-        left, top = column * _WIDTH, _TOP + row * (_HIGH + _BETWEEN)
-        figures = [point.figures[name] for point in points if name in point.figures]
-        frame = Frame(
-            left + _LEFT, top, left + _WIDTH - _RIGHT, top + _HIGH, across.axis, axis(figures, 5)
+        left_edge, top_edge = column * _WIDTH, _TOP + row * (_HIGH + _BETWEEN)
+        figures = [
+            point.figures[panel_name] for point in sweep_points if panel_name in point.figures
+        ]
+        plot_frame = Frame(
+            left_edge + _LEFT,
+            top_edge,
+            left_edge + _WIDTH - _RIGHT,
+            top_edge + _HIGH,
+            across.axis,
+            axis(figures, 5),
         )
-        parts += [
-            axes(frame, targets[0] + across.unit, ""),
-            text(left + _LEFT, top - 8, _PANELS[name]),
+        svg_parts += [
+            axes(plot_frame, target_names[0] + across.unit, ""),
+            text(left_edge + _LEFT, top_edge - 8, _PANELS[panel_name]),
         ]
         for index, named_points in enumerate(curves.values()):
             colour = _colour(index, len(curves))
             line_points = [
-                (frame.across(across.place_of(p.values[0])), frame.down(p.figures[name]))
+                (
+                    plot_frame.across(across.place_of(p.values[0])),
+                    plot_frame.down(p.figures[panel_name]),
+                )
                 for p in named_points
-                if name in p.figures
+                if panel_name in p.figures
             ]
-            parts.append(_curve(line_points, colour))
+            svg_parts.append(_curve(line_points, colour))
     rows = (len(shown) + 1) // 2
-    return document(2 * _WIDTH, _TOP + rows * (_HIGH + _BETWEEN), f"sweep of {title}", parts)
+    return document(2 * _WIDTH, _TOP + rows * (_HIGH + _BETWEEN), f"sweep of {title}", svg_parts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,27 +101,33 @@ def _across(points: Sequence[Point]) -> _Across:
     """
     first_values = list(dict.fromkeys(point.values[0] for point in points))
     matches = [_NUMBER.match(value) for value in first_values]
-    units = {
+    unit_names = {
         value[match.end() :].strip()
         for value, match in zip(first_values, matches, strict=True)
         if match
     }
-    if all(matches) and len(units) == 1:
-        numbers = [float(match[0]) for match in matches if match]
-        (unit,) = units
+    if all(matches) and len(unit_names) == 1:
+        axis_numbers = [float(match[0]) for match in matches if match]
+        (unit,) = unit_names
         unit_text = f" [{unit}]" if unit else ""
-        if _is_geometric(numbers):
-            places = [math.log10(x) for x in numbers]
-            ticks = tuple(sorted(_few(places)))
-            names = tuple(f"{10.0**tick:.3g}" for tick in ticks)
+        if _is_geometric(axis_numbers):
+            tick_places = [math.log10(x) for x in axis_numbers]
+            ticks = tuple(sorted(_few(tick_places)))
+            tick_names = tuple(f"{10.0**tick:.3g}" for tick in ticks)
             return _Across(
-                _room(places, ticks, names), unit_text, dict(zip(first_values, places, strict=True))
+                _room(tick_places, ticks, tick_names),
+                unit_text,
+                dict(zip(first_values, tick_places, strict=True)),
             )
-        return _Across(axis(numbers, 6), unit_text, dict(zip(first_values, numbers, strict=True)))
-    places = [float(i) for i in range(len(first_values))]
-    ticks = _few(places)
-    names = tuple(first_values[int(tick)] for tick in ticks)
-    return _Across(_room(places, ticks, names), "", dict(zip(first_values, places, strict=True)))
+        return _Across(
+            axis(axis_numbers, 6), unit_text, dict(zip(first_values, axis_numbers, strict=True))
+        )
+    tick_places = [float(i) for i in range(len(first_values))]
+    ticks = _few(tick_places)
+    tick_names = tuple(first_values[int(tick)] for tick in ticks)
+    return _Across(
+        _room(tick_places, ticks, tick_names), "", dict(zip(first_values, tick_places, strict=True))
+    )
 
 
 def _room(places: Sequence[float], ticks: tuple[float, ...], names: tuple[str, ...]) -> Axis:
@@ -148,22 +164,24 @@ def _curve(line_points: Sequence[tuple[float, float]], colour: str) -> str:
     return f"{path}\n<g fill='{colour}'>{dots}</g>"
 
 
-def _key(others: Sequence[tuple[str, ...]], targets: Sequence[str]) -> str:
+def _key(other_values: Sequence[tuple[str, ...]], targets: Sequence[str]) -> str:
     """The legend of all lines if they are few, else of the first and the last."""
-    if len(others) < 2:
+    if len(other_values) < 2:
         return ""
-    groups_named = others if len(others) <= _CURVES_NAMED else (others[0], others[-1])
+    groups_named = (
+        other_values if len(other_values) <= _CURVES_NAMED else (other_values[0], other_values[-1])
+    )
     words = [
         ", ".join(map("=".join, zip(targets, named_values, strict=True)))
         for named_values in groups_named
     ]
-    parts, left = [], float(_LEFT)
-    for named_values, label in zip(groups_named, words, strict=True):
-        colour = _colour(others.index(named_values), len(others))
-        parts.append(
-            f"<line x1='{left:g}' y1='32' x2='{left + 20:g}' y2='32' stroke='{colour}' "
+    svg_parts, left_edge = [], float(_LEFT)
+    for named_values, line_label in zip(groups_named, words, strict=True):
+        colour = _colour(other_values.index(named_values), len(other_values))
+        svg_parts.append(
+            f"<line x1='{left_edge:g}' y1='32' x2='{left_edge + 20:g}' y2='32' stroke='{colour}' "
             "stroke-width='3'/>"
         )
-        parts.append(text(left + 25, 36, label))
-        left += 45 + 7 * len(label)
-    return "\n".join(parts)
+        svg_parts.append(text(left_edge + 25, 36, line_label))
+        left_edge += 45 + 7 * len(line_label)
+    return "\n".join(svg_parts)

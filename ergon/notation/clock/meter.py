@@ -33,26 +33,26 @@ class Meter:
 
 def parse_meter(text: str) -> Meter:
     """Read `4/4`, `7/8` or `3+2+2/8`. Raises TextError."""
-    word, start = stripped(text)
-    match = _METER.fullmatch(word)
-    if match is None:
+    trimmed_word, word_start = stripped(text)
+    text_match = _METER.fullmatch(trimmed_word)
+    if text_match is None:
         raise TextError(
-            f"'{word[:40]}' is not a meter such as 4/4 or 3+2+2/8",
-            offset=start,
-            length=max(1, len(word)),
+            f"'{trimmed_word[:40]}' is not a meter such as 4/4 or 3+2+2/8",
+            offset=word_start,
+            length=max(1, len(trimmed_word)),
         )
-    groups = tuple(int(group) for group in match[1].split("+"))
-    if min(groups) < 1 or sum(groups) > MAX_BEATS:
+    beat_groups = tuple(int(group) for group in text_match[1].split("+"))
+    if min(beat_groups) < 1 or sum(beat_groups) > MAX_BEATS:
         raise TextError(
-            f"a bar has from 1 to {MAX_BEATS} beats", offset=start, length=len(match[1])
+            f"a bar has from 1 to {MAX_BEATS} beats", offset=word_start, length=len(text_match[1])
         )
-    if int(match[2]) not in _UNITS:
+    if int(text_match[2]) not in _UNITS:
         raise TextError(
             "the unit of a meter is 1, 2, 4, 8, 16, 32 or 64",
-            offset=start + match.start(2),
-            length=len(match[2]),
+            offset=word_start + text_match.start(2),
+            length=len(text_match[2]),
         )
-    return Meter(sum(groups), int(match[2]), groups)
+    return Meter(sum(beat_groups), int(text_match[2]), beat_groups)
 
 
 class Bars:
@@ -96,16 +96,16 @@ class Bars:
         beats = self._meters[i].beats
         return self._starts[i] + (bar - self._bars[i]) * beats, beats
 
-    def after_quarters(self, beats: float, quarters: float) -> float:
+    def after_quarters(self, piece_beats: float, quarters: float) -> float:
         """The beat of the piece that lies so many quarter notes after another."""
-        i = max(0, bisect_right(self._starts, beats + SAME) - 1)
+        i = max(0, bisect_right(self._starts, piece_beats + SAME) - 1)
         while i + 1 < len(self._starts):
             unit = self._meters[i].unit
-            room = (self._starts[i + 1] - beats) * 4.0 / unit
+            room = (self._starts[i + 1] - piece_beats) * 4.0 / unit
             if quarters <= room:
                 break
-            beats, quarters, i = self._starts[i + 1], quarters - room, i + 1
-        return beats + quarters * self._meters[i].unit / 4.0
+            piece_beats, quarters, i = self._starts[i + 1], quarters - room, i + 1
+        return piece_beats + quarters * self._meters[i].unit / 4.0
 
     def quarters(self, beats: float) -> float:
         """How many quarter notes lie before a beat of the piece."""

@@ -17,20 +17,20 @@ from ergon.notation.text.errors import TextError
 MAX_OCCURRENCES = 1_000_000  # in a piece
 
 
-def parse_times(text: str) -> int:
+def parse_times(times_text: str) -> int:
     """Read a number of repetitions. Raises TextError."""
-    word = text.strip()
-    if not re.fullmatch(r"[0-9]{1,7}", word) or not 1 <= int(word) <= MAX_OCCURRENCES:
+    times_word = times_text.strip()
+    if not re.fullmatch(r"[0-9]{1,7}", times_word) or not 1 <= int(times_word) <= MAX_OCCURRENCES:
         raise TextError(
-            f"'{word[:40]}' is not a number of repetitions from 1 to {MAX_OCCURRENCES:,}",
-            length=max(1, len(text)),
+            f"'{times_word[:40]}' is not a number of repetitions from 1 to {MAX_OCCURRENCES:,}",
+            length=max(1, len(times_text)),
         )
-    return int(word)
+    return int(times_word)
 
 
 def starts(
     tempo: TempoMap,
-    start: float,
+    start_beat: float,
     length: Length,
     *,
     every: Length | None = None,
@@ -39,43 +39,58 @@ def starts(
     room: int = MAX_OCCURRENCES,
 ) -> list[float]:
     """Beats of the piece on which the occurrences of a gesture of `length` begin, from beat
-    `start`.
+    `start_beat`.
 
     `room` is how many more occurrences the piece may hold. Raises TextError if there would be
     more, or if the time between two occurrences is 0.
     """
     poll()
     if times in (None, 1) and until is None and room > 0:
-        return [start]  # most lines of a part play once
-    step = length if every is None else every
+        return [start_beat]  # most lines of a part play once
+    step_length = length if every is None else every
     if times is None and until is None:
         times = 1
-    if times != 1 and not step.is_some:
+    if times != 1 and not step_length.is_some:
         raise TextError(
             "the gesture has no duration; write the time between repetitions, such as every: 1"
             if every is None
             else "'every' must be above 0"
         )
     count = room + 1 if times is None else times
-    stop = float("inf") if until is None else until - SAME
-    mixed = sum(part != 0.0 for part in (step.bars, step.beats, step.seconds, step.quarters)) > 1
-    if step.beats and not mixed:  # a session repeats without end: thousands of occurrences
+    stop_beat = float("inf") if until is None else until - SAME
+    mixed = (
+        sum(
+            part != 0.0
+            for part in (
+                step_length.bars,
+                step_length.beats,
+                step_length.seconds,
+                step_length.quarters,
+            )
+        )
+        > 1
+    )
+    if step_length.beats and not mixed:  # a session repeats without end: thousands of occurrences
         count_max = min(count, room)
-        if stop < start + step.beats * count_max:
-            count_max = max(0, ceil((stop - start) / step.beats))
+        if stop_beat < start_beat + step_length.beats * count_max:
+            count_max = max(0, ceil((stop_beat - start_beat) / step_length.beats))
         elif count > room:
             raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
-        return [start + step.beats * index for index in range(count_max)]
-    beats: list[float] = []
-    beat = start
-    while len(beats) < count and beat < stop:
-        if len(beats) == room:
+        return [start_beat + step_length.beats * index for index in range(count_max)]
+    piece_beats: list[float] = []
+    piece_beat = start_beat
+    while len(piece_beats) < count and piece_beat < stop_beat:
+        if len(piece_beats) == room:
             raise TextError(f"the piece has more than {MAX_OCCURRENCES:,} occurrences of gestures")
-        if not len(beats) % 1024:
+        if not len(piece_beats) % 1024:
             poll()
-        beats.append(beat)
-        # Each start is counted from `start`, so rounding does not accumulate. A step of mixed
+        piece_beats.append(piece_beat)
+        # Each start is counted from `start_beat`, so rounding does not accumulate. A step of mixed
         # units is counted from the start before it, because its size depends on meter and tempo
         # there.
-        beat = tempo.after(beat, step) if mixed else tempo.after(start, step.times(len(beats)))
-    return beats
+        piece_beat = (
+            tempo.after(piece_beat, step_length)
+            if mixed
+            else tempo.after(start_beat, step_length.times(len(piece_beats)))
+        )
+    return piece_beats

@@ -71,18 +71,18 @@ _NOTHING = Length()  # most positions add nothing: they share it
 
 def parse_length(text: str) -> Length:
     """Read `4bar`, `2`, `1/4`, `500ms`, `12s`. Raises TextError."""
-    word, start = stripped(text)
-    match = _ONLY_LENGTH.fullmatch(word)
-    if match is None:
-        seconds = clock_time(word)
-        advice = "; write a clock time in seconds" if seconds else ""
+    trimmed_word, word_start = stripped(text)
+    text_match = _ONLY_LENGTH.fullmatch(trimmed_word)
+    if text_match is None:
+        clock_seconds = clock_time(trimmed_word)
+        advice = "; write a clock time in seconds" if clock_seconds else ""
         raise TextError(
-            f"'{word[:40]}' is not a length such as 4bar, 1/2 or 250ms{advice}",
-            offset=start,
-            length=max(1, len(word)),
-            suggestion=seconds or _without_spaces(word),
+            f"'{trimmed_word[:40]}' is not a length such as 4bar, 1/2 or 250ms{advice}",
+            offset=word_start,
+            length=max(1, len(trimmed_word)),
+            suggestion=clock_seconds or _without_spaces(trimmed_word),
         )
-    return _length(match, 1, start)
+    return _length(text_match, 1, word_start)
 
 
 def parse_position(text: str) -> Position:
@@ -90,63 +90,78 @@ def parse_position(text: str) -> Position:
 
     Marks are looked up when the position is resolved. Raises TextError.
     """
-    word, start = stripped(text)
-    if match := _BAR_BEAT.fullmatch(word):
-        bar = int(match[1])
-        beat = time_of(match[2], match[3], start + match.start(2))
-        if bar < 1 or beat < 1.0:
+    trimmed_word, word_start = stripped(text)
+    if text_match := _BAR_BEAT.fullmatch(trimmed_word):
+        bar_number = int(text_match[1])
+        piece_beat = time_of(text_match[2], text_match[3], word_start + text_match.start(2))
+        if bar_number < 1 or piece_beat < 1.0:
             raise TextError(
                 "bars and beats count from 1; the beginning of the piece is 1|1",
-                offset=start,
-                length=len(match[1]) + 1 + len(match[2]),
+                offset=word_start,
+                length=len(text_match[1]) + 1 + len(text_match[2]),
             )
-        return Position(bar=bar, beat=beat, plus=_plus(match, 4, start), text=word)
-    if match := _ONLY_LENGTH.fullmatch(word):
-        length = _length(match, 1, start)
-        if length.bars:
+        return Position(
+            bar=bar_number,
+            beat=piece_beat,
+            plus=_plus(text_match, 4, word_start),
+            text=trimmed_word,
+        )
+    if text_match := _ONLY_LENGTH.fullmatch(trimmed_word):
+        read_length = _length(text_match, 1, word_start)
+        if read_length.bars:
             raise TextError(
-                f"a number of bars is not a position; write {match[1]}|1, or a mark and a length",
-                offset=start,
-                length=len(word),
-                suggestion=f"{match[1]}|1",
+                f"a number of bars is not a position; write {text_match[1]}|1, or a mark and a "
+                "length",
+                offset=word_start,
+                length=len(trimmed_word),
+                suggestion=f"{text_match[1]}|1",
             )
-        return Position(plus=length, text=word)
-    if match := _MARK.fullmatch(word):
-        return Position(mark=match[1], plus=_plus(match, 2, start), text=word)
-    if (seconds := clock_time(word)) is not None:
-        minutes, _, seconds_text = word.rpartition(":")
-        message = f"'{word}' is a clock time: write {seconds}"
+        return Position(plus=read_length, text=trimmed_word)
+    if text_match := _MARK.fullmatch(trimmed_word):
+        return Position(
+            mark=text_match[1], plus=_plus(text_match, 2, word_start), text=trimmed_word
+        )
+    if (clock_seconds := clock_time(trimmed_word)) is not None:
+        minutes, _, seconds_text = trimmed_word.rpartition(":")
+        message = f"'{trimmed_word}' is a clock time: write {clock_seconds}"
         if minutes.isdigit():
-            message = f"'{word}' may be a clock time or a bar and a beat: write {seconds} for "
+            message = (
+                f"'{trimmed_word}' may be a clock time or a bar and a beat: write {clock_seconds} "
+                "for "
+            )
             message += (
                 f"{minutes} min {seconds_text} s, or {minutes}|{seconds_text} for beat "
                 f"{seconds_text} of bar {minutes}"
             )
         raise TextError(
             message,
-            offset=start,
-            length=len(word),
-            suggestion=seconds,
+            offset=word_start,
+            length=len(trimmed_word),
+            suggestion=clock_seconds,
         )
     raise TextError(
-        f"'{word[:40]}' is not a position such as 3|2.5, B+2, 12.5s or a number of beats",
-        offset=start,
-        length=max(1, len(word)),
-        suggestion=_with_bar(word) or _without_spaces(word),
+        f"'{trimmed_word[:40]}' is not a position such as 3|2.5, B+2, 12.5s or a number of beats",
+        offset=word_start,
+        length=max(1, len(trimmed_word)),
+        suggestion=_with_bar(trimmed_word) or _without_spaces(trimmed_word),
     )
 
 
 def parse_mark(text: str) -> Position:
     """Read the position of a mark, where `3.1` has a unit. Raises TextError."""
-    position = parse_position(text)
-    word, start = stripped(text)
-    if (match := _LIKE_BAR_BEAT.fullmatch(word)) and position.plus.is_some:
+    read_position = parse_position(text)
+    trimmed_word, start = stripped(text)
+    if (match := _LIKE_BAR_BEAT.fullmatch(trimmed_word)) and read_position.plus.is_some:
         bar, beat = match.groups()
-        message = f"'{word}' has no unit; it could be bar {bar}, beat {beat} ({bar}|{beat}), or "
-        message += f"{word} beats after the beginning ({word}beats)"
+        message = (
+            f"'{trimmed_word}' has no unit; it could be bar {bar}, beat {beat} ({bar}|{beat}), or "
+        )
+        message += f"{trimmed_word} beats after the beginning ({trimmed_word}beats)"
         suggestion = f"{bar}|{beat}"
-        raise TextError(message, offset=start, length=len(word), suggestion=suggestion, code="E203")
-    return position
+        raise TextError(
+            message, offset=start, length=len(trimmed_word), suggestion=suggestion, code="E203"
+        )
+    return read_position
 
 
 def _without_spaces(word: str) -> str | None:
@@ -170,15 +185,19 @@ def _plus(match: re.Match[str], first_group: int, start: int) -> Length:
     return _length(match, first_group + 1, start).times(-1.0 if sign == "-" else 1.0)
 
 
-def _length(match: re.Match[str], first_group: int, start: int) -> Length:
-    value = time_of(match[first_group], match[first_group + 1], start + match.start(first_group))
-    unit = match[first_group + 2]
-    if unit not in _UNITS:
+def _length(text_match: re.Match[str], first_group: int, word_start: int) -> Length:
+    value = time_of(
+        text_match[first_group],
+        text_match[first_group + 1],
+        word_start + text_match.start(first_group),
+    )
+    unit_text = text_match[first_group + 2]
+    if unit_text not in _UNITS:
         raise TextError(
-            f"unit '{unit}' does not measure time (use beats without a unit, bar, ms, s)",
-            offset=start + match.start(first_group + 2),
-            length=len(unit),
+            f"unit '{unit_text}' does not measure time (use beats without a unit, bar, ms, s)",
+            offset=word_start + text_match.start(first_group + 2),
+            length=len(unit_text),
             code="E203",
         )
-    name, divisor = _UNITS[unit]
+    name, divisor = _UNITS[unit_text]
     return Length(**{name: value / divisor})

@@ -63,24 +63,28 @@ class TempoError(TextError):
 
 def parse_bpm(text: str) -> tuple[float, float | None]:
     """Read `60` or `60 -> 96`. Raises TextError."""
-    word, start = stripped(text)
-    match = _BPM.fullmatch(word)
-    if match is None:
-        noun = "a tempo, which is a number of beats a minute," if word.isalpha() else "a tempo"
+    trimmed_word, word_start = stripped(text)
+    text_match = _BPM.fullmatch(trimmed_word)
+    if text_match is None:
+        noun = (
+            "a tempo, which is a number of beats a minute," if trimmed_word.isalpha() else "a tempo"
+        )
         raise TextError(
-            f"'{word[:40]}' is not {noun} such as 60 or 60 -> 96",
-            offset=start,
-            length=max(1, len(word)),
-            suggestion=f"{ramp[1]} -> {ramp[2]}" if (ramp := _OTHER_RAMP.fullmatch(word)) else None,
+            f"'{trimmed_word[:40]}' is not {noun} such as 60 or 60 -> 96",
+            offset=word_start,
+            length=max(1, len(trimmed_word)),
+            suggestion=f"{ramp[1]} -> {ramp[2]}"
+            if (ramp := _OTHER_RAMP.fullmatch(trimmed_word))
+            else None,
         )
     for i in (1, 2):
-        if match[i] is not None and not SLOWEST <= float(match[i]) <= FASTEST:
+        if text_match[i] is not None and not SLOWEST <= float(text_match[i]) <= FASTEST:
             raise TextError(
                 f"a tempo lies between {SLOWEST:g} and {FASTEST:,.0f} bpm",
-                offset=start + match.start(i),
-                length=len(match[i]),
+                offset=word_start + text_match.start(i),
+                length=len(text_match[i]),
             )
-    return float(match[1]), None if match[2] is None else float(match[2])
+    return float(text_match[1]), None if text_match[2] is None else float(text_match[2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,21 +138,21 @@ class TempoMap:
         latest = 0.0
         self._meter_quarter, self._meter_beat = 0.0, 0.0  # where the file's last meter began
         tempos, meters = [*reversed(file.tempos)], [*reversed(file.meters)]
-        for i, entry in enumerate(entries):
-            self._take_over(tempos, meters, entry.at)
-            start = self.resolve(entry.at)
-            if start < latest - SAME:
+        for i, tempo_entry in enumerate(entries):
+            self._take_over(tempos, meters, tempo_entry.at)
+            entry_start = self.resolve(tempo_entry.at)
+            if entry_start < latest - SAME:
                 raise TempoError(
                     "this entry is earlier than the entry above it; write entries in order of time",
                     i,
                     "at",
                 )
-            latest = max(start, latest)
-            self._place(i, entry, latest)
-            if entry.bpm is not None:
+            latest = max(entry_start, latest)
+            self._place(i, tempo_entry, latest)
+            if tempo_entry.bpm is not None:
                 tempos.clear()
                 self._quarters = None
-            if entry.meter is not None:
+            if tempo_entry.meter is not None:
                 meters.clear()
                 self._count_quarters(latest)
         self._take_over(tempos, meters, None)
@@ -157,37 +161,40 @@ class TempoMap:
         self,
         tempos: list[tuple[float, float]],
         meters: list[tuple[float, Meter]],
-        until: Position | None,
+        until_position: Position | None,
     ) -> None:
         """Place what a file says up to a position; the last items of the lists come first."""
         while tempos or meters:
             poll()
             quarter = min(changes[-1][0] for changes in (tempos, meters) if changes)
-            beat = self.bars.after_quarters(self._meter_beat, quarter - self._meter_quarter)
-            if until is not None and beat > self._resolve(until, (), any_beat=True) + SAME:
+            piece_beat = self.bars.after_quarters(self._meter_beat, quarter - self._meter_quarter)
+            if (
+                until_position is not None
+                and piece_beat > self._resolve(until_position, (), any_beat=True) + SAME
+            ):
                 return
             if meters and meters[-1][0] == quarter:
                 _, meter = meters.pop()
-                if self._ramp_in_bars and beat < self._ramp_end - SAME:
+                if self._ramp_in_bars and piece_beat < self._ramp_end - SAME:
                     message = "the meter changes during this ramp, whose length is in bars; "
                     raise TempoError(
                         f"{message}write the length in beats", self._ramp_entry, "over"
                     )
-                self.bars.change(beat, meter)
-                self._meter_quarter, self._meter_beat = quarter, beat
-                self.placed.append((beat, Entry(Position(), meter=meter)))
+                self.bars.change(piece_beat, meter)
+                self._meter_quarter, self._meter_beat = quarter, piece_beat
+                self.placed.append((piece_beat, Entry(Position(), meter=meter)))
             if tempos and tempos[-1][0] == quarter:
                 _, self._quarters = tempos.pop()
-            self._count_quarters(beat)
+            self._count_quarters(piece_beat)
 
-    def _count_quarters(self, beat: float) -> None:
+    def _count_quarters(self, piece_beat: float) -> None:
         """Let a tempo that a file says in quarters go on in beats of the meter here."""
         if self._quarters is None:
             return
-        bpm = self._quarters * self.bars.unit(beat) / 4.0
-        if bpm != self.bpm(beat):
-            self._append(beat, bpm, bpm, MAX_TIME)
-            self.placed.append((beat, Entry(Position(), bpm)))
+        bpm = self._quarters * self.bars.unit(piece_beat) / 4.0
+        if bpm != self.bpm(piece_beat):
+            self._append(piece_beat, bpm, bpm, MAX_TIME)
+            self.placed.append((piece_beat, Entry(Position(), bpm)))
 
     def is_same(self, other_map: "TempoMap") -> bool:
         """Whether another map has every beat and bar at the same instant."""
@@ -200,13 +207,13 @@ class TempoMap:
 
     def resolve(self, position: Position) -> float:
         """Beats from the start. Raises TextError (offsets in the position's text)."""
-        beats = self._resolve(position, ())
-        if beats < -SAME:
+        piece_beats = self._resolve(position, ())
+        if piece_beats < -SAME:
             raise TextError(
                 "this position is before the beginning of the piece",
                 length=max(1, len(position.text)),
             )
-        return max(0.0, beats)
+        return max(0.0, piece_beats)
 
     def after(self, beats: float, length: Length) -> float:
         """The beat that lies `length` after `beats`: bars first, then beats, quarters, seconds."""
@@ -291,13 +298,13 @@ class TempoMap:
         self._latest_bpm = start
         self._append(start, entry.bpm, entry.bpm, MAX_TIME)
         if entry.bpm_end is not None and entry.over is not None:
-            span = self._span(start, entry.bpm, entry.bpm_end, entry.over)
-            if not 0.0 < span <= MAX_TIME:
+            ramp_span = self._span(start, entry.bpm, entry.bpm_end, entry.over)
+            if not 0.0 < ramp_span <= MAX_TIME:
                 raise TempoError("the length of a ramp must be above 0", i, "over")
-            self._ramp_end, self._ramp_in_bars = start + span, entry.over.bars != 0.0
+            self._ramp_end, self._ramp_in_bars = start + ramp_span, entry.over.bars != 0.0
             self._ramp_entry = i
-            self._append(start, entry.bpm, entry.bpm_end, span)
-            self._append(start + span, entry.bpm_end, entry.bpm_end, MAX_TIME)
+            self._append(start, entry.bpm, entry.bpm_end, ramp_span)
+            self._append(start + ramp_span, entry.bpm_end, entry.bpm_end, MAX_TIME)
 
     def _span(self, start: float, b0: float, b1: float, ramp_length: Length) -> float:
         beats = self.after(start, Length(ramp_length.bars, ramp_length.beats)) - start
@@ -314,38 +321,45 @@ class TempoMap:
         self._instants.append(stretch.seconds)
 
     def _resolve(
-        self, position: Position, chain: tuple[str, ...], *, any_beat: bool = False
+        self, read_position: Position, chain: tuple[str, ...], *, any_beat: bool = False
     ) -> float:
         # With `any_beat` a bar may have more beats than its meter, for a later one may hold there.
         # A name such as `verse-2` reads like a mark minus two beats; a mark of that name wins.
-        mark = position.text if position.text in self._marks else position.mark
-        if mark is None:
-            base = 0.0
-            if position.bar is not None:
-                start, per_bar = self.bars.bar(position.bar)
-                base = start + (position.beat - 1.0)
-                if position.beat >= per_bar + 1 and not any_beat:
+        mark_name = read_position.text if read_position.text in self._marks else read_position.mark
+        if mark_name is None:
+            base_beat = 0.0
+            if read_position.bar is not None:
+                start, per_bar = self.bars.bar(read_position.bar)
+                base_beat = start + (read_position.beat - 1.0)
+                if read_position.beat >= per_bar + 1 and not any_beat:
                     raise TextError(
-                        f"beat {position.beat:g} does not exist; bar "
-                        f"{position.bar} has {per_bar} beats",
-                        length=max(1, len(position.text)),
+                        f"beat {read_position.beat:g} does not exist; bar "
+                        f"{read_position.bar} has {per_bar} beats",
+                        length=max(1, len(read_position.text)),
                     )
-            return self.after(base, position.plus)
-        if mark not in self._marks:
+            return self.after(base_beat, read_position.plus)
+        if mark_name not in self._marks:
             raise TextError(
-                f"unknown mark '{mark[:40]}'",
-                length=len(mark),
-                suggestion=nearest(mark, self._marks),
+                f"unknown mark '{mark_name[:40]}'",
+                length=len(mark_name),
+                suggestion=nearest(mark_name, self._marks),
             )
         if len(chain) == MAX_CHAIN:
             raise TextError(
-                f"a chain of more than {MAX_CHAIN} marks refer to one another", length=len(mark)
+                f"a chain of more than {MAX_CHAIN} marks refer to one another",
+                length=len(mark_name),
             )
-        if mark in chain:
-            circle = " -> ".join((*chain[chain.index(mark) :], mark))
-            raise TextError(f"marks refer to one another in a circle: {circle}", length=len(mark))
-        base = self._resolve(self._marks[mark], (*chain, mark), any_beat=any_beat)
-        return base if mark == position.text else self.after(base, position.plus)
+        if mark_name in chain:
+            circle = " -> ".join((*chain[chain.index(mark_name) :], mark_name))
+            raise TextError(
+                f"marks refer to one another in a circle: {circle}", length=len(mark_name)
+            )
+        base_beat = self._resolve(self._marks[mark_name], (*chain, mark_name), any_beat=any_beat)
+        return (
+            base_beat
+            if mark_name == read_position.text
+            else self.after(base_beat, read_position.plus)
+        )
 
 
 def _log_ratio(u: float) -> float:

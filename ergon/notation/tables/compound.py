@@ -38,23 +38,23 @@ class ListOf(Shape):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if isinstance(node, document.Sequence):
-            items = node.items
+            item_nodes = node.items
         elif self.single:
-            items = [node]
+            item_nodes = [node]
         elif isinstance(node, Scalar) and node.is_empty:
-            items = []
+            item_nodes = []
         else:
             words = node.text.split() if isinstance(node, Scalar) else []
             listed = f"[{', '.join(words)}]" if self.least <= len(words) <= self.count_max else None
             return wrong_shape(self, node, name, context, suggestion=listed)
-        if not self.least <= len(items) <= self.count_max:
+        if not self.least <= len(item_nodes) <= self.count_max:
             count_text = (
                 f"{self.least}" if self.least == self.count_max else f"at least {self.least}"
             )
-            if len(items) > self.count_max > self.least:
+            if len(item_nodes) > self.count_max > self.least:
                 count_text = f"at most {self.count_max:,}"
             message = (
-                f"{context.label(name)}: the number of items is {len(items)}, but must be "
+                f"{context.label(name)}: the number of items is {len(item_nodes)}, but must be "
                 f"{count_text}"
             )
             context.error("E106", message, node.place)
@@ -62,28 +62,32 @@ class ListOf(Shape):
         if isinstance(node, document.Sequence) and node.lines:
             items_read = self._by_lines(node, name, context)
         else:
-            items_read = [self.item.read(item, name, context) for item in items]
+            items_read = [self.item.read(item, name, context) for item in item_nodes]
         values = tuple([value for value in items_read if value is not MISSING])
         return values if len(values) >= self.least else MISSING  # a broken pair is no pair
 
-    def _by_lines(self, node: document.Sequence, name: str, context: Context) -> list[Any]:
+    def _by_lines(
+        self, list_node: document.Sequence, field_name: str, context: Context
+    ) -> list[Any]:
         """The values of items in lines of their own. Each item is read once; it is read again only
         if the reading made a report.
         """
-        let = node.document.let
-        key = id(self.item), name, context.owner, let
-        values = [None if line is None else line.values.get(key) for line in node.lines]
-        for number in [number for number, value in enumerate(values) if value is None]:
-            n_reported, item, line = (
+        let = list_node.document.let
+        values_key = id(self.item), field_name, context.owner, let
+        values_read = [
+            None if line is None else line.values.get(values_key) for line in list_node.lines
+        ]
+        for item_number in [number for number, value in enumerate(values_read) if value is None]:
+            n_reported, item_node, item_line = (
                 context.collector.n_reports,
-                node.items[number],
-                node.lines[number],
+                list_node.items[item_number],
+                list_node.lines[item_number],
             )
-            item.document.let, item.document.lets = let, node.document.lets
-            values[number] = self.item.read(item, name, context)
-            if line is not None and context.collector.n_reports == n_reported:
-                line.values[key] = values[number]
-        return values
+            item_node.document.let, item_node.document.lets = let, list_node.document.lets
+            values_read[item_number] = self.item.read(item_node, field_name, context)
+            if item_line is not None and context.collector.n_reports == n_reported:
+                item_line.values[values_key] = values_read[item_number]
+        return values_read
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
@@ -180,14 +184,14 @@ class _Entries:
     that they had then.
     """
 
-    def __init__(self, node: document.Mapping, noun: str, memory: Memory | None) -> None:
+    def __init__(self, section_node: document.Mapping, noun: str, memory: Memory | None) -> None:
         """Take the section's node. Only a loose memory keeps entries."""
-        self._node, self._name = node, f"entries {noun} {node.document.file}"
-        is_kept = memory is not None and memory.is_loose and is_plain(node.document.text)
+        self._node, self._name = section_node, f"entries {noun} {section_node.document.file}"
+        is_kept = memory is not None and memory.is_loose and is_plain(section_node.document.text)
         self._memory = memory if is_kept else None
         self._before: Mapping[str, tuple[str, Any]] = {}
         if self._memory is not None:
-            self._before = self._memory.held_for(self._name, node.document.let) or {}
+            self._before = self._memory.held_for(self._name, section_node.document.let) or {}
         self._now: dict[str, tuple[str, Any]] = {}
 
     def _text(self, word: str) -> str:
@@ -230,46 +234,50 @@ class NamesOf(Shape):
             return {}
         if not isinstance(node, document.Mapping):
             return wrong_shape(self, node, name, context)
-        result: dict[str, Any] = {}
+        values_by_name: dict[str, Any] = {}
         # The value of an entry in a line of its own is read once, unless the reading made a report.
         let = node.document.let
         condition = id(self.item), context.name, let
-        entries = _Entries(node, self.noun, context.memory)
+        named_entries = _Entries(node, self.noun, context.memory)
         fields = self.item.field_names()
         lost = lost_indentation(node.entries, lambda _, word: word in fields)
         all_names = loops.written_out(node, context.collector) if self.has_loops else node
-        for word, entry in all_names.entries.items():
-            key, child = entry
-            if lost is not None and word == lost[0]:
+        for entry_word, named_entry in all_names.entries.items():
+            key_node, child_node = named_entry
+            if lost is not None and entry_word == lost[0]:
                 report_lost(context, *lost, node.entries[lost[1]][0])
-                result[word] = MISSING
+                values_by_name[entry_word] = MISSING
                 break
-            is_written = node.entries.get(word) is entry  # no loop makes it
-            line = node.lines.get(word) if is_written else None
-            if line is not None and condition in line.values:
-                result[word] = line.values[condition]
+            is_written = node.entries.get(entry_word) is named_entry  # no loop makes it
+            known_line = node.lines.get(entry_word) if is_written else None
+            if known_line is not None and condition in known_line.values:
+                values_by_name[entry_word] = known_line.values[condition]
                 continue
-            if is_written and line is None and (entry_before := entries.known(word)) is not None:
-                result[word] = entry_before
+            if (
+                is_written
+                and known_line is None
+                and (entry_before := named_entries.known(entry_word)) is not None
+            ):
+                values_by_name[entry_word] = entry_before
                 continue
-            if not NAME.fullmatch(word) or len(word) > MAX_NAME:
-                message = f"{quote(word)} is not a name for a {self.noun}: "
+            if not NAME.fullmatch(entry_word) or len(entry_word) > MAX_NAME:
+                message = f"{quote(entry_word)} is not a name for a {self.noun}: "
                 message += "a name has letters, digits, '-' and '_', and begins with a letter"
-                context.error("E110", message, key.place, help=name_help(word))
+                context.error("E110", message, key_node.place, help=name_help(entry_word))
                 continue
-            inner_context = context.inside(self.noun, word, key.place)
-            if line is not None:
-                child.document.let, child.document.lets = let, node.document.lets
+            inner_context = context.inside(self.noun, entry_word, key_node.place)
+            if known_line is not None:
+                child_node.document.let, child_node.document.lets = let, node.document.lets
             n_reported = context.collector.n_reports
-            value = result[word] = self.item.read(child, "", inner_context)
+            entry_value = values_by_name[entry_word] = self.item.read(child_node, "", inner_context)
             if context.collector.n_reports > n_reported:
                 continue
-            if line is not None:
-                line.values[condition] = value
+            if known_line is not None:
+                known_line.values[condition] = entry_value
             elif is_written:
-                entries.keep(word, value)
-        entries.hold()
-        return result
+                named_entries.keep(entry_word, entry_value)
+        named_entries.hold()
+        return values_by_name
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
@@ -296,11 +304,11 @@ def merged(*schemas: dict[str, Any]) -> dict[str, Any]:
     """Merge schemas of different types: keywords of one type do not constrain another, so a union
     needs no `anyOf`.
     """
-    result: dict[str, Any] = {}
+    merged_schema: dict[str, Any] = {}
     types: list[str] = []
     for schema in schemas:
         types += [t for t in schema.get("type", []) if t not in types]
-        result |= schema
+        merged_schema |= schema
     if types:
-        result["type"] = types
-    return result
+        merged_schema["type"] = types
+    return merged_schema

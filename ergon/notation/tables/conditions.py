@@ -24,7 +24,7 @@ _COMPARISONS: Mapping[str, Callable[[Fraction, Fraction], bool]] = {
 }
 
 
-def is_true(text: str, start: int, names: Mapping[str, Amount]) -> bool:
+def is_true(written_text: str, start: int, names: Mapping[str, Amount]) -> bool:
     """Whether the condition from `start` on holds; `or` joins what `and` joins, and of both the
     second is asked only if it matters.
 
@@ -32,10 +32,10 @@ def is_true(text: str, start: int, names: Mapping[str, Amount]) -> bool:
     """
     return any(
         all(
-            _holds(text, part_start, part_end, names)
-            for part_start, part_end in _parts(text, first_of_all, last_of_all, _AND)
+            _holds(written_text, part_start, part_end, names)
+            for part_start, part_end in _parts(written_text, first_of_all, last_of_all, _AND)
         )
-        for first_of_all, last_of_all in _parts(text, start, len(text), _OR)
+        for first_of_all, last_of_all in _parts(written_text, start, len(written_text), _OR)
     )
 
 
@@ -47,20 +47,22 @@ def _parts(text: str, start: int, end: int, between: re.Pattern[str]) -> Iterato
     yield start, end
 
 
-def _holds(text: str, start: int, end: int, names: Mapping[str, Amount]) -> bool:
+def _holds(written_text: str, text_start: int, text_end: int, names: Mapping[str, Amount]) -> bool:
     """Whether comparisons of neighbours hold, `1 < i <= 5`, or do not after `not`."""
     is_expected = True
-    while (match := _NOT.match(text, start, end)) is not None:
-        start, is_expected = match.end(), not is_expected
-    signs = list(_SIGN.finditer(text, start, end))
+    while (match := _NOT.match(written_text, text_start, text_end)) is not None:
+        text_start, is_expected = match.end(), not is_expected
+    signs = list(_SIGN.finditer(written_text, text_start, text_end))
     if not signs:
-        amount_text = text[start:end].strip()
+        amount_text = written_text[text_start:text_end].strip()
         message = f"{quote(amount_text)} compares nothing; write i < 12, i == 3 or i mod 2 == 0"
-        length = max(1, end - start)
-        raise TextError(message, offset=min(start, len(text) - 1), length=length, code="E113")
-    starts = [start, *(sign.end() for sign in signs)]
-    ends = [*(sign.start() for sign in signs), end]
-    amounts = [_amount(text, *span, names) for span in zip(starts, ends, strict=True)]
+        length = max(1, text_end - text_start)
+        raise TextError(
+            message, offset=min(text_start, len(written_text) - 1), length=length, code="E113"
+        )
+    starts = [text_start, *(sign.end() for sign in signs)]
+    ends = [*(sign.start() for sign in signs), text_end]
+    amounts = [_amount(written_text, *span, names) for span in zip(starts, ends, strict=True)]
     results = [_compared(sign, *pair) for sign, pair in zip(signs, pairwise(amounts), strict=True)]
     return all(results) == is_expected
 
@@ -73,15 +75,15 @@ def _amount(text: str, start: int, end: int, names: Mapping[str, Amount]) -> Amo
         raise
 
 
-def _compared(sign: re.Match[str], first_amount: Amount, second_amount: Amount) -> bool:
+def _compared(sign_match: re.Match[str], first_amount: Amount, second_amount: Amount) -> bool:
     problem, suggestion = "", None
-    if sign[0] == "=":
+    if sign_match[0] == "=":
         problem, suggestion = "two values are compared by ==", "=="
     elif first_amount.unit != second_amount.unit:
         problem = f"cannot compare {unit_in_words(first_amount)} and {unit_in_words(second_amount)}"
     if problem:
-        length = len(sign[0])
+        length = len(sign_match[0])
         raise TextError(
-            problem, offset=sign.start(), length=length, suggestion=suggestion, code="E113"
+            problem, offset=sign_match.start(), length=length, suggestion=suggestion, code="E113"
         )
-    return _COMPARISONS[sign[0]](first_amount.number, second_amount.number)
+    return _COMPARISONS[sign_match[0]](first_amount.number, second_amount.number)

@@ -47,14 +47,14 @@ def _units() -> Iterator[tuple[str, tuple[str, int]]]:
         q.LOUDNESS,
         *(q.FREQUENCY, q.DURATION, q.LEVEL, q.PRESSURE, q.DENSITY, q.POLES),
     )
-    for unit, power in q.CONSTANT.units.items():
+    for unit_name, power in q.CONSTANT.units.items():
         if power == 0:
-            yield unit, (unit, 0)
+            yield unit_name, (unit_name, 0)
     for dimension in unit_texts:
-        for unit, power in dimension.units.items():
-            yield unit, (dimension.si, power)
-    for word, unit in {"bar": "bar", "bars": "bar", "beat": "beat", "beats": "beat"}.items():
-        yield word, (unit, 0)
+        for unit_name, power in dimension.units.items():
+            yield unit_name, (dimension.si, power)
+    for word, unit_name in {"bar": "bar", "bars": "bar", "beat": "beat", "beats": "beat"}.items():
+        yield word, (unit_name, 0)
     yield from {"st": ("st", 0), "cent": ("st", -2), "cents": ("st", -2), "%": ("", -2)}.items()
 
 
@@ -135,23 +135,25 @@ class _Reader:
         return match[1] if match else ""
 
     def _single(self, depth: int) -> Amount:
-        start = self._space()
+        text_start = self._space()
         if depth > MAX_DEPTH:
             message = f"an expression is nested at most {MAX_DEPTH} deep; give a part of it a name"
-            raise self._error(message, start, 1)
+            raise self._error(message, text_start, 1)
         if sign := self._sign("+-"):
             amount = self._single(depth + 1)
             if sign == "+":
                 return amount
             if amount.unit == "note":
-                raise self._error("a note cannot be negated; subtract semitones (7st)", start, 1)
+                raise self._error(
+                    "a note cannot be negated; subtract semitones (7st)", text_start, 1
+                )
             return Amount(-amount.number, amount.unit)
         if self._sign("("):
             amount = self._sum(depth + 1)
             if not self._sign(")"):
-                raise self._error("this parenthesis is never closed", start, 1)
+                raise self._error("this parenthesis is never closed", text_start, 1)
             return amount
-        return self._atom(start, depth)
+        return self._atom(text_start, depth)
 
     def _root(self, amount: Amount, place: int, length: int) -> Amount:
         if amount.unit:
@@ -164,58 +166,64 @@ class _Reader:
         # IEEE 754 rounds a root correctly: the same bits everywhere.
         return Amount(Fraction(math.sqrt(float(amount.number))), "")
 
-    def _atom(self, start: int, depth: int) -> Amount:
-        if match := _NUMBER.match(self.text, start):
-            self.offset = match.end()
-            number = _fraction(match)
-            if number is None:
-                raise self._error("the number is too large or too small", start, len(match[0]))
-            if (part := _PART.match(self.text, self.offset)) and match[1].isdigit():
-                unit = _UNIT.match(self.text, part.end())
-                if unit is not None:  # 1/3bar is a third of a bar
+    def _atom(self, text_start: int, depth: int) -> Amount:
+        if text_match := _NUMBER.match(self.text, text_start):
+            self.offset = text_match.end()
+            literal_number = _fraction(text_match)
+            if literal_number is None:
+                raise self._error(
+                    "the number is too large or too small", text_start, len(text_match[0])
+                )
+            if (part := _PART.match(self.text, self.offset)) and text_match[1].isdigit():
+                unit_match = _UNIT.match(self.text, part.end())
+                if unit_match is not None:  # 1/3bar is a third of a bar
                     if int(part[1]) == 0:
-                        raise self._error("the number divides by zero", start, len(match[0]))
-                    number, self.offset = number / int(part[1]), part.end()
-            if unit := _UNIT.match(self.text, self.offset):
-                self.offset = unit.end()
-                name, power = UNITS[unit[1]]
-                return Amount(number * Fraction(10) ** power, name)
-            return Amount(number, "")
-        if match := _ROOT.match(self.text, start):
-            self.offset = match.end()
-            return self._root(self._single(depth + 1), start, len(match[0]))
-        word = WORD.match(self.text, start)
-        if word is not None and word[0] in self.names:
-            self.offset = word.end()
-            return self.names[word[0]]
-        if match := _NOTE.match(self.text, start):
-            self.offset = match.end()
-            letter, sign, octave = match.groups()
+                        raise self._error(
+                            "the number divides by zero", text_start, len(text_match[0])
+                        )
+                    literal_number, self.offset = literal_number / int(part[1]), part.end()
+            if unit_match := _UNIT.match(self.text, self.offset):
+                self.offset = unit_match.end()
+                name, power = UNITS[unit_match[1]]
+                return Amount(literal_number * Fraction(10) ** power, name)
+            return Amount(literal_number, "")
+        if text_match := _ROOT.match(self.text, text_start):
+            self.offset = text_match.end()
+            return self._root(self._single(depth + 1), text_start, len(text_match[0]))
+        word_match = WORD.match(self.text, text_start)
+        if word_match is not None and word_match[0] in self.names:
+            self.offset = word_match.end()
+            return self.names[word_match[0]]
+        if text_match := _NOTE.match(self.text, text_start):
+            self.offset = text_match.end()
+            letter, sign, octave = text_match.groups()
             tuned = tuning.written()
-            hertz = None if tuned is None else tuned.hertz(match[0])
+            hertz = None if tuned is None else tuned.hertz(text_match[0])
             if hertz is not None:
                 return Amount(Fraction(12.0 * math.log2(hertz / 440.0)), "note")
             steps = _LETTERS[letter] + _SIGNS[sign] + 12 * (int(octave) - 4)
             return Amount(Fraction(steps), "note")
-        if word is not None and word[0] in self.later:
-            message = f"{quote(word[0])} is named below: a value of `let:` uses names above it"
-            raise self._error(message, start, len(word[0]))
-        if word is not None:
-            message = f"{quote(word[0])} is not {self.expected}"
-            suggestion = nearest(word[0], self.names)
-            raise self._error(message, start, len(word[0]), suggestion)
-        if start >= len(self.text):
-            raise self._error("a value is missing at the end", max(0, start - 1), 1)
-        raise self._error(f"{quote(self.text[start])} cannot begin a value", start, 1)
+        if word_match is not None and word_match[0] in self.later:
+            message = (
+                f"{quote(word_match[0])} is named below: a value of `let:` uses names above it"
+            )
+            raise self._error(message, text_start, len(word_match[0]))
+        if word_match is not None:
+            message = f"{quote(word_match[0])} is not {self.expected}"
+            suggestion = nearest(word_match[0], self.names)
+            raise self._error(message, text_start, len(word_match[0]), suggestion)
+        if text_start >= len(self.text):
+            raise self._error("a value is missing at the end", max(0, text_start - 1), 1)
+        raise self._error(f"{quote(self.text[text_start])} cannot begin a value", text_start, 1)
 
     def _added(self, a: Amount, b: Amount, sign: str, place: int) -> Amount:
-        number = b.number if sign == "+" else -b.number
+        signed_number = b.number if sign == "+" else -b.number
         if a.unit == "note" and b.unit == "st":
-            return Amount(a.number + number, "note")
+            return Amount(a.number + signed_number, "note")
         if a.unit == "st" and b.unit == "note" and sign == "+":
             return Amount(a.number + b.number, "note")
         if a.unit == "Hz" and b.unit == "st":
-            return Amount(Fraction(_shifted(float(a.number), float(number))), "Hz")
+            return Amount(Fraction(_shifted(float(a.number), float(signed_number))), "Hz")
         if a.unit == "note" and b.unit == "note":
             if sign == "-":
                 return Amount(a.number - b.number, "st")
@@ -228,27 +236,41 @@ class _Reader:
             raise self._error(message, place, 1)
         return Amount(a.number + (b.number if sign == "+" else -b.number), a.unit)
 
-    def _scaled(self, a: Amount, b: Amount, sign: str, place: int) -> Amount:
-        if a.unit == "note":
-            a = Amount(Fraction(_hertz(a)), "Hz")
-        if b.unit == "note":
-            b = Amount(Fraction(_hertz(b)), "Hz")
-        if sign == "*":
-            if a.unit and b.unit:
-                message = f"cannot multiply {unit_in_words(a)} by {unit_in_words(b)}; "
+    def _scaled(
+        self, first_amount: Amount, second_amount: Amount, operator_sign: str, sign_place: int
+    ) -> Amount:
+        if first_amount.unit == "note":
+            first_amount = Amount(Fraction(_hertz(first_amount)), "Hz")
+        if second_amount.unit == "note":
+            second_amount = Amount(Fraction(_hertz(second_amount)), "Hz")
+        if operator_sign == "*":
+            if first_amount.unit and second_amount.unit:
+                message = (
+                    f"cannot multiply {unit_in_words(first_amount)} by "
+                    f"{unit_in_words(second_amount)}; "
+                )
                 message += "one must be a plain number"
-                raise self._error(message, place, 1)
-            return Amount(a.number * b.number, a.unit or b.unit)
-        if b.number == 0:
-            raise self._error("this divides by zero", place, 1)
-        if sign == "mod":
-            if a.unit or b.unit:
-                raise self._error("mod takes plain numbers: i mod 3 is what i/3 leaves", place, 3)
-            return Amount(a.number % b.number, "")
-        if b.unit and a.unit != b.unit:
-            message = f"cannot divide {unit_in_words(a)} by {unit_in_words(b)}"
-            raise self._error(message, place, 1)
-        return Amount(a.number / b.number, "" if b.unit else a.unit)
+                raise self._error(message, sign_place, 1)
+            return Amount(
+                first_amount.number * second_amount.number, first_amount.unit or second_amount.unit
+            )
+        if second_amount.number == 0:
+            raise self._error("this divides by zero", sign_place, 1)
+        if operator_sign == "mod":
+            if first_amount.unit or second_amount.unit:
+                raise self._error(
+                    "mod takes plain numbers: i mod 3 is what i/3 leaves", sign_place, 3
+                )
+            return Amount(first_amount.number % second_amount.number, "")
+        if second_amount.unit and first_amount.unit != second_amount.unit:
+            message = (
+                f"cannot divide {unit_in_words(first_amount)} by {unit_in_words(second_amount)}"
+            )
+            raise self._error(message, sign_place, 1)
+        return Amount(
+            first_amount.number / second_amount.number,
+            "" if second_amount.unit else first_amount.unit,
+        )
 
     @staticmethod
     def _as_hertz(amount: Amount, other_amount: Amount) -> Amount:
@@ -310,15 +332,18 @@ def evaluate(
     return _Reader(text, names, later, expected).read_all()
 
 
-def looks_like(text: str, names: Mapping[str, Amount]) -> bool:
+def looks_like(written_text: str, known_names: Mapping[str, Amount]) -> bool:
     """Whether a text that is no plain value is meant as an expression."""
-    words = WORD.findall(text)
-    if any(word in names for word in words):
+    words = WORD.findall(written_text)
+    if any(word in known_names for word in words):
         return True
-    if re.fullmatch(r"\s*[a-z_]\w*\s*", text):
-        return nearest(text.strip(), names) is not None
-    return bool(re.search(r"\bmod\b|[\w)#]\s*[*(]|[\w)#]\s+[-+/]\s|\)\s*[-+*/]", text)) or bool(
+    if re.fullmatch(r"\s*[a-z_]\w*\s*", written_text):
+        return nearest(written_text.strip(), known_names) is not None
+    return bool(
+        re.search(r"\bmod\b|[\w)#]\s*[*(]|[\w)#]\s+[-+/]\s|\)\s*[-+*/]", written_text)
+    ) or bool(
         re.search(
-            r"\d[A-Za-z%]*\s*[-+]\s*[\d(]|\d[A-Za-z%]+/[\d.(]|[A-G][#b]?-?\d\s*[-+]\s*\d", text
+            r"\d[A-Za-z%]*\s*[-+]\s*[\d(]|\d[A-Za-z%]+/[\d.(]|[A-G][#b]?-?\d\s*[-+]\s*\d",
+            written_text,
         )
     )

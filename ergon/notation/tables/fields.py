@@ -82,27 +82,31 @@ class Values:
 
 
 def _integer_keys(
-    entries: Mapping[str, tuple[Scalar, Node]], values: Values
+    entries: Mapping[str, tuple[Scalar, Node]], record_values: Values
 ) -> Iterator[tuple[str, tuple[Scalar, Node]]]:
     """The entries, without numbers that a decimal comma cut in two (`{t60: 4,5s}`): these are
     reported.
     """
     pending: tuple[str, tuple[Scalar, Node]] | None = None
-    for word, (key, child) in entries.items():
+    for entry_word, (key_node, child) in entries.items():
         if pending is not None:
-            value = pending[1][1]
-            text = value.text if isinstance(value, Scalar) else ""
-            if text[-1:].isdigit() and word[:1].isdigit() and value.end + 1 == key.start:
-                number = f"{text}.{word}"
-                message = f"{values.context.label(pending[0])}: a comma ends a value here; "
+            pending_value = pending[1][1]
+            text = pending_value.text if isinstance(pending_value, Scalar) else ""
+            if (
+                text[-1:].isdigit()
+                and entry_word[:1].isdigit()
+                and pending_value.end + 1 == key_node.start
+            ):
+                number = f"{text}.{entry_word}"
+                message = f"{record_values.context.label(pending[0])}: a comma ends a value here; "
                 message += "write '.' as the decimal point"
-                place = replace(value.place, length=key.end - value.start)
-                values.context.error("E201", message, place, suggestion=number)
-                values.misspelt.add(pending[0])
+                place = replace(pending_value.place, length=key_node.end - pending_value.start)
+                record_values.context.error("E201", message, place, suggestion=number)
+                record_values.misspelt.add(pending[0])
                 pending = None
                 continue
             yield pending
-        pending = word, (key, child)
+        pending = entry_word, (key_node, child)
     if pending is not None:
         yield pending
 
@@ -138,9 +142,9 @@ class Record(Shape):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if isinstance(node, Scalar) and node.is_empty:
-            entries: dict[str, tuple[Scalar, Node]] = {}
+            named_entries: dict[str, tuple[Scalar, Node]] = {}
         elif isinstance(node, document.Mapping):
-            entries = node.entries
+            named_entries = node.entries
             for line in node.lines.values():
                 line.node.document.let, line.node.document.lets = node.document.let, None
         else:
@@ -150,29 +154,29 @@ class Record(Shape):
         nameless = not context.name and self.noun not in ("score", "module")
         if nameless or not (context.owner or self.noun == "score"):
             context = replace(context, owner=self.noun)
-        values = Values(self, node, context)
-        is_cut = any(word[:1].isdigit() for word in entries)  # no name begins with a digit
-        numbered = _integer_keys(entries, values) if is_cut else entries.items()
-        lost = lost_indentation(entries, self._is_lost)
-        for word, (key, child) in numbered:
-            if lost is not None and word == lost[0]:
-                report_lost(context, *lost, entries[lost[1]][0])
+        record_values = Values(self, node, context)
+        is_cut = any(word[:1].isdigit() for word in named_entries)  # no name begins with a digit
+        numbered = _integer_keys(named_entries, record_values) if is_cut else named_entries.items()
+        lost = lost_indentation(named_entries, self._is_lost)
+        for entry_word, (key_node, child_node) in numbered:
+            if lost is not None and entry_word == lost[0]:
+                report_lost(context, *lost, named_entries[lost[1]][0])
                 return MISSING
-            if (known_field := self.by_name.get(word)) is not None:
-                values.nodes[word] = child
+            if (known_field := self.by_name.get(entry_word)) is not None:
+                record_values.nodes[entry_word] = child_node
                 if context.memory is None:
-                    value = known_field.shape.read(child, word, context)
+                    field_value = known_field.shape.read(child_node, entry_word, context)
                 else:
-                    read = partial(known_field.shape.read, child, word, context)
-                    let_node = entries.get("let", _NOBODY)[1]  # values that others may name
-                    value = context.memory.recall((child, word, let_node), read)
-                if value is not MISSING:
-                    values.by_name[word] = value
-            elif word in self.kinds:
-                self._read_kind(values, word, key, child)
+                    read = partial(known_field.shape.read, child_node, entry_word, context)
+                    let_node = named_entries.get("let", _NOBODY)[1]  # values that others may name
+                    field_value = context.memory.recall((child_node, entry_word, let_node), read)
+                if field_value is not MISSING:
+                    record_values.by_name[entry_word] = field_value
+            elif entry_word in self.kinds:
+                self._read_kind(record_values, entry_word, key_node, child_node)
             else:
-                self._read_other(values, word, key, child)
-        return self.build(values) if self._complete(values) else MISSING
+                self._read_other(record_values, entry_word, key_node, child_node)
+        return self.build(record_values) if self._complete(record_values) else MISSING
 
     def _as_group(self, node: Node) -> str | None:
         """The group that a lone value stands for: `{bpm: 96}`; None if that is not known."""
@@ -182,72 +186,97 @@ class Record(Shape):
                 return f"{{{name}: {match[1]}}}"
         return None
 
-    def _read_kind(self, values: Values, word: str, key: Scalar, child: Node) -> None:
-        if values.kind:
+    def _read_kind(
+        self, record_values: Values, entry_word: str, key: Scalar, child_node: Node
+    ) -> None:
+        if record_values.kind:
             message = (
-                f"{values.context.label('')} has two kinds, {values.kind} and {word}; keep one"
+                f"{record_values.context.label('')} has two kinds, {record_values.kind} and "
+                f"{entry_word}; keep one"
             )
-            values.context.error("E111", message, key.place)
+            record_values.context.error("E111", message, key.place)
             return
-        values.kind = word
-        values.nodes[word] = child
-        values.by_name[word] = self.kinds[word].read(child, word, values.context)
+        record_values.kind = entry_word
+        record_values.nodes[entry_word] = child_node
+        record_values.by_name[entry_word] = self.kinds[entry_word].read(
+            child_node, entry_word, record_values.context
+        )
 
-    def _is_lost(self, owner_name: str, word: str) -> bool:
+    def _is_lost(self, owner_name: str, entry_word: str) -> bool:
         """Whether a name, which means nothing here, was to be indented below an empty field."""
-        if owner_name not in self.by_name or self.free is not None or not NAME.fullmatch(word):
+        if (
+            owner_name not in self.by_name
+            or self.free is not None
+            or not NAME.fullmatch(entry_word)
+        ):
             return False
-        if word in self.by_name[owner_name].shape.field_names():
-            return word not in self.field_names()
+        if entry_word in self.by_name[owner_name].shape.field_names():
+            return entry_word not in self.field_names()
         other_names = (*self.refused, *self.foreign, *self.meant, *self.elsewhere)
-        is_misspelt = len(word) > _SHORT and nearest(word, self.field_names()) is not None
-        return not is_misspelt and word not in self.field_names() and word not in other_names
+        is_misspelt = (
+            len(entry_word) > _SHORT and nearest(entry_word, self.field_names()) is not None
+        )
+        return (
+            not is_misspelt
+            and entry_word not in self.field_names()
+            and entry_word not in other_names
+        )
 
-    def _read_other(self, values: Values, word: str, key: Scalar, child: Node) -> None:
-        context = values.context
-        names = (*self.by_name, *self.kinds)
-        if word in self.refused:
-            context.error("E108", f"{quote(word)}: {self.refused[word]}", key.place)
-        elif self.free is not None and self._is_free(self.free, word, child):
-            values.nodes[word] = child
-            value = self.free.read(child, word, context)
+    def _read_other(
+        self, record_values: Values, entry_word: str, key_node: Scalar, child_node: Node
+    ) -> None:
+        context = record_values.context
+        known_names = (*self.by_name, *self.kinds)
+        if entry_word in self.refused:
+            context.error(
+                "E108", f"{quote(entry_word)}: {self.refused[entry_word]}", key_node.place
+            )
+        elif self.free is not None and self._is_free(self.free, entry_word, child_node):
+            record_values.nodes[entry_word] = child_node
+            value = self.free.read(child_node, entry_word, context)
             if value is not MISSING:
-                values.free[word] = value
+                record_values.free[entry_word] = value
         else:
-            values.strange += 1
+            record_values.strange += 1
             noun = "section" if not context.owner else "field"
             owner_text = f" in {context.owner}" if context.owner else ""
-            message = f"unknown {noun} {quote(word)}{owner_text}"
-            if word in self.foreign:
-                if not values.is_foreign:  # report a file of the wrong kind once
-                    context.error("E101", message, key.place, help=self.foreign[word])
-                values.is_foreign = True
+            message = f"unknown {noun} {quote(entry_word)}{owner_text}"
+            if entry_word in self.foreign:
+                if not record_values.is_foreign:  # report a file of the wrong kind once
+                    context.error("E101", message, key_node.place, help=self.foreign[entry_word])
+                record_values.is_foreign = True
                 return
-            if word in self.meant:
-                values.misspelt.add(self.meant[word])
-                context.error("E101", message, key.place, suggestion=self.meant[word])
+            if entry_word in self.meant:
+                record_values.misspelt.add(self.meant[entry_word])
+                context.error("E101", message, key_node.place, suggestion=self.meant[entry_word])
                 return
-            if word in self.elsewhere:
-                context.error("E101", message, key.place, help=self.elsewhere[word])
+            if entry_word in self.elsewhere:
+                context.error("E101", message, key_node.place, help=self.elsewhere[entry_word])
                 return
-            if suggestion := nearest(word, names):
-                values.misspelt.add(suggestion)
-            if (help := name_help(word)) is not None:  # name and value in one word
-                values.misspelt.add(word.partition(":")[0])
-            elif noun == "section" and isinstance(child, document.Mapping) and values.nodes:
+            if suggestion := nearest(entry_word, known_names):
+                record_values.misspelt.add(suggestion)
+            if (help := name_help(entry_word)) is not None:  # name and value in one word
+                record_values.misspelt.add(entry_word.partition(":")[0])
+            elif (
+                noun == "section"
+                and isinstance(child_node, document.Mapping)
+                and record_values.nodes
+            ):
                 help = "a name of your own, such as an instrument, stands indented in its section"
-            context.error("E101", message, key.place, word=word, names=names, help=help)
+            context.error(
+                "E101", message, key_node.place, word=entry_word, names=known_names, help=help
+            )
 
-    def _is_free(self, free: Shape, word: str, child: Node) -> bool:
+    def _is_free(self, free: Shape, entry_word: str, child_node: Node) -> bool:
         """Whether an unknown name is a free name. A name that resembles a field, with a value that
         `free` cannot read, is a misspelt field.
         """
-        if not NAME.fullmatch(word) or len(word) > MAX_NAME:
+        if not NAME.fullmatch(entry_word) or len(entry_word) > MAX_NAME:
             return False
-        if not isinstance(free, Text) or nearest(word, self.by_name) is None:
+        if not isinstance(free, Text) or nearest(entry_word, self.by_name) is None:
             return True
         try:
-            free.parse(child.text if isinstance(child, Scalar) else "")
+            free.parse(child_node.text if isinstance(child_node, Scalar) else "")
         except TextError:
             return False
         return True

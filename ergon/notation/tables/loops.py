@@ -44,14 +44,14 @@ def is_loop(word: str) -> bool:
     return _HEAD.fullmatch(word) is not None and " " in word
 
 
-def written_out(node: document.Mapping, collector: Collector) -> document.Mapping:
+def written_out(mapping_node: document.Mapping, collector: Collector) -> document.Mapping:
     """The mapping with the names that its loops make, in their order; itself if it has none.
 
     Mistakes are reported; names in a loop that cannot be read are left out.
     """
-    if not any(map(is_loop, node.entries)):
-        return node
-    return _Writer(node, collector).mapping()
+    if not any(map(is_loop, mapping_node.entries)):
+        return mapping_node
+    return _Writer(mapping_node, collector).mapping()
 
 
 class _Refused(Exception):
@@ -61,28 +61,28 @@ class _Refused(Exception):
 class _Writer:
     """Writes the loops of one mapping out."""
 
-    def __init__(self, node: document.Mapping, collector: Collector) -> None:
-        self.node = node
+    def __init__(self, mapping_node: document.Mapping, collector: Collector) -> None:
+        self.node = mapping_node
         self.collector = collector
         self.entries: Entries = {}
         self.looped: dict[str, Scalar] = {}  # names that loops make
         self.n_turns = 0
         self.n_nodes = 0
         loops = self.node.document.loops
-        self.n_others = sum(n for start, n in loops.items() if start != node.start)
+        self.n_others = sum(n for start, n in loops.items() if start != mapping_node.start)
 
     def mapping(self) -> document.Mapping:
         for line in self.node.lines.values():
             line.node.document.let, line.node.document.lets = self.node.document.let, None
         names = ChainMap(named_amounts(self.node.document).names)
         try:
-            for word, (key, child) in self.node.entries.items():
-                if is_loop(word):
+            for entry_word, (key, child) in self.node.entries.items():
+                if is_loop(entry_word):
                     self.loop(key, child, names, 1)
-                elif word in self.looped:
-                    self.entries[word] = key, _merged(self.entries[word][1], child)
+                elif entry_word in self.looped:
+                    self.entries[entry_word] = key, _merged(self.entries[entry_word][1], child)
                 else:
-                    self.entries[word] = self.node.entries[word]
+                    self.entries[entry_word] = self.node.entries[entry_word]
         except _Refused:
             pass
         self.node.document.loops[self.node.start] = self.n_nodes
@@ -134,41 +134,43 @@ class _Writer:
             if is_true(text, 2, names):
                 yield names
             return
-        match = _FOR.fullmatch(text)
-        if match is None:
+        text_match = _FOR.fullmatch(text)
+        if text_match is None:
             raise TextError(f"{quote(text)} is no loop; {SYNTAX}", length=len(text), code="E113")
-        variable = match[1]
+        variable = text_match[1]
         if not variable[0].islower() or variable in UNITS:
             message = f"{quote(variable)} cannot be the variable of a loop; "
             message += "it begins with a small letter, and is no unit"
-            raise TextError(message, offset=match.start(1), length=len(variable), code="E110")
+            raise TextError(message, offset=text_match.start(1), length=len(variable), code="E110")
         if variable in names:
             message = f"{quote(variable)} is named already; a loop needs a variable of its own"
-            raise TextError(message, offset=match.start(1), length=len(variable), code="E102")
-        first_number, last_number = (_integer(match, group, names) for group in (2, 3))
-        step = 1 if match[4] is None else _integer(match, 4, names)
+            raise TextError(message, offset=text_match.start(1), length=len(variable), code="E102")
+        first_number, last_number = (_integer(text_match, group, names) for group in (2, 3))
+        step = 1 if text_match[4] is None else _integer(text_match, 4, names)
         if step < 1:
             message = "the step of a loop is 1 or more"
-            raise TextError(message, offset=match.start(4), length=len(match[4]), code="E202")
+            raise TextError(
+                message, offset=text_match.start(4), length=len(text_match[4]), code="E202"
+            )
         numbers = range(first_number, last_number + 1, step)
         if len(numbers) > MAX_TURNS:
             message = f"a loop has at most {MAX_TURNS:,} turns, not {len(numbers):,}"
-            raise TextError(message, offset=match.start(2), length=len(text), code="E105")
+            raise TextError(message, offset=text_match.start(2), length=len(text), code="E105")
         for number in numbers:
             yield names.new_child({variable: Amount(Fraction(number), "")})
 
     def body(self, body: document.Mapping, names: Names, depth: int) -> None:
         """Write what stands below a loop out for one turn."""
-        copy = _Copy(self, names)
-        for word, (name, child) in body.entries.items():
-            if word == "let" and isinstance(child, document.Mapping):
-                copy = _Copy(self, self.named(child, copy.names))
+        turn_copy = _Copy(self, names)
+        for word, (name_node, child_node) in body.entries.items():
+            if word == "let" and isinstance(child_node, document.Mapping):
+                turn_copy = _Copy(self, self.named(child_node, turn_copy.names))
             elif is_loop(word):
-                self.loop(name, child, copy.names, depth + 1)
+                self.loop(name_node, child_node, turn_copy.names, depth + 1)
             else:
-                name_copy = copy.scalar(name)
+                name_copy = turn_copy.scalar(name_node)
                 if "(" not in name_copy.text:  # else it was refused
-                    self.add(name_copy.text, name_copy, copy.node(child))
+                    self.add(name_copy.text, name_copy, turn_copy.node(child_node))
 
     def named(self, section: document.Mapping, names: Names) -> Names:
         """The values of a `let` below a loop, beside those that have names already."""
@@ -203,21 +205,21 @@ class _Writer:
         raise _Refused
 
 
-def _merged(looped: Node, written: Node) -> Node:
+def _merged(looped: Node, written_node: Node) -> Node:
     """A module of a loop with the fields of one of the same name and kind that is written beside
     it; one of another kind stands in its place.
     """
-    if not (isinstance(looped, document.Mapping) and isinstance(written, document.Mapping)):
-        return written
-    if not written.entries.keys() <= looped.entries.keys():
-        return written
-    entries = dict(looped.entries)
-    for kind, (key, fields) in written.entries.items():
-        known = entries[kind][1]
+    if not (isinstance(looped, document.Mapping) and isinstance(written_node, document.Mapping)):
+        return written_node
+    if not written_node.entries.keys() <= looped.entries.keys():
+        return written_node
+    merged_entries = dict(looped.entries)
+    for kind, (key, fields) in written_node.entries.items():
+        known = merged_entries[kind][1]
         if isinstance(known, document.Mapping) and isinstance(fields, document.Mapping):
             fields = replace(fields, entries={**known.entries, **fields.entries})
-        entries[kind] = key, fields
-    return replace(written, entries=entries)
+        merged_entries[kind] = key, fields
+    return replace(written_node, entries=merged_entries)
 
 
 class _Copy:
@@ -232,26 +234,26 @@ class _Copy:
         if isinstance(node, Scalar):
             return self.scalar(node)
         self.writer.count(node)
-        source = self._document(node.document)
+        copied_document = self._document(node.document)
         if isinstance(node, document.Mapping):
             entries: Entries = {}
             for key, child in node.entries.values():
                 key_copy = self.scalar(key)
                 entries[key_copy.text] = key_copy, self.node(child)
-            return document.Mapping(source, node.start, node.end, entries)
+            return document.Mapping(copied_document, node.start, node.end, entries)
         assert isinstance(node, document.Sequence)
         items = [self.node(item) for item in node.items]
-        return document.Sequence(source, node.start, node.end, items)
+        return document.Sequence(copied_document, node.start, node.end, items)
 
     def scalar(self, node: Scalar) -> Scalar:
         self.writer.count(node)
-        text = node.text
-        if "(" in text:
+        scalar_text = node.text
+        if "(" in scalar_text:
             try:
-                text = _numbered(text, self.names)
+                scalar_text = _numbered(scalar_text, self.names)
             except TextError as error:
                 self.writer.report(error, node)
-        return replace(node, document=self._document(node.document), text=text)
+        return replace(node, document=self._document(node.document), text=scalar_text)
 
     def _document(self, source: Document) -> Document:
         copy = self._documents.get(source)
@@ -261,58 +263,60 @@ class _Copy:
         return copy
 
 
-def _numbered(text: str, names: Names) -> str:
+def _numbered(name_text: str, names: Names) -> str:
     """A text in which `m(i+1)` is replaced by `m4`. Raises TextError."""
-    pieces, offset = [], 0
-    while (match := _NUMBERED.search(text, offset)) is not None:
-        if match[1] in _FUNCTIONS:
-            pieces.append(text[offset : match.end()])
-            offset = match.end()
+    pieces, text_offset = [], 0
+    while (text_match := _NUMBERED.search(name_text, text_offset)) is not None:
+        if text_match[1] in _FUNCTIONS:
+            pieces.append(name_text[text_offset : text_match.end()])
+            text_offset = text_match.end()
             continue
-        end = _closing(text, match.end())
-        inside = text[match.end() : end]
-        number = _number_of_name(text, match, inside, names)
-        pieces.append(f"{text[offset : match.end() - 1]}{number}")
-        offset = end + 1
-    return "".join((*pieces, text[offset:]))
+        end = _closing(name_text, text_match.end())
+        inside = name_text[text_match.end() : end]
+        number = _number_of_name(name_text, text_match, inside, names)
+        pieces.append(f"{name_text[text_offset : text_match.end() - 1]}{number}")
+        text_offset = end + 1
+    return "".join((*pieces, name_text[text_offset:]))
 
 
-def _number_of_name(text: str, match: re.Match[str], inside: str, names: Names) -> int:
+def _number_of_name(text: str, name_match: re.Match[str], inside: str, names: Names) -> int:
     try:
         amount = evaluate(inside, names)
     except TextError as error:
-        error.offset += match.end()
+        error.offset += name_match.end()
         raise
-    number = amount.number
-    if amount.unit or number.denominator != 1 or number < 0:
-        index_text = text[match.start() : match.end() + len(inside) + 1]
+    amount_number = amount.number
+    if amount.unit or amount_number.denominator != 1 or amount_number < 0:
+        index_text = text[name_match.start() : name_match.end() + len(inside) + 1]
         message = f"the number of a name is a whole one, 0 or more, and {quote(index_text)} "
         message += f"has {amount.literal}"
         length = max(1, len(inside))
-        raise TextError(message, offset=match.end(), length=length, code="E202")
-    return int(number)
+        raise TextError(message, offset=name_match.end(), length=length, code="E202")
+    return int(amount_number)
 
 
-def _closing(text: str, start: int) -> int:
-    """The index of the parenthesis that closes one before `start`. Raises TextError."""
+def _closing(text: str, text_start: int) -> int:
+    """The index of the parenthesis that closes one before `text_start`. Raises TextError."""
     depth = 1
-    for index in range(start, len(text)):
+    for index in range(text_start, len(text)):
         depth += (text[index] == "(") - (text[index] == ")")
         if depth == 0:
             return index
-    raise TextError("this parenthesis is never closed", offset=start - 1, code="E201")
+    raise TextError("this parenthesis is never closed", offset=text_start - 1, code="E201")
 
 
-def _integer(match: re.Match[str], group: int, names: Names) -> int:
+def _integer(loop_match: re.Match[str], group_index: int, names: Names) -> int:
     """The whole number that a part of `for i in 1..12 by 2` gives. Raises TextError."""
     try:
-        amount = evaluate(match[group], names)
+        amount = evaluate(loop_match[group_index], names)
     except TextError as error:
-        error.offset += match.start(group)
+        error.offset += loop_match.start(group_index)
         raise
     if amount.unit or amount.number.denominator != 1:
-        message = f"a loop counts by whole numbers, and {quote(match[group].strip())} is "
+        message = (
+            f"a loop counts by whole numbers, and {quote(loop_match[group_index].strip())} is "
+        )
         message += amount.literal
-        length = len(match[group])
-        raise TextError(message, offset=match.start(group), length=length, code="E202")
+        length = len(loop_match[group_index])
+        raise TextError(message, offset=loop_match.start(group_index), length=length, code="E202")
     return int(amount.number)

@@ -33,14 +33,16 @@ class NamedAmounts:
     wrong: list[tuple[Scalar, TextError]]
 
 
-def named_amounts(source: Document) -> NamedAmounts:
+def named_amounts(source_document: Document) -> NamedAmounts:
     """The values that `let:` of a document names; read once."""
-    if source.lets is None:
-        root, node = source.root, source.let
+    if source_document.lets is None:
+        root, node = source_document.root, source_document.let
         if node is None and isinstance(root, document.Mapping) and "let" in root.entries:
             node = root.entries["let"][1]
-        source.lets = _read(node) if isinstance(node, document.Mapping) else NamedAmounts({}, [])
-    amounts_by_name: NamedAmounts = source.lets
+        source_document.lets = (
+            _read(node) if isinstance(node, document.Mapping) else NamedAmounts({}, [])
+        )
+    amounts_by_name: NamedAmounts = source_document.lets
     return amounts_by_name
 
 
@@ -54,46 +56,47 @@ def _read(section: document.Mapping) -> NamedAmounts:
 
 def add_named(
     amounts_by_name: NamedAmounts,
-    number: int,
-    word: str,
+    name_index: int,
+    value_name: str,
     key: Scalar,
-    node: Node,
+    value_node: Node,
     later: Container[str],
 ) -> bool:
     """Add a name of `let:`, or what is wrong with it; False after the last one that is allowed.
 
-    `number` of them were before it, and `later` are all that stand with it.
+    `name_index` of them were before it, and `later` are all that stand with it.
     """
     error: TextError | None = None
-    if number >= MAX_NAMES:
+    if name_index >= MAX_NAMES:
         message = f"`let:` has more than {MAX_NAMES:,} names"
-        error = TextError(message, length=len(word), code="E105")
-    elif not _NAME.fullmatch(word) or word in UNITS or len(word) > 64:
+        error = TextError(message, length=len(value_name), code="E105")
+    elif not _NAME.fullmatch(value_name) or value_name in UNITS or len(value_name) > 64:
         message = (
-            f"{quote(word)} cannot be the name of a value; write a small letter, then letters, "
+            f"{quote(value_name)} cannot be the name of a value; write a small letter, then "
+            "letters, "
             "digits and _, and no unit"
         )
-        error = TextError(message, length=len(word), code="E110")
-    elif not isinstance(node, Scalar):
-        message = f"{word}: one value or expression is expected, such as 400g or 2*heavy"
-        error = TextError(message, length=len(word), code="E104")
-    if error is not None or not isinstance(node, Scalar):
+        error = TextError(message, length=len(value_name), code="E110")
+    elif not isinstance(value_node, Scalar):
+        message = f"{value_name}: one value or expression is expected, such as 400g or 2*heavy"
+        error = TextError(message, length=len(value_name), code="E104")
+    if error is not None or not isinstance(value_node, Scalar):
         assert error is not None
         amounts_by_name.wrong.append((key, error))
-        return number < MAX_NAMES
-    if _BAR_BEAT.fullmatch(node.text):
-        message = f"{quote(node.text.strip())} is a position; name it under `marks:`"
-        error = TextError(message, length=len(node.text), code="E201")
-        amounts_by_name.wrong.append((node, error))
+        return name_index < MAX_NAMES
+    if _BAR_BEAT.fullmatch(value_node.text):
+        message = f"{quote(value_node.text.strip())} is a position; name it under `marks:`"
+        error = TextError(message, length=len(value_node.text), code="E201")
+        amounts_by_name.wrong.append((value_node, error))
         return True
     try:
-        amounts_by_name.names[word] = evaluate(node.text, amounts_by_name.names, later)
+        amounts_by_name.names[value_name] = evaluate(value_node.text, amounts_by_name.names, later)
     except TextError as problem:
-        amounts_by_name.wrong.append((node, problem))
+        amounts_by_name.wrong.append((value_node, problem))
     return True
 
 
-def parse_with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:
+def parse_with_names(text_node: Scalar, parse: Callable[[str], _T]) -> _T:
     """Read a text of several words, in which names of `let:` may stand for values.
 
     The text is parsed as written; if that fails, words such as `low`, `low@2` or `2*low` are
@@ -101,26 +104,30 @@ def parse_with_names(node: Scalar, parse: Callable[[str], _T]) -> _T:
     fault, as written.
     """
     try:
-        return parse(node.text)
+        return parse(text_node.text)
     except TextError as plain:
-        pieces = _replaced(node.text, named_amounts(node.document).names)
+        pieces = _replaced(text_node.text, named_amounts(text_node.document).names)
         if len(pieces) < 2:
             raise
         try:
             return parse("".join(text for _, text in pieces))
         except TextError as error:
-            written_pieces, offset = [], 0
-            for written, text in pieces:
-                written_pieces.append((offset, offset + len(text), written, text))
-                offset += len(text)
-            start = 0
-            for first, end, written, text in written_pieces:
-                if first <= error.offset < end or end == offset:
-                    inside = error.offset - first if written == text else 0
-                    plain_length = len(written) if written != text else error.length
-                    error.offset, error.length = start + inside, max(1, plain_length)
+            written_pieces, text_offset = [], 0
+            for written_piece, value_text in pieces:
+                written_pieces.append(
+                    (text_offset, text_offset + len(value_text), written_piece, value_text)
+                )
+                text_offset += len(value_text)
+            piece_start = 0
+            for first, end, written_piece, value_text in written_pieces:
+                if first <= error.offset < end or end == text_offset:
+                    inside = error.offset - first if written_piece == value_text else 0
+                    plain_length = (
+                        len(written_piece) if written_piece != value_text else error.length
+                    )
+                    error.offset, error.length = piece_start + inside, max(1, plain_length)
                     raise error from plain
-                start += len(written)
+                piece_start += len(written_piece)
             raise
 
 
@@ -137,46 +144,50 @@ def is_computed(word: str, document: Document) -> bool:
     return has_name(word, document) or _SIGNS_OF_WORDS.search(word) is not None
 
 
-def word_value(word: str, document: Document, parse: Callable[[str], _T]) -> _T:
+def word_value(table_word: str, document: Document, parse: Callable[[str], _T]) -> _T:
     """Read one word of a table, for which an expression may stand. Raises TextError."""
     try:
-        return parse(word)
+        return parse(table_word)
     except TextError as plain:
         names = named_amounts(document).names
-        if not is_computed(word, document):
-            plain.suggestion = plain.suggestion or nearest(word, names)
+        if not is_computed(table_word, document):
+            plain.suggestion = plain.suggestion or nearest(table_word, names)
             raise
-        literal = evaluate(word, names).literal
+        literal = evaluate(table_word, names).literal
     try:
         return parse(literal)
     except TextError as error:
-        message = f"{quote(word)} is {literal}: {error.message}"
-        raise TextError(message, length=len(word), code=error.code) from None
+        message = f"{quote(table_word)} is {literal}: {error.message}"
+        raise TextError(message, length=len(table_word), code=error.code) from None
 
 
-def position(text: str, document: Document, parse: Callable[[str], _T]) -> _T:
+def position(position_text: str, document: Document, parse: Callable[[str], _T]) -> _T:
     """Read a position. Names of `let:` may stand in it for beats and lengths, unless a mark has the
     same name.
 
     Raises TextError.
     """
-    names = named_amounts(document).names
-    prefix_match = _BEGUN.fullmatch(text)
+    known_names = named_amounts(document).names
+    prefix_match = _BEGUN.fullmatch(position_text)
     try:
-        parsed = parse(text)
-        if getattr(parsed, "mark", None) not in names or _is_mark(text, document):
+        parsed = parse(position_text)
+        if getattr(parsed, "mark", None) not in known_names or _is_mark(position_text, document):
             return parsed
     except TextError:
         is_name_meant = (
-            names and prefix_match is not None and prefix_match[3].lstrip()[:1].isalpha()
+            known_names and prefix_match is not None and prefix_match[3].lstrip()[:1].isalpha()
         )
-        if not (has_name(text, document) or is_name_meant or re.search(r"[*(]", text)):
+        if not (
+            has_name(position_text, document) or is_name_meant or re.search(r"[*(]", position_text)
+        ):
             raise
-    if prefix_match is None or (prefix_match[1] in names and not _is_mark(text, document)):
-        literal = evaluate(text, names).literal
+    if prefix_match is None or (
+        prefix_match[1] in known_names and not _is_mark(position_text, document)
+    ):
+        literal = evaluate(position_text, known_names).literal
     else:
         try:
-            length = evaluate(prefix_match[3], names)
+            length = evaluate(prefix_match[3], known_names)
         except TextError as error:
             error.offset += prefix_match.start(3)
             raise
@@ -185,8 +196,8 @@ def position(text: str, document: Document, parse: Callable[[str], _T]) -> _T:
     try:
         return parse(literal)
     except TextError as error:
-        message = f"{quote(text.strip())} is {literal}: {error.message}"
-        raise TextError(message, length=max(1, len(text)), code=error.code) from None
+        message = f"{quote(position_text.strip())} is {literal}: {error.message}"
+        raise TextError(message, length=max(1, len(position_text)), code=error.code) from None
 
 
 def _is_mark(text: str, source: Document) -> bool:
@@ -209,19 +220,22 @@ def note_of(word: str, document: Document) -> str | None:
     return amount.literal if amount.unit == "note" else None
 
 
-def _replaced(text: str, names: Mapping[str, Amount]) -> list[tuple[str, str]]:
+def _replaced(written_text: str, known_names: Mapping[str, Amount]) -> list[tuple[str, str]]:
     """Pieces of a text: as written, and with names of values replaced. Raises TextError."""
-    pieces, offset = [], 0
-    for match in _OPERAND.finditer(text):
-        if any(word in names for word in WORD.findall(match.group())):
+    pieces, text_offset = [], 0
+    for text_match in _OPERAND.finditer(written_text):
+        if any(word in known_names for word in WORD.findall(text_match.group())):
             try:
-                literal = evaluate(match.group(), names).literal
+                literal = evaluate(text_match.group(), known_names).literal
             except TextError as error:
-                error.offset += match.start()
+                error.offset += text_match.start()
                 raise
-            pieces += [(text[offset : match.start()],) * 2, (match.group(), literal)]
-            offset = match.end()
-    return [*pieces, (text[offset:],) * 2]
+            pieces += [
+                (written_text[text_offset : text_match.start()],) * 2,
+                (text_match.group(), literal),
+            ]
+            text_offset = text_match.end()
+    return [*pieces, (written_text[text_offset:],) * 2]
 
 
 def percent(literal: str) -> str:
@@ -234,16 +248,16 @@ def literal(node: Scalar) -> str | None:
     """The literal that the expression in a node gives; None if the node is not an expression.
     Raises TextError.
     """
-    names = named_amounts(node.document).names
+    known_names = named_amounts(node.document).names
     text = node.text
-    if not looks_like(text, names):
+    if not looks_like(text, known_names):
         return None
-    low, dots, high = text.partition("..")
+    low_text, dots, high = text.partition("..")
     if not dots:
-        return evaluate(text, names).literal
-    first_literal = evaluate(low, names).literal
+        return evaluate(text, known_names).literal
+    first_literal = evaluate(low_text, known_names).literal
     try:
-        return f"{first_literal}..{evaluate(high, names).literal}"
+        return f"{first_literal}..{evaluate(high, known_names).literal}"
     except TextError as error:
-        error.offset += len(low) + 2
+        error.offset += len(low_text) + 2
         raise

@@ -112,36 +112,36 @@ def step(text: str) -> float | None:
     return pitch(text) if key is None else key
 
 
-def moved(word: str, semitones: float) -> str:
+def moved(pitch_word: str, semitones: float) -> str:
     """The word of a pitch moved by semitones; an integer of them is keys, where notes are keys.
     Raises TextError.
     """
-    match = _WITH_CENTS.fullmatch(word)
+    match = _WITH_CENTS.fullmatch(pitch_word)
     if match is None:
-        return tuning.hertz_word(q.frequency(word) * _core.pow(2.0, semitones / 12.0))
-    note, cents = match[1], float((match[2] or "0").replace("_", "."))
-    tuned, key = tuning.current(), number(note)
+        return tuning.hertz_word(q.frequency(pitch_word) * _core.pow(2.0, semitones / 12.0))
+    note_name, cents = match[1], float((match[2] or "0").replace("_", "."))
+    tuned, key = tuning.current(), number(note_name)
     is_keys = isinstance(semitones, int) or (tuned.scale is None and semitones.is_integer())
     if tuned.has_keys and key is not None and is_keys:
-        note = name(key + int(semitones))
+        note_name = name(key + int(semitones))
     else:
         cents += 100.0 * semitones
     cents = round(cents, 6)
-    return tuning.spelled(f"{note}{cents:+.10g}cents") if cents else note
+    return tuning.spelled(f"{note_name}{cents:+.10g}cents") if cents else note_name
 
 
-def chord(root: str, scale: str) -> list[str]:
+def chord(root_note: str, scale: str) -> list[str]:
     """The words of the notes of a scale or a chord, by its name, above a note. Raises TextError
     where they have no name.
     """
-    steps, root_number = SCALES[scale], number(root)
+    scale_steps, root_number = SCALES[scale], number(root_note)
     if tuning.current().has_keys and root_number is not None:
-        is_flat = root[1:2] in ("b", "♭")
-        return [name(root_number + step, flat=is_flat) for step in steps]
+        is_flat = root_note[1:2] in ("b", "♭")
+        return [name(root_number + step, flat=is_flat) for step in scale_steps]
     if root_number is None:
-        base = q.frequency(root)
-        return [tuning.hertz_word(base * _core.pow(2.0, step / 12.0)) for step in steps]
-    return tuning.current().above(root, steps)
+        base = q.frequency(root_note)
+        return [tuning.hertz_word(base * _core.pow(2.0, step / 12.0)) for step in scale_steps]
+    return tuning.current().above(root_note, scale_steps)
 
 
 def scale_step(word: str) -> str:
@@ -153,35 +153,35 @@ def scale_step(word: str) -> str:
     return chord(root, scale)[SCALES[scale].index(int(semitones))] if semitones else root
 
 
-def read_note(word: str) -> int:
+def read_note(note_word: str) -> int:
     """The number of a note that is written. Raises TextError."""
-    q.frequency(word)  # says what is meant by H3 or c4
-    midi_number = number(word)
+    q.frequency(note_word)  # says what is meant by H3 or c4
+    midi_number = number(note_word)
     if midi_number is None or not LOWEST <= midi_number <= HIGHEST:
-        message = f"{quote(word)} is not a note such as A3 or Bb2"
-        raise TextError(message, length=max(1, len(word)), code="E201")
+        message = f"{quote(note_word)} is not a note such as A3 or Bb2"
+        raise TextError(message, length=max(1, len(note_word)), code="E201")
     return midi_number
 
 
 def parse_notes(text: str) -> tuple[str, ...]:
     """Read `D3 F3 A3`, `C3..C5 pentatonic`, `C3 minor count 8`, `A3.min7`. Raises TextError."""
-    words = [(match.group(), match.start()) for match in _WORD.finditer(text)]
-    if not words:
+    placed_words = [(match.group(), match.start()) for match in _WORD.finditer(text)]
+    if not placed_words:
         raise TextError(f"no note is written; write for instance {_EXAMPLE}", code="E201")
-    if ".." in words[0][0] or any(word == "count" for word, _ in words):
-        return _range(words)
-    notes: list[str] = []
-    for word, offset in words:
-        root, dot, scale = tuning.spelled(word).partition(".")
+    if ".." in placed_words[0][0] or any(word == "count" for word, _ in placed_words):
+        return _range(placed_words)
+    note_words: list[str] = []
+    for typed_word, text_offset in placed_words:
+        root_note, dot, scale = tuning.spelled(typed_word).partition(".")
         try:
-            check_note(root)
+            check_note(root_note)
         except TextError as error:
-            error.offset += offset
+            error.offset += text_offset
             raise
         if dot:
-            _scale(scale, offset + len(word) - len(scale))
-        notes += chord(root, scale) if dot else [root]
-    return _bounded(notes)
+            _scale(scale, text_offset + len(typed_word) - len(scale))
+        note_words += chord(root_note, scale) if dot else [root_note]
+    return _bounded(note_words)
 
 
 def _read_at(word: str, offset: int) -> int:
@@ -204,12 +204,12 @@ def check_note(text: str) -> None:
 
 
 def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
-    (first_word, offset), later_words = words[0], words[1:]
+    (first_word, words_offset), later_words = words[0], words[1:]
     low_name, dots, high_name = first_word.partition("..")
-    count = None
-    root_number = _read_at(low_name, offset)
-    high = _read_at(high_name, offset + len(low_name) + 2) if dots else None
-    scale, scale_offset = "chromatic", offset
+    count_asked = None
+    root_number = _read_at(low_name, words_offset)
+    high_number = _read_at(high_name, words_offset + len(low_name) + 2) if dots else None
+    scale, scale_offset = "chromatic", words_offset
     if later_words and later_words[0][0] != "count":
         (scale, scale_offset), later_words = later_words[0], later_words[1:]
     steps = _scale(scale, scale_offset)
@@ -218,35 +218,37 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
         if not re.fullmatch(r"[0-9]{1,6}", value) or not 1 <= int(value) <= MAX_NOTES:
             message = f"`count` needs a whole number from 1 to {MAX_NOTES}"
             raise TextError(message, offset=count_offset, length=max(1, len(value)), code="E202")
-        count, later_words = int(value), later_words[2:]
+        count_asked, later_words = int(value), later_words[2:]
     if later_words:
         word, word_offset = later_words[0]
         message = f"unknown word {quote(word)}; notes are written like {_EXAMPLE}"
         raise TextError(message, offset=word_offset, length=len(word), code="E204")
-    if high is not None and high < root_number:
+    if high_number is not None and high_number < root_number:
         message = f"the range {quote(first_word)} runs downwards; write the lower note first"
         suggestion = f"{high_name}..{low_name}"
         raise TextError(
-            message, offset=offset, length=len(first_word), suggestion=suggestion, code="E202"
+            message, offset=words_offset, length=len(first_word), suggestion=suggestion, code="E202"
         )
-    highest_number = HIGHEST if high is None else high
+    highest_number = HIGHEST if high_number is None else high_number
     octaves = range((HIGHEST - root_number) // 12 + 1)
     if not tuning.current().has_keys:
-        names = _spelled_range(
-            low_name, name(highest_number) if high is None else high_name, scale
-        )[:count]
+        spelled_names = _spelled_range(
+            low_name, name(highest_number) if high_number is None else high_name, scale
+        )[:count_asked]
     else:
         numbers = [root_number + 12 * octave + step for octave in octaves for step in steps]
         is_flat = low_name[1:2] in ("b", "♭")
-        names = [
+        spelled_names = [
             low_name,
             *(name(note, flat=is_flat) for note in numbers[1:] if note <= highest_number),
-        ][:count]
-    if count is not None and len(names) < count:
-        message = f"from {low_name} to {high_name or name(HIGHEST)} there are {len(names)} notes"
-        message += f", not {count}"
-        raise TextError(message, offset=offset, length=len(first_word), code="E202")
-    return _bounded(names)
+        ][:count_asked]
+    if count_asked is not None and len(spelled_names) < count_asked:
+        message = (
+            f"from {low_name} to {high_name or name(HIGHEST)} there are {len(spelled_names)} notes"
+        )
+        message += f", not {count_asked}"
+        raise TextError(message, offset=words_offset, length=len(first_word), code="E202")
+    return _bounded(spelled_names)
 
 
 def _spelled_range(low: str, high: str, scale: str) -> list[str]:
@@ -293,20 +295,20 @@ class Notes(Shape):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         items = node.items if isinstance(node, document.Sequence) else [node]
-        notes: list[str] = []
-        for item in items:
-            if not isinstance(item, Scalar) or not items:
-                return wrong_shape(self, item, name, context)
+        note_words: list[str] = []
+        for item_node in items:
+            if not isinstance(item_node, Scalar) or not items:
+                return wrong_shape(self, item_node, name, context)
             try:
-                notes += parse_notes(item.text)
-                _bounded(notes)
+                note_words += parse_notes(item_node.text)
+                _bounded(note_words)
             except TextError as error:
-                context.text_error(error, item, name)
+                context.text_error(error, item_node, name)
                 return MISSING
-        if not notes:
+        if not note_words:
             context.error("E106", f"{context.label(name)}: no note is written", node.place)
             return MISSING
-        return tuple(notes)
+        return tuple(note_words)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

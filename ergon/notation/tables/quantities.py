@@ -165,16 +165,16 @@ _ALL_UNITS = tuple(
 )
 
 
-def full_scale(text: str) -> tuple[float, bool]:
+def full_scale(scale_text: str) -> tuple[float, bool]:
     """Read the value of full scale of an input [N or m], and whether it is a force.
 
     Raises TextError if the unit is neither of force nor of length, or if the value is 0.
     """
-    word = text.strip()
+    word = scale_text.strip()
     is_force = word.endswith("N")
     if not is_force and not word.endswith("m"):
         raise TextError(f"{quote(word)} must have a unit of force or length, such as 2mN or 0.1mm")
-    value = quantity(text, INPUT_FORCE if is_force else INPUT_LENGTH)
+    value = quantity(scale_text, INPUT_FORCE if is_force else INPUT_LENGTH)
     if value == 0.0:
         raise TextError("full scale must not be 0")
     return value, is_force
@@ -182,113 +182,144 @@ def full_scale(text: str) -> tuple[float, bool]:
 
 def quantity(text: str, dimension: Dimension) -> float:
     """The SI value of a number with a unit. Raises TextError: E201, E202 or E203."""
-    word = _trimmed(text)
-    match = _FRACTION.match(word) or _NUMBER.match(word)
-    if match is None:
-        raise _not_a_number(word, dimension)
-    unit = word[match.end() :].strip()
-    power = _power(unit, word, len(word) - len(unit), dimension)
-    if match.re is _FRACTION:
-        if int(match[2]) == 0:
-            raise TextError("the number divides by zero", length=len(word), code="E202")
-        value = float(Fraction(int(match[1]), int(match[2])) * Fraction(10) ** power)
+    quantity_word = _trimmed(text)
+    number_match = _FRACTION.match(quantity_word) or _NUMBER.match(quantity_word)
+    if number_match is None:
+        raise _not_a_number(quantity_word, dimension)
+    unit = quantity_word[number_match.end() :].strip()
+    power_of_ten = _power(unit, quantity_word, len(quantity_word) - len(unit), dimension)
+    if number_match.re is _FRACTION:
+        if int(number_match[2]) == 0:
+            raise TextError("the number divides by zero", length=len(quantity_word), code="E202")
+        value = float(
+            Fraction(int(number_match[1]), int(number_match[2])) * Fraction(10) ** power_of_ten
+        )
     else:
-        value = float(f"{match[1]}e{int(match[2] or 0) + power}")
-    return bounded(value, word, dimension)
+        value = float(f"{number_match[1]}e{int(number_match[2] or 0) + power_of_ten}")
+    return bounded(value, quantity_word, dimension)
 
 
-def bounded(value: float, word: str, dimension: Dimension) -> float:
+def bounded(si_value: float, quantity_word: str, dimension: Dimension) -> float:
     """The value when it lies within the dimension's bounds. Raises TextError E202."""
-    reason = ""
-    if not math.isfinite(value) or abs(value) > MAX_SIZE:
-        reason = f"too large; the maximum is {min(dimension.high, MAX_SIZE):g}{dimension.si}"
-    elif dimension.sign == "positive" and value <= 0:
-        reason = f"not positive; write a positive {dimension.name}, such as {dimension.example}"
-    elif dimension.sign == "not negative" and value < 0:
-        reason = f"negative; write 0 or a positive {dimension.name}, such as {dimension.example}"
-    elif value < dimension.low:
-        reason = f"below the minimum of {dimension.low:g}{dimension.si}"
-    elif value > dimension.high:
-        reason = f"above the maximum of {dimension.high:g}{dimension.si}"
-    if reason:
-        raise TextError(f"{quote(word)} is {reason}", length=len(word), code="E202")
-    return value
+    bound_reason = ""
+    if not math.isfinite(si_value) or abs(si_value) > MAX_SIZE:
+        bound_reason = f"too large; the maximum is {min(dimension.high, MAX_SIZE):g}{dimension.si}"
+    elif dimension.sign == "positive" and si_value <= 0:
+        bound_reason = (
+            f"not positive; write a positive {dimension.name}, such as {dimension.example}"
+        )
+    elif dimension.sign == "not negative" and si_value < 0:
+        bound_reason = (
+            f"negative; write 0 or a positive {dimension.name}, such as {dimension.example}"
+        )
+    elif si_value < dimension.low:
+        bound_reason = f"below the minimum of {dimension.low:g}{dimension.si}"
+    elif si_value > dimension.high:
+        bound_reason = f"above the maximum of {dimension.high:g}{dimension.si}"
+    if bound_reason:
+        raise TextError(
+            f"{quote(quantity_word)} is {bound_reason}", length=len(quantity_word), code="E202"
+        )
+    return si_value
 
 
-def _power(unit: str, word: str, offset: int, dimension: Dimension) -> int:
-    power = dimension.units.get(unit)
+def _power(unit_text: str, quantity_word: str, unit_offset: int, dimension: Dimension) -> int:
+    power = dimension.units.get(unit_text)
     if power is not None:
         return power
-    units = ", ".join(unit for unit in dimension.units if unit.isascii())
-    length = len(word)
-    if not unit:
-        if dimension.bare or not word.strip("+-0."):
+    unit_list = ", ".join(unit for unit in dimension.units if unit.isascii())
+    marked_length = len(quantity_word)
+    if not unit_text:
+        if dimension.bare or not quantity_word.strip("+-0."):
             return 0
         usual = dimension.example.lstrip("+-.0123456789")
         other_unit = next((name for name in (dimension.si, *dimension.units) if name != usual), "")
-        could = f"; it could be {word}{usual} or {word}{other_unit}" if other_unit else ""
-        message = f"{quote(word)} has no unit (use {units}){could}"
-        raise TextError(message, length=length, suggestion=word + usual, code="E203")
-    length = len(unit)
-    if unit[0] in ":_," or unit[0].isdigit():
-        raise _not_a_number(word, dimension)
-    if not units:
-        message = f"{with_article(dimension.name)} has no unit; remove {quote(unit)}"
-        raise TextError(message, offset=offset, length=length, code="E203")
-    measures = next((name for of_dimension, name in _ALL_UNITS if of_dimension == unit), None)
+        could = (
+            f"; it could be {quantity_word}{usual} or {quantity_word}{other_unit}"
+            if other_unit
+            else ""
+        )
+        message = f"{quote(quantity_word)} has no unit (use {unit_list}){could}"
+        raise TextError(
+            message, length=marked_length, suggestion=quantity_word + usual, code="E203"
+        )
+    marked_length = len(unit_text)
+    if unit_text[0] in ":_," or unit_text[0].isdigit():
+        raise _not_a_number(quantity_word, dimension)
+    if not unit_list:
+        message = f"{with_article(dimension.name)} has no unit; remove {quote(unit_text)}"
+        raise TextError(message, offset=unit_offset, length=marked_length, code="E203")
+    measures = next((name for of_dimension, name in _ALL_UNITS if of_dimension == unit_text), None)
     if measures is None:
-        likely_unit = _likely(unit, dimension)
-        message = f"unknown unit {quote(unit)} ({with_article(dimension.name)} has {units})"
-        raise TextError(message, offset=offset, length=length, suggestion=likely_unit, code="E203")
-    message = f"unit {quote(unit)} does not measure {dimension.name} (use {units})"
-    raise TextError(message, offset=offset, length=length, code="E203")
+        likely_unit = _likely(unit_text, dimension)
+        message = (
+            f"unknown unit {quote(unit_text)} ({with_article(dimension.name)} has {unit_list})"
+        )
+        raise TextError(
+            message, offset=unit_offset, length=marked_length, suggestion=likely_unit, code="E203"
+        )
+    message = f"unit {quote(unit_text)} does not measure {dimension.name} (use {unit_list})"
+    raise TextError(message, offset=unit_offset, length=marked_length, code="E203")
 
 
-def _likely(unit: str, dimension: Dimension) -> str | None:
-    """The unit that was most likely meant; None if `unit` is a valid unit with a prefix that this
-    dimension does not have.
+def _likely(unit_text: str, dimension: Dimension) -> str | None:
+    """The unit that was most likely meant; None if `unit_text` is a valid unit with a prefix that
+    this dimension does not have.
     """
-    spoken = _SPOKEN.get(unit.lower()) or _SPOKEN.get(unit.lower().removesuffix("s"))
+    spoken = _SPOKEN.get(unit_text.lower()) or _SPOKEN.get(unit_text.lower().removesuffix("s"))
     if spoken in dimension.units:
         return spoken
-    is_multiple = unit[0] in _PREFIXES and unit[1:] in dimension.units
-    return None if is_multiple else nearest(unit, dimension.units)
+    is_multiple = unit_text[0] in _PREFIXES and unit_text[1:] in dimension.units
+    return None if is_multiple else nearest(unit_text, dimension.units)
 
 
 def _trimmed(text: str) -> str:
-    word = text.strip()
-    if not word:
+    trimmed_word = text.strip()
+    if not trimmed_word:
         raise TextError(
             "no value is written here; write a number, with its unit where it has one", code="E201"
         )
-    if len(word) > MAX_TEXT:
+    if len(trimmed_word) > MAX_TEXT:
         raise TextError(
-            f"{quote(word)} has more than {MAX_TEXT} characters; a value is shorter",
+            f"{quote(trimmed_word)} has more than {MAX_TEXT} characters; a value is shorter",
             length=MAX_TEXT,
             code="E201",
         )
-    if (character := typeset_character(word)) is not None:
-        message = f"{quote(word)} has {character}"
-        raise TextError(message, length=len(word), suggestion=plain(word), code="E201")
-    if not word.replace("µ", "u").replace("μ", "u").replace("♯", "#").replace("♭", "b").isascii():
-        message = f"{quote(word)} has a character that no number and no unit has"
-        raise TextError(message, length=len(word), code="E201")
-    return word
+    if (character := typeset_character(trimmed_word)) is not None:
+        message = f"{quote(trimmed_word)} has {character}"
+        raise TextError(
+            message, length=len(trimmed_word), suggestion=plain(trimmed_word), code="E201"
+        )
+    if (
+        not trimmed_word.replace("µ", "u")
+        .replace("μ", "u")
+        .replace("♯", "#")
+        .replace("♭", "b")
+        .isascii()
+    ):
+        message = f"{quote(trimmed_word)} has a character that no number and no unit has"
+        raise TextError(message, length=len(trimmed_word), code="E201")
+    return trimmed_word
 
 
-def _not_a_number(word: str, dimension: Dimension) -> TextError:
+def _not_a_number(quantity_word: str, dimension: Dimension) -> TextError:
     noun = with_article(dimension.name)
-    message = f"{quote(word)} is not a number; {noun} is written like {dimension.example}"
+    message = f"{quote(quantity_word)} is not a number; {noun} is written like {dimension.example}"
     suggestion = None
-    if (seconds := clock_time(word)) is not None:
-        message = f"{quote(word)} is a clock time; write it in seconds"
+    if (seconds := clock_time(quantity_word)) is not None:
+        message = f"{quote(quantity_word)} is a clock time; write it in seconds"
         suggestion = seconds
-    elif re.fullmatch(r"[+-]?[\d_,]+\D*", word) and ("_" in word or "," in word):
-        message = f"{quote(word)}: write digits without '_' and ',', and '.' as the decimal point"
-        suggestion = _plain_digits(word)
-    elif re.fullmatch(r"[+-]?\.?(nan|inf|infinity)", word, re.IGNORECASE):
-        message = f"{quote(word)} is not a finite number"
-    return TextError(message, length=len(word), suggestion=suggestion, code="E201")
+    elif re.fullmatch(r"[+-]?[\d_,]+\D*", quantity_word) and (
+        "_" in quantity_word or "," in quantity_word
+    ):
+        message = (
+            f"{quote(quantity_word)}: write digits without '_' and ',', and '.' as the decimal "
+            "point"
+        )
+        suggestion = _plain_digits(quantity_word)
+    elif re.fullmatch(r"[+-]?\.?(nan|inf|infinity)", quantity_word, re.IGNORECASE):
+        message = f"{quote(quantity_word)} is not a finite number"
+    return TextError(message, length=len(quantity_word), suggestion=suggestion, code="E201")
 
 
 def _plain_digits(word: str) -> str:
@@ -297,80 +328,103 @@ def _plain_digits(word: str) -> str:
     return word.replace(",", ".") if decimal else re.sub("[_,]", "", word)
 
 
-def frequency(text: str, dimension: Dimension = FREQUENCY) -> float:
+def frequency(pitch_text: str, dimension: Dimension = FREQUENCY) -> float:
     """A frequency [Hz], or a note of the tuning of the file that is read: `A3`, `C#4`,
     `A3+20cents`; with a tuning also a ratio above its root: `3/2`.
     """
-    word = _trimmed(text)
+    pitch_word = _trimmed(pitch_text)
     tuned = tuning.written()
-    spelling = tuning.spelled(word)
-    if tuned is None and _FRACTION.fullmatch(word):
-        spelling = word  # hertz, as ever
-    value = (tuned or tuning.PLAIN).hertz(spelling)
-    if value is not None and not spelling.endswith("Hz"):
-        return bounded(value, word, dimension)
-    if value is None and word[:1].isalpha():
-        message = f"{quote(word)} is neither a frequency such as 220Hz nor a note such as A3 or Bb2"
-        raise note_slip(word) or TextError(message, length=len(word), code="E201")
-    if value is None:
-        _check_pitch(word)
-    return quantity(word.replace("_", ".") if value is not None else text, dimension)
+    spelling = tuning.spelled(pitch_word)
+    if tuned is None and _FRACTION.fullmatch(pitch_word):
+        spelling = pitch_word  # hertz, as ever
+    pitch_hertz = (tuned or tuning.PLAIN).hertz(spelling)
+    if pitch_hertz is not None and not spelling.endswith("Hz"):
+        return bounded(pitch_hertz, pitch_word, dimension)
+    if pitch_hertz is None and pitch_word[:1].isalpha():
+        message = (
+            f"{quote(pitch_word)} is neither a frequency such as 220Hz nor a note such as A3 or Bb2"
+        )
+        raise note_slip(pitch_word) or TextError(message, length=len(pitch_word), code="E201")
+    if pitch_hertz is None:
+        _check_pitch(pitch_word)
+    return quantity(
+        pitch_word.replace("_", ".") if pitch_hertz is not None else pitch_text, dimension
+    )
 
 
-def note_slip(word: str) -> TextError | None:
+def note_slip(note_word: str) -> TextError | None:
     """What is wrong with a word that means a note, a chord or a rest: solfège, a letter without an
     octave, a spelling of another program; None if it means none.
     """
-    if word.lower() in _RESTS:
-        message = f"{quote(word)} is a rest, which is not written among entries: each entry stands "
-        return TextError(
-            f"{message}at its time; in a rhythm a rest is ~", length=len(word), code="E201"
+    if note_word.lower() in _RESTS:
+        message = (
+            f"{quote(note_word)} is a rest, which is not written among entries: each entry stands "
         )
-    if (chord := _CHORD.fullmatch(word)) is not None:
+        return TextError(
+            f"{message}at its time; in a rhythm a rest is ~", length=len(note_word), code="E201"
+        )
+    if (chord := _CHORD.fullmatch(note_word)) is not None:
         root = f"{chord[1].upper()}{chord[2]}"
         message = (
-            f"{quote(word)} is the name of a chord; write its notes, each with an octave, such "
+            f"{quote(note_word)} is the name of a chord; write its notes, each with an octave, "
+            "such "
         )
-        return TextError(f"{message}as {root}4 and those above it", length=len(word), code="E201")
-    if (ticks := _LILYPOND.fullmatch(word)) is not None:
+        return TextError(
+            f"{message}as {root}4 and those above it", length=len(note_word), code="E201"
+        )
+    if (ticks := _LILYPOND.fullmatch(note_word)) is not None:
         octave = 3 + ticks[3].count("'") - ticks[3].count(",")
-        note = f"{ticks[1].upper()}{_FOREIGN_SIGNS.get(ticks[2], ticks[2])}{octave}"
-        message = f"{quote(word)} counts octaves by ticks, and a score by numbers: C4 is middle C"
-        return TextError(message, length=len(word), suggestion=note, code="E201")
-    suggestion = _respelled(word)
-    match = _SOLFEGE.fullmatch(word)
-    letter = None if match is None else _SYLLABLES[match[1].lower()]
-    if match is not None and match[3]:
-        sign, octave = _FOREIGN_SIGNS.get(match[2].lower(), match[2]), int(match[3])
-        suggestion = f"{letter}{sign}{octave}"
+        note_name = f"{ticks[1].upper()}{_FOREIGN_SIGNS.get(ticks[2], ticks[2])}{octave}"
         message = (
-            f"{quote(word)} is solfège, and notes are written by letters: {suggestion}, or "
-            f"{letter}{sign}{octave + 1} where octaves are counted as in France (la3 is A4, 440 Hz)"
+            f"{quote(note_word)} counts octaves by ticks, and a score by numbers: C4 is middle C"
         )
-    elif match is not None or re.fullmatch(r"[A-Ga-g](##|bb|[#b♯♭])?", word):
-        note = (
-            f"{word[0].upper()}{word[1:]}" if letter is None or match is None else letter + match[2]
+        return TextError(message, length=len(note_word), suggestion=note_name, code="E201")
+    suggestion = _respelled(note_word)
+    syllable_match = _SOLFEGE.fullmatch(note_word)
+    note_letter = None if syllable_match is None else _SYLLABLES[syllable_match[1].lower()]
+    if syllable_match is not None and syllable_match[3]:
+        sign, octave = (
+            _FOREIGN_SIGNS.get(syllable_match[2].lower(), syllable_match[2]),
+            int(syllable_match[3]),
         )
-        suggestion = f"{note}4"
+        suggestion = f"{note_letter}{sign}{octave}"
         message = (
-            f"{quote(word)} has no octave: write {note}3, {note}4 or another one; C4 is middle C, "
+            f"{quote(note_word)} is solfège, and notes are written by letters: {suggestion}, or "
+            f"{note_letter}{sign}{octave + 1} where octaves are counted as in France (la3 is A4, "
+            "440 Hz)"
+        )
+    elif syllable_match is not None or re.fullmatch(r"[A-Ga-g](##|bb|[#b♯♭])?", note_word):
+        note_name = (
+            f"{note_word[0].upper()}{note_word[1:]}"
+            if note_letter is None or syllable_match is None
+            else note_letter + syllable_match[2]
+        )
+        suggestion = f"{note_name}4"
+        message = (
+            f"{quote(note_word)} has no octave: write {note_name}3, {note_name}4 or another one; "
+            "C4 is middle C, "
             "A4 has 440 Hz"
         )
     elif suggestion is not None:
-        message = f"{quote(word)} is neither a frequency such as 220Hz nor a note such as A3 or Bb2"
+        message = (
+            f"{quote(note_word)} is neither a frequency such as 220Hz nor a note such as A3 or Bb2"
+        )
     else:
         return None
-    return TextError(message, length=len(word), suggestion=suggestion, code="E201")
+    return TextError(message, length=len(note_word), suggestion=suggestion, code="E201")
 
 
-def _check_pitch(word: str) -> None:
+def _check_pitch(pitch_word: str) -> None:
     """Refuse a number that could be that of a note of MIDI. Raises TextError E203."""
-    if word.isdigit() and 0 < int(word[:4]) <= _NOTE_NUMBER_MAX:
-        octave, step = divmod(int(word), 12)
+    if pitch_word.isdigit() and 0 < int(pitch_word[:4]) <= _NOTE_NUMBER_MAX:
+        octave, step = divmod(int(pitch_word), 12)
         name = f"{_STEPS[step]}{octave - 1}"
-        message = f"{quote(word)} has no unit; it could be {word}Hz, or the note {name}, which is "
-        message += f"number {word} of MIDI"
-        raise TextError(message, length=len(word), code="E203")
+        message = (
+            f"{quote(pitch_word)} has no unit; it could be {pitch_word}Hz, or the note {name}, "
+            "which is "
+        )
+        message += f"number {pitch_word} of MIDI"
+        raise TextError(message, length=len(pitch_word), code="E203")
 
 
 def _respelled(word: str) -> str | None:
@@ -391,27 +445,29 @@ def _respelled(word: str) -> str | None:
 Read = Callable[[str], float]
 
 
-def span(text: str, read: Read, example: str) -> tuple[float, float]:
-    """`low..high`, each read by `read`; a bare number takes the other's unit."""
-    low, dots, high = text.strip().partition("..")
+def span(span_text: str, read_end: Read, example: str) -> tuple[float, float]:
+    """`low..high`, each read by `read_end`; a bare number takes the other's unit."""
+    low_text, dots, high_text = span_text.strip().partition("..")
     if not dots:
-        message = f"{quote(text.strip())} is not a range such as {example}"
-        raise TextError(message, length=len(text.strip()), code="E201")
-    low, high = low.strip(), high.strip()
-    if _NUMBER.fullmatch(low) and (unit := _unit_of(high)):
-        low += unit
-    elif _NUMBER.fullmatch(high) and (unit := _unit_of(low)):
-        high += unit
-    a = read(low)
+        message = f"{quote(span_text.strip())} is not a range such as {example}"
+        raise TextError(message, length=len(span_text.strip()), code="E201")
+    low_text, high_text = low_text.strip(), high_text.strip()
+    if _NUMBER.fullmatch(low_text) and (unit := _unit_of(high_text)):
+        low_text += unit
+    elif _NUMBER.fullmatch(high_text) and (unit := _unit_of(low_text)):
+        high_text += unit
+    low_value = read_end(low_text)
     try:
-        b = read(high)
+        high_value = read_end(high_text)
     except TextError as error:
-        error.offset += text.index("..") + 2
+        error.offset += span_text.index("..") + 2
         raise
-    if a > b:
-        message = f"the range {quote(text.strip())} runs downwards; write the lower end first"
-        raise TextError(message, length=len(text), suggestion=f"{high}..{low}", code="E202")
-    return a, b
+    if low_value > high_value:
+        message = f"the range {quote(span_text.strip())} runs downwards; write the lower end first"
+        raise TextError(
+            message, length=len(span_text), suggestion=f"{high_text}..{low_text}", code="E202"
+        )
+    return low_value, high_value
 
 
 def _unit_of(word: str) -> str:
@@ -424,21 +480,23 @@ def ratio_of(decibels: float) -> float:
     return _core.decibels(decibels)
 
 
-def gain(text: str) -> float:
+def gain(gain_text: str) -> float:
     """A ratio of amplitudes from a level (`-6dB`) or a factor (`x0.5`)."""
-    word = text.strip()
-    if word.startswith("x"):
-        return factor(text)
-    if _NUMBER.fullmatch(word):
-        factor_like = "" if word.startswith("-") else f"x{word} for a factor, or "
-        message = f"{quote(word)} has no unit; write {factor_like}{word}dB for a level"
-        suggestion = f"x{word}" if factor_like else f"{word}dB"
-        raise TextError(message, length=len(word), suggestion=suggestion, code="E203")
-    if _NUMBER.fullmatch(share := word.removesuffix("%").rstrip()) and share != word:
+    gain_word = gain_text.strip()
+    if gain_word.startswith("x"):
+        return factor(gain_text)
+    if _NUMBER.fullmatch(gain_word):
+        factor_like = "" if gain_word.startswith("-") else f"x{gain_word} for a factor, or "
+        message = f"{quote(gain_word)} has no unit; write {factor_like}{gain_word}dB for a level"
+        suggestion = f"x{gain_word}" if factor_like else f"{gain_word}dB"
+        raise TextError(message, length=len(gain_word), suggestion=suggestion, code="E203")
+    if _NUMBER.fullmatch(share := gain_word.removesuffix("%").rstrip()) and share != gain_word:
         ratio = f"x{float(share) / 100.0:g}"
-        message = f"{quote(word)} is a percentage; write {ratio} for a factor, or a level in dB"
-        raise TextError(message, length=len(word), suggestion=ratio, code="E203")
-    return _core.decibels(quantity(text, LEVEL))
+        message = (
+            f"{quote(gain_word)} is a percentage; write {ratio} for a factor, or a level in dB"
+        )
+        raise TextError(message, length=len(gain_word), suggestion=ratio, code="E203")
+    return _core.decibels(quantity(gain_text, LEVEL))
 
 
 def factor(text: str) -> float:
@@ -454,19 +512,23 @@ def factor(text: str) -> float:
         raise
 
 
-def integer(text: str, low: int, high: int) -> int:
+def integer(text: str, low_bound: int, high_bound: int) -> int:
     """A whole number within bounds; `1e4` is accepted."""
-    word = _trimmed(text)
-    if re.fullmatch(r"[+-]?\d{1,30}", word):  # not through a float: seeds have 64 bits
-        value = int(word)
-    elif (number := quantity(word, NUMBER)) == int(number):
-        value = int(number)
+    integer_word = _trimmed(text)
+    if re.fullmatch(r"[+-]?\d{1,30}", integer_word):  # not through a float: seeds have 64 bits
+        integer_value = int(integer_word)
+    elif (number := quantity(integer_word, NUMBER)) == int(number):
+        integer_value = int(number)
     else:
-        raise TextError(f"{quote(word)} is not a whole number", length=len(word), code="E201")
-    if not low <= value <= high:
-        message = f"{quote(word)} lies outside the range from {low:,} to {high:,}"
-        raise TextError(message, length=len(word), code="E202")
-    return value
+        raise TextError(
+            f"{quote(integer_word)} is not a whole number", length=len(integer_word), code="E201"
+        )
+    if not low_bound <= integer_value <= high_bound:
+        message = (
+            f"{quote(integer_word)} lies outside the range from {low_bound:,} to {high_bound:,}"
+        )
+        raise TextError(message, length=len(integer_word), code="E202")
+    return integer_value
 
 
 def level_between(low: float, high: float, share: float) -> float:

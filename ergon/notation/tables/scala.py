@@ -101,56 +101,64 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
 
 def parse_scale(text: str) -> Scale:
     """Read a `.scl` file. Raises ScalaError."""
-    lines = _lines(text)
+    text_lines = _lines(text)
     last_line = text.count("\n") + 1
-    _, title = next(lines, (last_line, ""))
-    number, count_line = next(lines, (last_line, ""))
+    _, title = next(text_lines, (last_line, ""))
+    line_number, count_line = next(text_lines, (last_line, ""))
     match = re.match(r"\d{1,9}(?!\S)", count_line)
     if match is None:
         message = "the second line that is no comment is the number of degrees, such as 12"
-        raise ScalaError(message, number, count_line)
-    count = int(match[0])
-    if not 1 <= count <= MAX_DEGREES:
-        message = f"{count:,} degrees are announced; a scale has from 1 to {MAX_DEGREES:,}"
-        raise ScalaError(message, number, count_line)
-    ratios: list[float] = []
-    while len(ratios) < count:
-        number, line = next(lines, (0, ""))
-        if not number:
-            message = f"{count:,} degrees are announced, but the file has {len(ratios):,}"
+        raise ScalaError(message, line_number, count_line)
+    degree_count = int(match[0])
+    if not 1 <= degree_count <= MAX_DEGREES:
+        message = f"{degree_count:,} degrees are announced; a scale has from 1 to {MAX_DEGREES:,}"
+        raise ScalaError(message, line_number, count_line)
+    degree_ratios: list[float] = []
+    while len(degree_ratios) < degree_count:
+        line_number, line = next(text_lines, (0, ""))
+        if not line_number:
+            message = (
+                f"{degree_count:,} degrees are announced, but the file has {len(degree_ratios):,}"
+            )
             raise ScalaError(message, last_line)
-        ratios.append(_pitch(line, number))
-    return Scale(tuple(ratios), title)
+        degree_ratios.append(_pitch(line, line_number))
+    return Scale(tuple(degree_ratios), title)
 
 
-def _pitch(line: str, number: int) -> float:
+def _pitch(degree_line: str, line_number: int) -> float:
     """The ratio of one degree: cents if there is a period in it, else a ratio."""
-    word = line.split()[0] if line else ""
+    word = degree_line.split()[0] if degree_line else ""
     if _CENTS.fullmatch(word):
         cents = float(word)
         if abs(cents) > _MAX_CENTS:
-            raise ScalaError(f"{quote(word)} lies outside ±{_MAX_CENTS:,.0f} cents", number, line)
+            raise ScalaError(
+                f"{quote(word)} lies outside ±{_MAX_CENTS:,.0f} cents", line_number, degree_line
+            )
         return _core.pow(2.0, cents / 1200.0)
-    match = _RATIO.match(line)
-    sign_after = "" if match is None else line[match.end() : match.end() + 1]
-    if match is None or sign_after.isalnum() or sign_after in {"/", "."}:
-        message = f"{quote(line[:40])} is no pitch; write cents with a period, or a ratio as 3/2"
-        raise ScalaError(message, number, line)
-    numerator, denominator = int(match[1]), int(match[2] or 1)
+    text_match = _RATIO.match(degree_line)
+    sign_after = "" if text_match is None else degree_line[text_match.end() : text_match.end() + 1]
+    if text_match is None or sign_after.isalnum() or sign_after in {"/", "."}:
+        message = (
+            f"{quote(degree_line[:40])} is no pitch; write cents with a period, or a ratio as 3/2"
+        )
+        raise ScalaError(message, line_number, degree_line)
+    numerator, denominator = int(text_match[1]), int(text_match[2] or 1)
     if denominator == 0 or numerator * denominator <= 0:
-        raise ScalaError(f"{quote(match[0])} is not a ratio above 0", number, line)
+        raise ScalaError(f"{quote(text_match[0])} is not a ratio above 0", line_number, degree_line)
     if abs(math.log2(abs(numerator)) - math.log2(abs(denominator))) > math.log2(_MAX_RATIO):
-        raise ScalaError(f"{quote(match[0][:40])} is more than 100 octaves", number, line)
+        raise ScalaError(
+            f"{quote(text_match[0][:40])} is more than 100 octaves", line_number, degree_line
+        )
     return float(Fraction(numerator, denominator))
 
 
 def parse_key_map(text: str) -> KeyMap:
     """Read a `.kbm` file. Raises ScalaError."""
-    lines = _lines(text)
+    text_lines = _lines(text)
     last_line = text.count("\n") + 1
 
     def word(noun: str) -> tuple[int, str]:
-        number, line = next(lines, (last_line, ""))
+        number, line = next(text_lines, (last_line, ""))
         if not line.split():
             raise ScalaError(f"{noun} is missing", number, line)
         return number, line.split()[0]
@@ -162,32 +170,32 @@ def parse_key_map(text: str) -> KeyMap:
             raise ScalaError(message, number, text_of_number)
         return int(text_of_number)
 
-    size = integer("the size of the map", 0, MAX_KEYS)
+    map_size = integer("the size of the map", 0, MAX_KEYS)
     low, high = integer("the first key", 0, 127), integer("the last key", 0, 127)
     middle = integer("the middle key", -MAX_KEYS, MAX_KEYS)
     reference = integer("the reference key", -MAX_KEYS, MAX_KEYS)
-    number, hertz = word("the reference frequency")
+    line_number, hertz = word("the reference frequency")
     if not _DECIMAL.fullmatch(hertz) or not 0.001 <= float(hertz) <= 1e6:
         message = f"{quote(hertz)} is not the reference frequency in hertz, such as 440.0"
-        raise ScalaError(message, number, hertz)
+        raise ScalaError(message, line_number, hertz)
     octave = integer("the degree of the formal octave", 0, MAX_DEGREES)
     degrees: list[int | None] = []
-    rows = [*lines]
+    rows = [*text_lines]
     while rows and not rows[-1][1]:  # blank lines at the end of the file
         rows.pop()
-    for number, line in rows:
-        if len(degrees) == size:
+    for line_number, map_line in rows:
+        if len(degrees) == map_size:
             break
-        cell = line.split()[0] if line else ""
+        cell = map_line.split()[0] if map_line else ""
         if cell.lower() == "x":
             degrees.append(None)
         elif _INTEGER.fullmatch(cell) and abs(int(cell)) <= MAX_DEGREES:
             degrees.append(int(cell))
         else:
-            message = f"{quote(line[:40])} is neither a degree nor x, for a key without a pitch"
-            raise ScalaError(message, number, line)
-    degrees += [None] * (size - len(degrees))  # Scala: keys that are left out have no pitch
+            message = f"{quote(map_line[:40])} is neither a degree nor x, for a key without a pitch"
+            raise ScalaError(message, line_number, map_line)
+    degrees += [None] * (map_size - len(degrees))  # Scala: keys that are left out have no pitch
     key_map = KeyMap(low, high, middle, reference, float(hertz), octave, tuple(degrees))
-    if key_map.degrees and key_map.degrees[(reference - middle) % size] is None:
-        raise ScalaError(f"the reference key {reference} has no degree in the map", number)
+    if key_map.degrees and key_map.degrees[(reference - middle) % map_size] is None:
+        raise ScalaError(f"the reference key {reference} has no degree in the map", line_number)
     return key_map

@@ -80,15 +80,15 @@ class Context:
         """Report."""
         self.collector.error(code, message, place, **more)
 
-    def text_error(self, error: TextError, node: Scalar, field_name: str) -> None:
+    def text_error(self, error: TextError, scalar_node: Scalar, field_name: str) -> None:
         """Report a mistake inside a scalar at its characters; an empty name means the owner."""
         message = f"{self.label(field_name)}: {error.message}"
-        place, suggestion = node.place_at(error.offset, error.length), error.suggestion
-        character = None if "(U+" in message else typeset_character(node.text)
+        place, suggestion = scalar_node.place_at(error.offset, error.length), error.suggestion
+        character = None if "(U+" in message else typeset_character(scalar_node.text)
         if character is not None:
-            message += f"; {quote(node.text.strip())} has {character}"
-            is_all = error.length >= len(node.text.strip())
-            suggestion = suggestion or (plain(node.text) if is_all else None)
+            message += f"; {quote(scalar_node.text.strip())} has {character}"
+            is_all = error.length >= len(scalar_node.text.strip())
+            suggestion = suggestion or (plain(scalar_node.text) if is_all else None)
         self.collector.error(error.code, message, place, suggestion=suggestion)
 
 
@@ -228,22 +228,22 @@ class NamedValues(Shape):
         return "names with values, such as {heavy: 400g, low: D2}"
 
 
-def choice(*words: str) -> Text:
+def choice(*choice_words: str) -> Text:
     """One of a few words."""
 
     def parse(text: str) -> str:
-        if text in words:
+        if text in choice_words:
             return text
-        message = f"{quote(text)} is not one of {', '.join(words)}"
+        message = f"{quote(text)} is not one of {', '.join(choice_words)}"
         raise TextError(
-            message, length=max(1, len(text)), suggestion=nearest(text, words), code="E206"
+            message, length=max(1, len(text)), suggestion=nearest(text, choice_words), code="E206"
         )
 
-    shown = " or ".join(f"`{word}`" for word in words)
+    shown = " or ".join(f"`{word}`" for word in choice_words)
     # An editor reads `bits: 24` as a number.
-    numbers = tuple(int(word) for word in words if word.isdigit())
+    numbers = tuple(int(word) for word in choice_words if word.isdigit())
     types = ("string", "number") if numbers else ("string",)
-    return Text(parse, shown, types=types, choices=(*words, *numbers))
+    return Text(parse, shown, types=types, choices=(*choice_words, *numbers))
 
 
 @dataclass(frozen=True)
@@ -306,22 +306,22 @@ def name_help(word: str) -> str | None:
 
 
 def wrong_shape(
-    shape: Shape,
-    node: Node,
+    expected_shape: Shape,
+    wrong_node: Node,
     name: str,
     context: Context,
     help: str | None = None,
     suggestion: str | None = None,
 ) -> Any:
     """Report a mapping, list or text that stands where another is expected."""
-    if isinstance(node, document.Mapping):
+    if isinstance(wrong_node, document.Mapping):
         actual = "is a mapping"
-    elif isinstance(node, Scalar):
-        actual = "is empty" if node.is_empty else f"is {quote(node.text)}"
+    elif isinstance(wrong_node, Scalar):
+        actual = "is empty" if wrong_node.is_empty else f"is {quote(wrong_node.text)}"
     else:
         actual = "is a list"
-    message = f"{context.label(name)} {actual}; expected: {shape.words()}"
-    if isinstance(node, document.Sequence) and isinstance(shape, Text | Reference):
+    message = f"{context.label(name)} {actual}; expected: {expected_shape.words()}"
+    if isinstance(wrong_node, document.Sequence) and isinstance(expected_shape, Text | Reference):
         help = "a list is not read here: repeat the entry, once for each value"
-    context.error("E106", message, node.place, help=help, suggestion=suggestion)
+    context.error("E106", message, wrong_node.place, help=help, suggestion=suggestion)
     return MISSING

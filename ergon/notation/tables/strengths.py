@@ -132,118 +132,121 @@ def velocity(value: int) -> Level:
     return Level(strength, strength, is_strength=True)
 
 
-def is_level(word: str) -> bool:
+def is_level(level_word: str) -> bool:
     """Whether a word begins like a level, and is no name: `mf`, `f!`, `v64`, `0.5`, `2mNs`, or is
     the arrow between two.
     """
-    if word[:1] in "+-.0123456789":
+    if level_word[:1] in "+-.0123456789":
         return True
-    first_word = word.partition("..")[0].rstrip(_ACCENT)
+    first_word = level_word.partition("..")[0].rstrip(_ACCENT)
     return first_word in DYNAMICS or _VELOCITY.fullmatch(first_word) is not None
 
 
-def level(text: str) -> Level:
+def level(level_text: str) -> Level:
     """A level: `2mNs`, `1mNs..4mNs`, `mf`, `p..f`, `f!`, `0.6`, `v64`, `-6dB`. Raises TextError."""
-    word = text.strip()
-    if ".." not in word:
-        return _end(word)
-    level_words = word.split("..")
+    level_word = level_text.strip()
+    if ".." not in level_word:
+        return _end(level_word)
+    level_words = level_word.split("..")
     if len(level_words) != 2 or not all(level_words):
         message = "a range has two ends: 1mNs..4mNs, or p..f"
-        raise TextError(message, length=max(1, len(text)), code="E204")
-    low = _end(level_words[0].strip())
+        raise TextError(message, length=max(1, len(level_text)), code="E204")
+    low_level = _end(level_words[0].strip())
     try:
-        high = _end(level_words[1].strip())
+        high_level = _end(level_words[1].strip())
     except TextError as error:
-        error.offset += text.index("..") + 2
+        error.offset += level_text.index("..") + 2
         raise
-    if low.is_strength != high.is_strength:
+    if low_level.is_strength != high_level.is_strength:
         message = "one end is an impulse and one a strength: write 1mNs..4mNs, or p..f"
-        raise TextError(message, length=len(text), code="E204")
-    if "dB" in word:
+        raise TextError(message, length=len(level_text), code="E204")
+    if "dB" in level_word:
         message = "decibels have no range: write two strengths, such as p..f"
-        raise TextError(message, length=len(text), code="E204")
-    if low.low > high.low:
+        raise TextError(message, length=len(level_text), code="E204")
+    if low_level.low > high_level.low:
         reversed_range = f"{level_words[1].strip()}..{level_words[0].strip()}"
-        message = f"{quote(word)} goes from the stronger to the weaker"
-        raise TextError(message, length=len(text), suggestion=reversed_range, code="E202")
-    return Level(low.low, high.low, low.is_strength, high.factor)
+        message = f"{quote(level_word)} goes from the stronger to the weaker"
+        raise TextError(message, length=len(level_text), suggestion=reversed_range, code="E202")
+    return Level(low_level.low, high_level.low, low_level.is_strength, high_level.factor)
 
 
-def _end(word: str) -> Level:
-    strength = _strength(word)
+def _end(end_word: str) -> Level:
+    strength = _strength(end_word)
     if strength is not None:
         return Level(strength, strength, is_strength=True)
-    if "x" in word:  # as `written` writes a strength with a factor
-        value, _, factor = word.partition("x")
+    if "x" in end_word:  # as `written` writes a strength with a factor
+        value, _, factor = end_word.partition("x")
         strength = _strength(value)
         if strength is not None:
             factor_value = q.quantity(factor, q.RATIO)
             return Level(strength, strength, is_strength=True, factor=factor_value)
-    if word.endswith("dB"):
-        return Level(_FORTE, _FORTE, is_strength=True, factor=q.gain(word))
-    if word[:1].isalpha():
-        message = f"{quote(word)} is neither an impulse such as 2mNs nor a strength such as mf"
-        suggestion = _ITALIAN.get(word.lower()) or nearest(word, DYNAMICS)
-        raise TextError(message, length=max(1, len(word)), suggestion=suggestion, code="E201")
-    if _PLAIN_NUMBER.fullmatch(word) and float(word.partition("/")[0]) != 0.0:
-        message = f"{quote(word)} has no unit: write {word}mNs or {word}Ns; a strength is a number "
+    if end_word.endswith("dB"):
+        return Level(_FORTE, _FORTE, is_strength=True, factor=q.gain(end_word))
+    if end_word[:1].isalpha():
+        message = f"{quote(end_word)} is neither an impulse such as 2mNs nor a strength such as mf"
+        suggestion = _ITALIAN.get(end_word.lower()) or nearest(end_word, DYNAMICS)
+        raise TextError(message, length=max(1, len(end_word)), suggestion=suggestion, code="E201")
+    if _PLAIN_NUMBER.fullmatch(end_word) and float(end_word.partition("/")[0]) != 0.0:
+        message = (
+            f"{quote(end_word)} has no unit: write {end_word}mNs or {end_word}Ns; a strength is a "
+            "number "
+        )
         message += "from 0 to 1, or a word from ppp to fff"
-        raise TextError(message, length=len(word), suggestion=f"{word}mNs", code="E203")
-    impulse = q.quantity(word, q.IMPULSE)
+        raise TextError(message, length=len(end_word), suggestion=f"{end_word}mNs", code="E203")
+    impulse = q.quantity(end_word, q.IMPULSE)
     return Level(impulse, impulse)
 
 
-def _strength(word: str) -> float | None:
+def _strength(strength_word: str) -> float | None:
     """A strength from 0 to 1; None if the word is something else."""
-    accent = 1 if word.endswith(_ACCENT) else 0  # steps
-    word = word.removesuffix(_ACCENT)
-    if word in DYNAMICS:
-        return min(_STEPS, DYNAMICS.index(word) + accent) / _STEPS
-    match = _VELOCITY.fullmatch(word)
+    accent = 1 if strength_word.endswith(_ACCENT) else 0  # steps
+    strength_word = strength_word.removesuffix(_ACCENT)
+    if strength_word in DYNAMICS:
+        return min(_STEPS, DYNAMICS.index(strength_word) + accent) / _STEPS
+    match = _VELOCITY.fullmatch(strength_word)
     if match is not None:
         value = int(match[1])
         if not 1 <= value <= 127:
-            message = f"a MIDI velocity lies from v1 to v127, not {word}"
-            raise TextError(message, length=len(word), code="E202")
+            message = f"a MIDI velocity lies from v1 to v127, not {strength_word}"
+            raise TextError(message, length=len(strength_word), code="E202")
         return min(1.0, value / 127.0 + accent / _STEPS)
-    if _PLAIN_NUMBER.fullmatch(word):
-        strength = q.quantity(word, q.NUMBER)
+    if _PLAIN_NUMBER.fullmatch(strength_word):
+        strength = q.quantity(strength_word, q.NUMBER)
         if 0.0 <= strength <= 1.0:
             return min(1.0, strength + accent / _STEPS)
     return None
 
 
-def levels(text: str) -> Levels:
+def levels(levels_text: str) -> Levels:
     """A pattern of levels: `2mNs`, `f p mf p`, or a line such as `p -> f`. Raises TextError."""
-    if len(text) > MAX_TEXT:
+    if len(levels_text) > MAX_TEXT:
         raise TextError(f"the text has more than {MAX_TEXT:,} characters", length=1, code="E202")
-    words = [(match.group(), match.start()) for match in _TOKEN.finditer(text)]
-    if not words:
+    placed_words = [(match.group(), match.start()) for match in _TOKEN.finditer(levels_text)]
+    if not placed_words:
         message = "an impulse or a strength is expected, such as 2mNs or mf"
-        raise TextError(message, length=max(1, len(text)), code="E201")
-    if len(words) > MAX_STEPS:
+        raise TextError(message, length=max(1, len(levels_text)), code="E201")
+    if len(placed_words) > MAX_STEPS:
         message = f"a pattern has at most {MAX_STEPS:,} levels"
-        raise TextError(message, offset=words[MAX_STEPS][1], code="E105")
-    arrows = [offset for word, offset in words if word == "->"]
-    steps = []
-    for word, offset in words:
+        raise TextError(message, offset=placed_words[MAX_STEPS][1], code="E105")
+    arrows = [offset for word, offset in placed_words if word == "->"]
+    level_steps = []
+    for word, offset in placed_words:
         if word == "->":
             continue
         try:
-            steps.append(level(word))
+            level_steps.append(level(word))
         except TextError as error:
             error.offset += offset
             raise
     if not arrows:
-        return Levels(tuple(steps))
-    is_pair = len(words) == 3 and len(steps) == 2 and words[1][0] == "->"
-    is_alike = is_pair and steps[0].is_strength == steps[1].is_strength
-    is_plain = all(step.low == step.high and step.factor == 1.0 for step in steps)
+        return Levels(tuple(level_steps))
+    is_pair = len(placed_words) == 3 and len(level_steps) == 2 and placed_words[1][0] == "->"
+    is_alike = is_pair and level_steps[0].is_strength == level_steps[1].is_strength
+    is_plain = all(step.low == step.high and step.factor == 1.0 for step in level_steps)
     if not (is_alike and is_plain):
         message = "a line goes from one level to another of its kind, such as p -> f"
         raise TextError(message, offset=arrows[0], length=2, code="E204")
-    return Levels(tuple(steps), is_line=True)
+    return Levels(tuple(level_steps), is_line=True)
 
 
 # A quantity may have a space before its unit: `2 mNs`.

@@ -88,28 +88,28 @@ class Tuning:
     def words(self) -> str:
         """The tuning in words."""
         if self.scale is None:
-            text = f"{self.edo} equal steps to an octave, A4 has {self.a4:g} Hz"
+            tuning_text = f"{self.edo} equal steps to an octave, A4 has {self.a4:g} Hz"
         else:
             title = f" {quote(self.scale.title)}" if self.scale.title else ""
             degrees = len(self.scale.ratios)
-            text = f"a scale{title} of {degrees} degree{'s' if degrees > 1 else ''}, key "
-            text += f"{self.keys.reference} has {self.keys.frequency:g} Hz"
-        return f"{text}, ratios count from {self.root.replace('_', '.')}"
+            tuning_text = f"a scale{title} of {degrees} degree{'s' if degrees > 1 else ''}, key "
+            tuning_text += f"{self.keys.reference} has {self.keys.frequency:g} Hz"
+        return f"{tuning_text}, ratios count from {self.root.replace('_', '.')}"
 
     def hertz(self, word: str) -> float | None:
         """The frequency [Hz] of a pitch by its word; None if the word is none. Raises TextError
         for a key without a pitch.
         """
-        if match := _NOTE.fullmatch(word):
-            letter, signs, octave, cents = match.groups()
+        if text_match := _NOTE.fullmatch(word):
+            letter, signs, octave, cents = text_match.groups()
             return self._note(word, letter, _SIGNS[signs], int(octave), _number(cents or "0"))
-        if match := _RATIO.fullmatch(word):
-            numerator, denominator = int(match[1]), int(match[2])
+        if text_match := _RATIO.fullmatch(word):
+            numerator, denominator = int(text_match[1]), int(text_match[2])
             if not numerator or not denominator:
                 raise TextError(f"{quote(word)} is not a ratio above 0", length=len(word))
             return self._root() * float(Fraction(numerator, denominator))
-        if match := _DEGREE.fullmatch(word):
-            step, count = int(match[1]), int(match[2])
+        if text_match := _DEGREE.fullmatch(word):
+            step, count = int(text_match[1]), int(text_match[2])
             if not 1 <= count <= MAX_EDO:
                 message = f"{quote(word)}: an octave has from 1 to {MAX_EDO:,} equal steps"
                 raise TextError(message, length=len(word), code="E202")
@@ -170,34 +170,36 @@ class Tuning:
         return [f"{step - base}of{self.edo}" for step in range(first_step, last_step + 1)]
 
     def _step(self, word: str) -> int:
-        match = _NOTE.fullmatch(word)
-        if match is None or match[4]:
+        text_match = _NOTE.fullmatch(word)
+        if text_match is None or text_match[4]:
             message = f"{quote(word)} is no step of {self.edo} equal ones; write a note such as C4"
             raise TextError(message, length=len(word), code="E201")
-        fifths, octaves = _CHAIN[match[1]]
-        sign = _SIGNS[match[2]]
+        fifths, octaves = _CHAIN[text_match[1]]
+        sign = _SIGNS[text_match[2]]
         fifth = round(self.edo * math.log2(1.5))
-        octave = int(match[3]) - 4 + octaves + sign * _SHARP[1]
+        octave = int(text_match[3]) - 4 + octaves + sign * _SHARP[1]
         return fifth * (fifths + sign * _SHARP[0]) + self.edo * octave
 
 
 _NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 
 
-def _moved_by_fifths(word: str, fifths: int, step: int) -> str:
+def _moved_by_fifths(note_word: str, fifths: int, step: int) -> str:
     """A note moved by fifths, and by so many semitones in all."""
-    match = _NOTE.fullmatch(word)
-    assert match is not None
-    letter, signs, octave = match[1], _SIGNS[match[2]], int(match[3])
+    text_match = _NOTE.fullmatch(note_word)
+    assert text_match is not None
+    letter, signs, octave = text_match[1], _SIGNS[text_match[2]], int(text_match[3])
     moved = _LETTERS.index(letter) + 7 * signs + fifths
     signs, place = divmod(moved, 7)
-    new = _LETTERS[place]
-    height = _semitone(letter, _SIGNS[match[2]], octave) + step
-    octave = (height - _semitone(new, signs, 0)) // 12
+    new_letter = _LETTERS[place]
+    height = _semitone(letter, _SIGNS[text_match[2]], octave) + step
+    octave = (height - _semitone(new_letter, signs, 0)) // 12
     if not -2 <= signs <= 2:
-        message = f"{quote(word)} has no scale that is spelled with two signs; begin it elsewhere"
-        raise TextError(message, length=len(word), code="E201")
-    return f"{new}{'#' * signs if signs > 0 else 'b' * -signs}{octave}"
+        message = (
+            f"{quote(note_word)} has no scale that is spelled with two signs; begin it elsewhere"
+        )
+        raise TextError(message, length=len(note_word), code="E201")
+    return f"{new_letter}{'#' * signs if signs > 0 else 'b' * -signs}{octave}"
 
 
 def _semitone(letter: str, signs: int, octave: int) -> int:

@@ -12,13 +12,13 @@ from ergon.notation.text.errors import TextError, quote
 
 
 def _root(text: str) -> str:
-    word = text.strip()
-    if tuning.is_pitch(word) and not any(sign in word for sign in ("to", "of")):
-        return word
-    if tuning.spelled(word).endswith("Hz"):
-        return tuning.hertz_word(q.quantity(word, q.FREQUENCY))
-    message = f"{quote(word)} is neither a note such as C4 nor a frequency such as 264Hz"
-    raise TextError(message, length=max(1, len(word)), code="E201")
+    root_word = text.strip()
+    if tuning.is_pitch(root_word) and not any(sign in root_word for sign in ("to", "of")):
+        return root_word
+    if tuning.spelled(root_word).endswith("Hz"):
+        return tuning.hertz_word(q.quantity(root_word, q.FREQUENCY))
+    message = f"{quote(root_word)} is neither a note such as C4 nor a frequency such as 264Hz"
+    raise TextError(message, length=max(1, len(root_word)), code="E201")
 
 
 TUNING = Record(

@@ -79,21 +79,21 @@ def integer(low: int, high: int, example: str) -> Text:
     return Text(parse, words, f"^{_NUMBER}$", is_value=True)
 
 
-def integer_or(word: str, low: int, high: int, example: str) -> Text:
+def integer_or(other_word: str, low: int, high: int, example: str) -> Text:
     """A whole number, or a word."""
     integer_text = integer(low, high, example)
 
     def parse(text: str) -> int | str:
         word_text = text.strip()
-        if word_text[:1].isalpha() and word_text != word:
-            message = f"{quote(word_text)} is neither a whole number nor {word}"
-            raise TextError(message, length=len(word_text), suggestion=word, code="E201")
-        return word if word_text == word else int(integer_text.parse(text))
+        if word_text[:1].isalpha() and word_text != other_word:
+            message = f"{quote(word_text)} is neither a whole number nor {other_word}"
+            raise TextError(message, length=len(word_text), suggestion=other_word, code="E201")
+        return other_word if word_text == other_word else int(integer_text.parse(text))
 
     return Text(
         _cached(parse),
-        f"{integer_text.what}, or {word}",
-        f"^({(integer_text.pattern or '')[1:-1]}|{word})$",
+        f"{integer_text.what}, or {other_word}",
+        f"^({(integer_text.pattern or '')[1:-1]}|{other_word})$",
         is_value=True,
     )
 

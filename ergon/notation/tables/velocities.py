@@ -54,31 +54,35 @@ class Curve:
 EVEN = Curve()
 
 
-def parse_curve(text: str) -> Curve:
+def parse_curve(curve_text: str) -> Curve:
     """Read `square`, or points such as `0.2@1 0.6@64 1@127`. Raises TextError."""
-    words = [(match.group(), match.start()) for match in _WORD.finditer(text)]
-    if len(words) == 1 and words[0][0] in LAWS:
-        return Curve(words[0][0])
-    if not words or len(words) > MAX_POINTS:
+    placed_words = [(match.group(), match.start()) for match in _WORD.finditer(curve_text)]
+    if len(placed_words) == 1 and placed_words[0][0] in LAWS:
+        return Curve(placed_words[0][0])
+    if not placed_words or len(placed_words) > MAX_POINTS:
         message = f"a curve is {', '.join(LAWS)}, or 1 to {MAX_POINTS} points: 0.2@1 1@127"
-        raise TextError(message, length=max(1, len(text)))
+        raise TextError(message, length=max(1, len(curve_text)))
     velocities: list[int] = []
-    shares: list[Fraction] = []
-    for word, place in words:
-        point_match = _POINT.fullmatch(word)
-        share = Fraction(point_match[1]) if point_match else None
+    point_shares: list[Fraction] = []
+    for point_word, word_place in placed_words:
+        point_match = _POINT.fullmatch(point_word)
+        point_share = Fraction(point_match[1]) if point_match else None
         velocity = int(point_match[2]) if point_match else 0
-        if share is None or share > 1 or not 1 <= velocity <= HARDEST:
-            message = f"{quote(word)} is neither {', '.join(LAWS)} nor a point: a strength from 0 "
+        if point_share is None or point_share > 1 or not 1 <= velocity <= HARDEST:
+            message = (
+                f"{quote(point_word)} is neither {', '.join(LAWS)} nor a point: a strength from 0 "
+            )
             message += "to 1 at a velocity from 1 to 127, such as 0.6@64"
-            near = nearest(word, LAWS)
-            raise TextError(message, offset=place, length=len(word), suggestion=near)
+            near = nearest(point_word, LAWS)
+            raise TextError(message, offset=word_place, length=len(point_word), suggestion=near)
         if velocities and velocity <= velocities[-1]:
-            message = f"the velocity of {quote(word)} is not above {velocities[-1]}, that of the "
-            raise TextError(message + "point before it", offset=place, length=len(word))
+            message = (
+                f"the velocity of {quote(point_word)} is not above {velocities[-1]}, that of the "
+            )
+            raise TextError(message + "point before it", offset=word_place, length=len(point_word))
         velocities.append(velocity)
-        shares.append(share)
-    return Curve("", tuple(velocities), tuple(shares))
+        point_shares.append(point_share)
+    return Curve("", tuple(velocities), tuple(point_shares))
 
 
 VELOCITY_CURVE = Text(

@@ -69,14 +69,14 @@ def _project(folder: Path) -> Path:
     """The nearest folder, from this one up, that holds a marker file owned by the user; else this
     one.
     """
-    for parent in (folder, *folder.parents):
+    for parent_folder in (folder, *folder.parents):
         try:
-            marker_stat = os.lstat(parent / MARKER)
+            marker_stat = os.lstat(parent_folder / MARKER)
         except OSError:
             continue
         # In a folder that everybody can write to, the marker may belong to somebody else.
         if stat.S_ISREG(marker_stat.st_mode) and marker_stat.st_uid == _user(marker_stat.st_uid):
-            return parent
+            return parent_folder
     return folder
 
 

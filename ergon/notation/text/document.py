@@ -60,65 +60,69 @@ class Scalar(Node):
         """Nothing written after the colon."""
         return self.style is None and self.text in ("", "~", "null")
 
-    def place_at(self, offset: int, length: int = 1) -> Place:
-        """Where `length` characters at `offset` of the text are, or the scalar's place."""
+    def place_at(self, offset: int, text_length: int = 1) -> Place:
+        """Where `text_length` characters at `offset` of the text are, or the scalar's place."""
         if self.style == "|":
-            return self._literal_place(offset, length)
+            return self._literal_place(offset, text_length)
         index = self._flow_index(offset)
         if index is None:
             return self.place
         room = max(1, self.document.line_end(index) - index)
-        return self.document.place(index, max(1, min(length, room)))
+        return self.document.place(index, max(1, min(text_length, room)))
 
-    def _literal_place(self, offset: int, length: int) -> Place:
+    def _literal_place(self, text_offset: int, length: int) -> Place:
         """The place in a literal block: each line of its text is the end of a source line below the
         `|`.
         """
-        table = self.document.table(self)
-        if table.indent is None:
-            table.indent = self._indent(table)
-        if table.indent < 0:
+        node_table = self.document.table(self)
+        if node_table.indent is None:
+            node_table.indent = self._indent(node_table)
+        if node_table.indent < 0:
             return self.place
-        row = bisect_right(table.starts, offset) - 1
-        column = offset - table.starts[row]
-        room = len(table.row_text(self.text, row)) - column
-        line = self.document.first_row + table.first_row + row + 1
-        column += table.indent + 1
+        row = bisect_right(node_table.starts, text_offset) - 1
+        column = text_offset - node_table.starts[row]
+        room = len(node_table.row_text(self.text, row)) - column
+        line = self.document.first_row + node_table.first_row + row + 1
+        column += node_table.indent + 1
         return Place(self.document.file, line, column, max(1, min(length, room)))
 
-    def _indent(self, table: Table) -> int:
+    def _indent(self, node_table: Table) -> int:
         """The indentation of the block, the same for all its rows; -1 if text and source
         disagree.
         """
-        for row in range(len(table.starts)):
-            text = table.row_text(self.text, row)
+        for row in range(len(node_table.starts)):
+            text = node_table.row_text(self.text, row)
             if text:  # an empty row may be indented less
-                start, end = self.document.line_span(table.first_row + row)
+                start, end = self.document.line_span(node_table.first_row + row)
                 indent = end - start - len(text)
                 agree = indent >= 0 and self.document.text.startswith(text, start + indent)
                 return indent if agree else -1
         return 0
 
-    def _flow_index(self, offset: int) -> int | None:
+    def _flow_index(self, text_offset: int) -> int | None:
         """Index in the source of a character of the text, found by walking both: folding turns a
         line break and its indentation into one space.
         """
         if self.style == ">":
             return None
-        source = self.document.text
-        index = self.start + (self.style is not None)
-        for character in self.text[:offset]:
-            if index >= self.end:
+        document_text = self.document.text
+        source_index = self.start + (self.style is not None)
+        for character in self.text[:text_offset]:
+            if source_index >= self.end:
                 return None
-            if character == source[index]:
-                index += 1
-            elif character.isspace() and source[index].isspace():
-                index = _skip_space(source, index, self.end)
+            if character == document_text[source_index]:
+                source_index += 1
+            elif character.isspace() and document_text[source_index].isspace():
+                source_index = _skip_space(document_text, source_index, self.end)
             else:
                 return None  # an escape, or a doubled quote
-        if offset < len(self.text) and index < self.end and source[index] != self.text[offset]:
-            index = _skip_space(source, index, self.end)
-        return index
+        if (
+            text_offset < len(self.text)
+            and source_index < self.end
+            and document_text[source_index] != self.text[text_offset]
+        ):
+            source_index = _skip_space(document_text, source_index, self.end)
+        return source_index
 
 
 @dataclass(eq=False, slots=True)
@@ -217,25 +221,29 @@ class Document:
         """Line of a character, from 0."""
         return bisect_right(self._line_starts(), index) - 1
 
-    def line_span(self, row: int) -> tuple[int, int]:
+    def line_span(self, row_index: int) -> tuple[int, int]:
         """First index of a line and the index of its end, without the line break."""
         starts = self._line_starts()
-        if row >= len(starts):
+        if row_index >= len(starts):
             return len(self.text), len(self.text)
-        end = starts[row + 1] if row + 1 < len(starts) else len(self.text)
-        while end > starts[row] and self.text[end - 1] in "\r\n":
+        end = starts[row_index + 1] if row_index + 1 < len(starts) else len(self.text)
+        while end > starts[row_index] and self.text[end - 1] in "\r\n":
             end -= 1
-        return starts[row], end
+        return starts[row_index], end
 
-    def line_of(self, index: int) -> tuple[int, int, int]:
+    def line_of(self, character_index: int) -> tuple[int, int, int]:
         """The row of a character, from 0, with the first index and the end of its line."""
-        if self._starts or index > _NEAR or "\r" in self.text:
-            row = self.row(index)
+        if self._starts or character_index > _NEAR or "\r" in self.text:
+            row = self.row(character_index)
             return row, *self.line_span(row)
         # Near the beginning of a text that may be long, lines are not looked for to its end.
-        end = self.text.find("\n", index)
-        line_start = self.text.rfind("\n", 0, index) + 1
-        return self.text.count("\n", 0, index), line_start, len(self.text) if end < 0 else end
+        end = self.text.find("\n", character_index)
+        line_start = self.text.rfind("\n", 0, character_index) + 1
+        return (
+            self.text.count("\n", 0, character_index),
+            line_start,
+            len(self.text) if end < 0 else end,
+        )
 
     def line_end(self, index: int) -> int:
         """Index where the line of a character ends."""
@@ -272,16 +280,16 @@ class _Refused(Exception):
         self.length = length
 
 
-def compose(text: str, file: str, collector: Collector, first_row: int = 0) -> Document:
+def compose(source_text: str, file_name: str, collector: Collector, first_row: int = 0) -> Document:
     """Nodes of a YAML text; `root` is None when nothing is written or the text is refused."""
-    document = Document(file, text, first_row=first_row)
-    if len(text) > MAX_BYTES:
+    document = Document(file_name, source_text, first_row=first_row)
+    if len(source_text) > MAX_BYTES:
         message = f"the file has more than {MAX_BYTES // 2**20} MB; write a long gesture as a take"
-        collector.error("E105", message, Place(file, 1, 1))
+        collector.error("E105", message, Place(file_name, 1, 1))
         return document
-    if max(text.count("\n"), text.count("\r")) > MAX_LINES:
+    if max(source_text.count("\n"), source_text.count("\r")) > MAX_LINES:
         message = f"the file has more than {MAX_LINES:,} lines; write a long gesture as a take"
-        collector.error("E105", message, Place(file, 1, 1))
+        collector.error("E105", message, Place(file_name, 1, 1))
         return document
     try:
         document.root = _Composer(document, collector).run()
@@ -289,8 +297,8 @@ def compose(text: str, file: str, collector: Collector, first_row: int = 0) -> D
         place = document.place(refused.index, refused.length)
         collector.error(refused.code, refused.message, place)
     except (yaml.YAMLError, UnicodeError, RecursionError) as error:
-        index, message = explained(text, error)
-        collector.error("E100", message, document.place(min(index, len(text))))
+        index, message = explained(source_text, error)
+        collector.error("E100", message, document.place(min(index, len(source_text))))
     return document
 
 
@@ -332,20 +340,20 @@ class _Composer:
 
     def composed(self) -> Node | None:
         documents = 0
-        for event in yaml.parse(self.document.text, _LOADER):
-            if isinstance(event, yaml.ScalarEvent):
-                self.scalar(event)
-            elif isinstance(event, (yaml.MappingStartEvent, yaml.SequenceStartEvent)):
-                self.open(event)
-            elif isinstance(event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
-                self.close(_end(event))
-            elif isinstance(event, yaml.AliasEvent):
-                self.alias(event)
-            elif isinstance(event, yaml.DocumentStartEvent):
+        for yaml_event in yaml.parse(self.document.text, _LOADER):
+            if isinstance(yaml_event, yaml.ScalarEvent):
+                self.scalar(yaml_event)
+            elif isinstance(yaml_event, (yaml.MappingStartEvent, yaml.SequenceStartEvent)):
+                self.open(yaml_event)
+            elif isinstance(yaml_event, (yaml.MappingEndEvent, yaml.SequenceEndEvent)):
+                self.close(_end(yaml_event))
+            elif isinstance(yaml_event, yaml.AliasEvent):
+                self.alias(yaml_event)
+            elif isinstance(yaml_event, yaml.DocumentStartEvent):
                 documents += 1
                 if documents > 1:
                     message = "a second document begins here ('---'); a file holds one score"
-                    raise _Refused("E104", message, _start(event), 3)
+                    raise _Refused("E104", message, _start(yaml_event), 3)
         self.document.size = self.total
         return self.root
 
@@ -365,34 +373,37 @@ class _Composer:
         self.stack.append(_Open(event, []))
 
     def close(self, end: int) -> None:
-        frame = self.stack.pop()
-        start = _start(frame.event)
+        open_frame = self.stack.pop()
+        start = _start(open_frame.event)
         node: Node
-        if isinstance(frame.event, yaml.SequenceStartEvent):
-            node = Sequence(self.document, start, end, frame.children)
+        if isinstance(open_frame.event, yaml.SequenceStartEvent):
+            node = Sequence(self.document, start, end, open_frame.children)
         else:
-            node = Mapping(self.document, start, end, self.entries(frame.children))
-        self.add(node, frame.event.anchor, frame.size, frame.height)
+            node = Mapping(self.document, start, end, self.entries(open_frame.children))
+        self.add(node, open_frame.event.anchor, open_frame.size, open_frame.height)
 
     def alias(self, event: yaml.AliasEvent) -> None:
-        start, name = _start(event), event.anchor or ""
-        length = len(name) + 1
-        if any(frame.event.anchor == name for frame in self.stack):
-            message = f"alias {quote('*' + name)} refers to the value that contains it"
-            raise _Refused("E104", message, start, length)
-        if name not in self.anchors:
+        alias_start, alias_name = _start(event), event.anchor or ""
+        alias_length = len(alias_name) + 1
+        if any(frame.event.anchor == alias_name for frame in self.stack):
+            message = f"alias {quote('*' + alias_name)} refers to the value that contains it"
+            raise _Refused("E104", message, alias_start, alias_length)
+        if alias_name not in self.anchors:
             message = (
-                f"no anchor '&{name[:40]}' is defined above; write "
+                f"no anchor '&{alias_name[:40]}' is defined above; write "
                 "a word that begins with '*' in quotes"
             )
-            raise _Refused("E104", message, start, length)
-        node, size, height = self.anchors[name]
-        if len(self.stack) + height > MAX_DEPTH:
+            raise _Refused("E104", message, alias_start, alias_length)
+        node, anchor_size, anchor_height = self.anchors[alias_name]
+        if len(self.stack) + anchor_height > MAX_DEPTH:
             raise _Refused(
-                "E105", f"an alias makes the nesting deeper than {MAX_DEPTH} levels", start, length
+                "E105",
+                f"an alias makes the nesting deeper than {MAX_DEPTH} levels",
+                alias_start,
+                alias_length,
             )
-        self.count(size, start)
-        self.add(node, None, size, height)
+        self.count(anchor_size, alias_start)
+        self.add(node, None, anchor_size, anchor_height)
 
     def add(self, node: Node, anchor: str | None, size: int, height: int) -> None:
         if anchor:
@@ -409,20 +420,20 @@ class _Composer:
             raise _Refused("E105", message, index)
 
     def entries(self, children: list[Node]) -> dict[str, tuple[Scalar, Node]]:
-        entries: dict[str, tuple[Scalar, Node]] = {}
-        for key, value in zip(children[::2], children[1::2], strict=True):
-            if not isinstance(key, Scalar):
-                self.collector.error("E106", "the text before ':' must be a name", key.place)
-            elif key.text == "<<" and key.style is None:
+        named_entries: dict[str, tuple[Scalar, Node]] = {}
+        for key_node, value in zip(children[::2], children[1::2], strict=True):
+            if not isinstance(key_node, Scalar):
+                self.collector.error("E106", "the text before ':' must be a name", key_node.place)
+            elif key_node.text == "<<" and key_node.style is None:
                 message = "merge keys ('<<') are not part of the score language; use 'like:'"
-                self.collector.error("E104", message, key.place)
-            elif key.text in entries:
-                first_place = entries[key.text][0].place
-                message = f"{quote(key.text)} is already defined on line {first_place.line}"
-                self.collector.error("E102", message, key.place)
+                self.collector.error("E104", message, key_node.place)
+            elif key_node.text in named_entries:
+                first_place = named_entries[key_node.text][0].place
+                message = f"{quote(key_node.text)} is already defined on line {first_place.line}"
+                self.collector.error("E102", message, key_node.place)
             else:
-                entries[key.text] = (key, value)
-        return entries
+                named_entries[key_node.text] = (key_node, value)
+        return named_entries
 
     def refuse_tag(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
         if event.tag is not None and event.tag != "!":
@@ -438,14 +449,14 @@ def _end(event: yaml.Event) -> int:
     return event.end_mark.index if event.end_mark else 0
 
 
-def _line_starts(text: str) -> list[int]:
+def _line_starts(source_text: str) -> list[int]:
     """Indices where lines begin: after \\n, \\r\\n or a lone \\r, as editors count."""
-    if "\r" not in text:
-        line_ends = accumulate(map(len, text.split("\n")[:-1]))
+    if "\r" not in source_text:
+        line_ends = accumulate(map(len, source_text.split("\n")[:-1]))
         return [0, *map(add, line_ends, count(1))]
     starts = [0]
     index = 0
-    for line in text.split("\n"):
+    for line in source_text.split("\n"):
         if "\r" in line[:-1]:
             starts.extend(index + offset + 1 for offset, c in enumerate(line[:-1]) if c == "\r")
         index += len(line) + 1

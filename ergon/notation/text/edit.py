@@ -33,7 +33,7 @@ def read(text: str, file: str) -> Document:
     return document
 
 
-def put(document: Document, path: Path, text: str, order: Sequence[str] = ()) -> str:
+def put(document: Document, path: Path, value_text: str, order: Sequence[str] = ()) -> str:
     """Set the value at a path; its last name and mappings on the way are made where missing.
 
     A new section goes where `order` has it. Raises EditError.
@@ -44,27 +44,27 @@ def put(document: Document, path: Path, text: str, order: Sequence[str] = ()) ->
         number = chain[-2].index(path[-1]) if path else None
         if number is None:
             raise EditError("a whole file cannot be set; name a field of it")
-        splices = edit.changes.replaced(chain[-2], number, text)
+        splices = edit.changes.replaced(chain[-2], number, value_text)
         in_flow = chain[-2].is_flow
     else:
-        splices = edit.changes.added(chain, path, text, order, is_item=False)
+        splices = edit.changes.added(chain, path, value_text, order, is_item=False)
         in_flow = False
-    value = _value(text, in_flow)
+    value = _value(value_text, in_flow)
     return edit.checked(splices, _with(edit.tree, path, lambda _: value))
 
 
-def insert(document: Document, path: Path, text: str) -> str:
+def insert(document: Document, path: Path, item_text: str) -> str:
     """Put an item before the one at a path, whose last name is its index. Raises EditError."""
     edit = _Edit(document)
     chain = edit.follow(path)
-    number = path[-1] if path else None
-    if len(chain) <= len(path) or not isinstance(number, int):
+    item_index = path[-1] if path else None
+    if len(chain) <= len(path) or not isinstance(item_index, int):
         raise EditError(f"there is no {named(path)}")
-    value = _value(text, in_flow=True)
-    splices = edit.changes.before(chain[-2], number, text)
+    value = _value(item_text, in_flow=True)
+    splices = edit.changes.before(chain[-2], item_index, item_text)
 
     def longer(old: Any) -> Tree:
-        return [*old[:number], value, *old[number:]]
+        return [*old[:item_index], value, *old[item_index:]]
 
     return edit.checked(splices, _with(edit.tree, path[:-1], longer))
 
@@ -76,22 +76,24 @@ def append(document: Document, path: Path, text: str, order: Sequence[str] = ())
     """
     edit = _Edit(document)
     chain = edit.follow(path)
-    node = chain[-1] if chain else None
-    value = _value(text, in_flow=True)
-    if len(chain) <= len(path) or node is None or node.is_empty:
+    last_span = chain[-1] if chain else None
+    item_value = _value(text, in_flow=True)
+    if len(chain) <= len(path) or last_span is None or last_span.is_empty:
         splices = edit.changes.added(chain, path, text, order, is_item=True)
-        return edit.checked(splices, _with(edit.tree, path, lambda _: [value]))
-    if node.kind == "sequence":
-        splices = edit.changes.item(node, text)
-        return edit.checked(splices, _with(edit.tree, path, lambda old: [*(old or ()), value]))
-    splices = edit.changes.wrap_in_list(chain[-2], node, text)
-    return edit.checked(splices, _with(edit.tree, path, lambda old: [old, value]))
+        return edit.checked(splices, _with(edit.tree, path, lambda _: [item_value]))
+    if last_span.kind == "sequence":
+        splices = edit.changes.item(last_span, text)
+        return edit.checked(splices, _with(edit.tree, path, lambda old: [*(old or ()), item_value]))
+    splices = edit.changes.wrap_in_list(chain[-2], last_span, text)
+    return edit.checked(splices, _with(edit.tree, path, lambda old: [old, item_value]))
 
 
-def extend(document: Document, path: Path, texts: Sequence[str], order: Sequence[str] = ()) -> str:
+def extend(
+    document: Document, path: Path, texts: Sequence[str], name_order: Sequence[str] = ()
+) -> str:
     """Add several items at the end of a sequence, as `append` does one. Raises EditError."""
     first_text, *other_texts = texts
-    longer = append(document, path, first_text, order)
+    longer = append(document, path, first_text, name_order)
     if not other_texts:
         return longer
     document = read(longer, document.file)
@@ -103,7 +105,7 @@ def extend(document: Document, path: Path, texts: Sequence[str], order: Sequence
         return edit.checked(splices, _with(edit.tree, path, lambda old: [*old, *values]))
     except EditError:  # each has a comma of its own
         for text in other_texts:
-            longer = append(read(longer, document.file), path, text, order)
+            longer = append(read(longer, document.file), path, text, name_order)
         return longer
 
 
@@ -119,16 +121,16 @@ def remove(document: Document, *paths: Path) -> str:
         chain = edit.follow(path)
         if not path or len(chain) <= len(path):
             raise EditError(f"there is no {named(path)}")
-        number = chain[-2].index(path[-1])
-        assert number is not None
-        cuts.append((chain[-2], number))
+        item_index = chain[-2].index(path[-1])
+        assert item_index is not None
+        cuts.append((chain[-2], item_index))
     removed_numbers = {number for _, number in cuts}  # all of one parent
-    for parent, number in cuts:
+    for parent, item_index in cuts:
         changes = edit.changes
         splices += (
-            changes.cut_flow(parent, number, removed_numbers)
+            changes.cut_flow(parent, item_index, removed_numbers)
             if parent.is_flow
-            else changes.cut_block(parent, number)
+            else changes.cut_block(parent, item_index)
         )
     return edit.checked(splices, _without(edit.tree, list(paths)))
 
@@ -141,19 +143,19 @@ def rows(text: str) -> list[str]:
 def add_row(document: Document, path: Path, text: str) -> str:
     """Add a line at the end of a table, indented like the lines above it. Raises EditError."""
     edit = _Edit(document)
-    table, span = edit.table(path)
-    lines = [*rows(table), text]
-    if not span.is_block:
-        return put(document, path, json.dumps("\n".join(lines), ensure_ascii=False))
+    table, value_span = edit.table(path)
+    table_rows = [*rows(table), text]
+    if not value_span.is_block:
+        return put(document, path, json.dumps("\n".join(table_rows), ensure_ascii=False))
     lay = edit.layout
-    end = lay.line_end(span.end)
+    line_end_index = lay.line_end(value_span.end)
     indent = lay.indent_step + edit.indent_of(path)
-    for start, stop in reversed(edit.changes.rows(span)):
+    for start, stop in reversed(edit.changes.rows(value_span)):
         if line := lay.text[start:stop].strip():
             indent = lay.text[start:stop].index(line)
             break
-    splices = [Splice(end, end, f"{lay.newline}{' ' * indent}{text}")]
-    return edit.checked_rows(splices, path, lines)
+    splices = [Splice(line_end_index, line_end_index, f"{lay.newline}{' ' * indent}{text}")]
+    return edit.checked_rows(splices, path, table_rows)
 
 
 def put_row(document: Document, path: Path, row: int, text: str | None) -> str:
@@ -167,38 +169,42 @@ def put_row(document: Document, path: Path, row: int, text: str | None) -> str:
 def put_rows(document: Document, path: Path, changes: Mapping[int, str | None]) -> str:
     """Set lines of a table by their numbers, or take them away. Raises EditError."""
     edit = _Edit(document)
-    table, span = edit.table(path)
-    lines: list[str | None] = [*rows(table)]
+    table, value_span = edit.table(path)
+    table_lines: list[str | None] = [*rows(table)]
     splices, lay = [], edit.layout
-    places = edit.changes.rows(span) if span.is_block else []
-    for row, text in changes.items():
-        if not 0 <= row < len(lines):
-            raise EditError(f"{named(path)} has no line {row + 1}")
-        comment = _comment(lines[row] or "")
-        lines[row] = None if text is None else text + comment
-        if span.is_block:
-            start, stop = places[row]
+    places = edit.changes.rows(value_span) if value_span.is_block else []
+    for row_number, row_text in changes.items():
+        if not 0 <= row_number < len(table_lines):
+            raise EditError(f"{named(path)} has no line {row_number + 1}")
+        comment = _comment(table_lines[row_number] or "")
+        table_lines[row_number] = None if row_text is None else row_text + comment
+        if value_span.is_block:
+            start, stop = places[row_number]
             indent = len(lay.text[start:stop]) - len(lay.text[start:stop].lstrip())
             place = (
                 lay.full_lines(start, stop)
-                if text is None
+                if row_text is None
                 else (start + indent, stop - len(comment))
             )
-            splices.append(Splice(*place, text or ""))
-    rows_kept = [line for line in lines if line is not None]
-    if not span.is_block:
+            splices.append(Splice(*place, row_text or ""))
+    rows_kept = [line for line in table_lines if line is not None]
+    if not value_span.is_block:
         return put(document, path, quoted("\n".join(rows_kept)))
     return edit.checked_rows(splices, path, rows_kept)
 
 
-def quoted(text: str) -> str:
+def quoted(plain_text: str) -> str:
     """A text as a YAML scalar, in quotes only where it needs them."""
-    if text not in ("", "~", "null") and "\n" not in text and text == text.strip():
+    if (
+        plain_text not in ("", "~", "null")
+        and "\n" not in plain_text
+        and plain_text == plain_text.strip()
+    ):
         collector = Collector()
-        items = getattr(compose(f"[{text}]", "", collector).root, "items", [])
-        if not collector.has_errors() and len(items) == 1 and tree(items[0]) == text:
-            return text
-    return json.dumps(text, ensure_ascii=False)
+        items = getattr(compose(f"[{plain_text}]", "", collector).root, "items", [])
+        if not collector.has_errors() and len(items) == 1 and tree(items[0]) == plain_text:
+            return plain_text
+    return json.dumps(plain_text, ensure_ascii=False)
 
 
 def flow(tree: Tree) -> str:
@@ -227,16 +233,16 @@ class _Edit:
             return []
         chain = [self.layout.root]
         for depth, name in enumerate(path):
-            span = chain[-1]
-            if span.kind == "alias":
-                shared = f"{named(path[:depth])} is the alias `*{span.value}` of a value "
+            value_span = chain[-1]
+            if value_span.kind == "alias":
+                shared = f"{named(path[:depth])} is the alias `*{value_span.value}` of a value "
                 raise EditError(
                     f"{shared}that is written elsewhere; replace the alias by the value first"
                 )
-            number = span.index(name)
+            number = value_span.index(name)
             if number is None:
                 break
-            chain.append(span.items[number])
+            chain.append(value_span.items[number])
         return chain
 
     def table(self, path: Path) -> tuple[str, Span]:
@@ -254,13 +260,13 @@ class _Edit:
 
     def checked(self, splices: list[Splice], expected: Tree) -> str:
         """The new text. Raises EditError if its values are not `expected`."""
-        text = apply_splices(self.layout.text, splices)
-        reread = read(text, self.document.file)
+        new_text = apply_splices(self.layout.text, splices)
+        reread = read(new_text, self.document.file)
         if tree(reread.root) != expected:
             raise EditError(
                 "the change would alter other values too; edit the text of the score instead"
             )
-        return text
+        return new_text
 
     def checked_rows(self, splices: list[Splice], path: Path, lines: list[str]) -> str:
         """The new text, in which the table has these lines."""
@@ -281,66 +287,66 @@ def _child(node: Node | None, name: str | int) -> Node | None:
     return None
 
 
-def _comment(row: str) -> str:
+def _comment(table_row: str) -> str:
     """The comment at the end of a table's line, with the spaces before it."""
-    code = row.rstrip()
-    for column, character in enumerate(row):
-        if character == "#" and (column == 0 or row[column - 1].isspace()):
-            code = row[:column].rstrip()
+    code = table_row.rstrip()
+    for column, character in enumerate(table_row):
+        if character == "#" and (column == 0 or table_row[column - 1].isspace()):
+            code = table_row[:column].rstrip()
             break
-    return row[len(code) :]
+    return table_row[len(code) :]
 
 
-def _value(text: str, in_flow: bool) -> Tree:
+def _value(value_text: str, in_flow: bool) -> Tree:
     """The value of one line of YAML, in flow or block context. Raises EditError if it is not one
     value.
     """
     collector = Collector()
-    source = f"[{text}\n]" if in_flow else f"k: {text}"
-    root = compose(source, "", collector).root
-    if "\n" in text or collector.has_errors():
-        raise EditError(f"{quote(text)} is not one value")
-    if isinstance(root, document.Sequence) and len(root.items) == 1:
-        return tree(root.items[0])
-    if isinstance(root, document.Mapping) and len(root.entries) == 1:
-        return tree(root.entries["k"][1])
-    raise EditError(f"{quote(text)} is not one value")
+    source = f"[{value_text}\n]" if in_flow else f"k: {value_text}"
+    root_node = compose(source, "", collector).root
+    if "\n" in value_text or collector.has_errors():
+        raise EditError(f"{quote(value_text)} is not one value")
+    if isinstance(root_node, document.Sequence) and len(root_node.items) == 1:
+        return tree(root_node.items[0])
+    if isinstance(root_node, document.Mapping) and len(root_node.entries) == 1:
+        return tree(root_node.entries["k"][1])
+    raise EditError(f"{quote(value_text)} is not one value")
 
 
-def tree(node: Node | None, by_node: dict[int, Tree] | None = None) -> Tree:
+def tree(tree_node: Node | None, by_node: dict[int, Tree] | None = None) -> Tree:
     """The value of a node with its aliases resolved: texts, and lists and mappings of values; None
     if it is empty.
     """
-    if node is None:
+    if tree_node is None:
         return None
     by_node = {} if by_node is None else by_node
-    if id(node) not in by_node:
-        value: Tree
-        if isinstance(node, document.Mapping):
-            value = {
-                name: tree(child, by_node) for name, (_, child) in node.entries.items()
+    if id(tree_node) not in by_node:
+        node_value: Tree
+        if isinstance(tree_node, document.Mapping):
+            node_value = {
+                name: tree(child, by_node) for name, (_, child) in tree_node.entries.items()
             } or None
-        elif isinstance(node, document.Sequence):
-            value = [tree(child, by_node) for child in node.items] or None
+        elif isinstance(tree_node, document.Sequence):
+            node_value = [tree(child, by_node) for child in tree_node.items] or None
         else:
-            assert isinstance(node, Scalar)
-            text = node.text.rstrip("\n") if node.style in ("|", ">") else node.text
-            value = None if node.is_empty else text
-        by_node[id(node)] = value
-    return by_node[id(node)]
+            assert isinstance(tree_node, Scalar)
+            text = tree_node.text.rstrip("\n") if tree_node.style in ("|", ">") else tree_node.text
+            node_value = None if tree_node.is_empty else text
+        by_node[id(tree_node)] = node_value
+    return by_node[id(tree_node)]
 
 
-def _with(tree: Tree, path: Path, change: Callable[[Any], Tree]) -> Tree:
+def _with(tree: Tree, path: Path, value_change: Callable[[Any], Tree]) -> Tree:
     """The tree with the value at a path changed; the old one stays as it was."""
     if not path:
-        return change(tree)
-    name = path[0]
-    if isinstance(tree, list) and isinstance(name, int):
+        return value_change(tree)
+    first_name = path[0]
+    if isinstance(tree, list) and isinstance(first_name, int):
         items = list(tree)
-        items[name] = _with(items[name], path[1:], change)
+        items[first_name] = _with(items[first_name], path[1:], value_change)
         return items
     entries = dict(tree) if isinstance(tree, dict) else {}
-    entries[str(name)] = _with(entries.get(str(name)), path[1:], change)
+    entries[str(first_name)] = _with(entries.get(str(first_name)), path[1:], value_change)
     return entries
 
 

@@ -30,21 +30,21 @@ class Elided:
         return edited[1:]
 
 
-def elided(text: str, names: Container[str]) -> Elided | None:
+def elided(source_text: str, names: Container[str]) -> Elided | None:
     """A text whose long runs of entries and items are one line each, but for entries with these
     names. None if nothing is gained, or if its lines cannot be read alone.
     """
-    if _NAME in text or not is_plain(text):
+    if _NAME in source_text or not is_plain(source_text):
         return None
     pieces: list[str] = []
     runs: list[tuple[str, str]] = []
     copied_until = 0
-    for start, end, indentation, is_mapping in find_runs(text):
+    for start, end, indentation, is_mapping in find_runs(source_text):
         if indentation is None:
             continue  # items in one line
-        pieces.append(text[copied_until:start])
+        pieces.append(source_text[copied_until:start])
         copied_until = end
-        lines = text[start:end].splitlines(keepends=True)
+        lines = source_text[start:end].splitlines(keepends=True)
         for is_named, group in groupby(lines, lambda line: _name(line) in names):
             run = [*group]
             if is_named or len(run) < _MIN_LINES:
@@ -54,7 +54,7 @@ def elided(text: str, names: Container[str]) -> Elided | None:
             line = f"{indentation}{name}: {{}}\n" if is_mapping else f"{indentation}- {name}\n"
             pieces.append(line)
             runs.append((line, "".join(run)))
-    return Elided("".join((*pieces, text[copied_until:])), tuple(runs)) if runs else None
+    return Elided("".join((*pieces, source_text[copied_until:])), tuple(runs)) if runs else None
 
 
 def _name(line: str) -> str:

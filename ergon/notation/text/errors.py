@@ -110,15 +110,15 @@ class Collector:
         # A node is read once for each alias, note, copy, and turn of a loop. Its message names the
         # owner up to the first colon, and a loop changes numbers: the key leaves both out.
         words = message.partition(": ")[2] or message
-        key = (code, _NUMBER.sub("0", words) if self._is_looped(place) else words, place)
-        if key in self._by_message:
+        report_key = (code, _NUMBER.sub("0", words) if self._is_looped(place) else words, place)
+        if report_key in self._by_message:
             return
         diagnostic = Diagnostic(code, message, place, suggestion, help)
         self._counts[diagnostic.severity] += 1
         if len(self._by_message) < MAX_KEPT:
             # Suggestions are searched in `finish`: of 10,000 mistakes only 20 are shown.
             candidates = (word, *names) if word is not None else ()
-            self._by_message[key] = (diagnostic, candidates)
+            self._by_message[report_key] = (diagnostic, candidates)
 
     def loop(self, first_place: Place, last_place: Place) -> None:
         """Note the lines of a loop: each of its mistakes is told once, not in each turn."""
@@ -161,17 +161,17 @@ class Collector:
         return {kind: max(0, n - MAX_SHOWN) for kind, n in self._counts.items()}
 
 
-def _with_suggestion(diagnostic: Diagnostic, names: tuple[str, ...]) -> Diagnostic:
-    if diagnostic.suggestion is not None or not names:
+def _with_suggestion(diagnostic: Diagnostic, similar_names: tuple[str, ...]) -> Diagnostic:
+    if diagnostic.suggestion is not None or not similar_names:
         return diagnostic
-    suggestion = nearest(names[0], names[1 : 1 + _MAX_NAMES])
-    if suggestion == names[0]:
+    suggestion = nearest(similar_names[0], similar_names[1 : 1 + _MAX_NAMES])
+    if suggestion == similar_names[0]:
         suggestion = None
     help = diagnostic.help
-    if help is None and (character := typeset_character(names[0])) is not None:
-        suggestion, help = plain(names[0]), f"{quote(names[0])} has {character}"
-    if suggestion is None and help is None and 1 < len(names) <= _MAX_LISTED + 1:
-        help = f"known here: {', '.join(dict.fromkeys(names[1:]))}"
+    if help is None and (character := typeset_character(similar_names[0])) is not None:
+        suggestion, help = plain(similar_names[0]), f"{quote(similar_names[0])} has {character}"
+    if suggestion is None and help is None and 1 < len(similar_names) <= _MAX_LISTED + 1:
+        help = f"known here: {', '.join(dict.fromkeys(similar_names[1:]))}"
     return Diagnostic(diagnostic.code, diagnostic.message, diagnostic.place, suggestion, help)
 
 
@@ -208,26 +208,28 @@ def full(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) ->
     source = (sources or {}).get(d.place.file)
     if source is None:
         return concise(d) + (f"\n    = {d.help}" if d.help else "")
-    lines = [f"{d.place}: {d.severity}[{d.code}] {d.message}"]
-    number = f" {d.place.line} | "
+    report_lines = [f"{d.place}: {d.severity}[{d.code}] {d.message}"]
+    gutter_text = f" {d.place.line} | "
     text, indentation, marked = _window(source.line(d.place.line), d.place)
     question = f" did you mean {quote(d.suggestion)}?" if d.suggestion else ""
-    lines.append(number + text)
-    lines.append(" " * (len(number) - 2) + "| " + " " * indentation + "^" * marked + question)
+    report_lines.append(gutter_text + text)
+    report_lines.append(
+        " " * (len(gutter_text) - 2) + "| " + " " * indentation + "^" * marked + question
+    )
     if d.help:
-        lines.append(" " * (len(number) - 2) + f"= {d.help}")
-    return "\n".join(lines)
+        report_lines.append(" " * (len(gutter_text) - 2) + f"= {d.help}")
+    return "\n".join(report_lines)
 
 
-def _window(line: str, place: Place) -> tuple[str, int, int]:
+def _window(line: str, error_place: Place) -> tuple[str, int, int]:
     """The part of a line round the caret, columns before the caret, and its width."""
-    start = place.column - 1
+    start = error_place.column - 1
     first_column = max(0, start - _MAX_LINE // 2) if len(line) > _MAX_LINE else 0
     cut = "".join(
         c if c.isprintable() else " " for c in line[first_column : first_column + _MAX_LINE]
     )
     indentation = _width(cut[: start - first_column])
-    marked = max(1, _width(cut[start - first_column : start - first_column + place.length]))
+    marked = max(1, _width(cut[start - first_column : start - first_column + error_place.length]))
     return cut.rstrip(), indentation, marked
 
 

@@ -116,15 +116,15 @@ class Files:
                 return path
         return None
 
-    def _candidates(self, name: str, folder: Path) -> list[Path]:
-        paths = [folder / name]
-        parts = PurePosixPath(name).parts
-        if parts and ".." not in parts and not Path(name).is_absolute():
+    def _candidates(self, file_name: str, folder: Path) -> list[Path]:
+        paths = [folder / file_name]
+        parts = PurePosixPath(file_name).parts
+        if parts and ".." not in parts and not Path(file_name).is_absolute():
             if folder != self.home:
-                paths.append(self.home / name)
+                paths.append(self.home / file_name)
             if parts[0] in _LIBRARY and len(parts) > 1:
                 paths.append(_LIBRARY[parts[0]].joinpath(*parts[1:]))
-            paths.append(SHIPPED / name)
+            paths.append(SHIPPED / file_name)
         return paths
 
     def _holds(self, path: Path) -> bool:
@@ -176,33 +176,37 @@ class Files:
 
     def open(self, path: Path, asked_place: Place | None) -> Document | None:
         """A document from a file; None after a report at the place that asked for it."""
-        name = str(path)
-        if name in self.documents:
-            return self.documents[name]
+        path_name = str(path)
+        if path_name in self.documents:
+            return self.documents[path_name]
         if len(self.documents) >= MAX_FILES:
-            self._refuse("E105", f"the score uses more than {MAX_FILES} files", name, asked_place)
+            self._refuse(
+                "E105", f"the score uses more than {MAX_FILES} files", path_name, asked_place
+            )
             return None
-        if name in self._overlay:
-            return self.text(name, self._overlay[name], path.parent)
+        if path_name in self._overlay:
+            return self.text(path_name, self._overlay[path_name], path.parent)
         try:
             data = read_bounded(path, MAX_BYTES)
         except OSError as error:
             reason = error.strerror or type(error).__name__
             help = _advice(path) if asked_place is None else None
-            self._refuse("E107", f"{name} cannot be read: {reason}", name, asked_place, help)
+            self._refuse(
+                "E107", f"{path_name} cannot be read: {reason}", path_name, asked_place, help
+            )
             return None
-        self.collector.file(name)
-        text = decode(data, name, self.collector)
+        self.collector.file(path_name)
+        text = decode(data, path_name, self.collector)
         if text is None:
-            self.documents[name] = Document(name, "")
+            self.documents[path_name] = Document(path_name, "")
             return None
-        return self.text(name, text, path.parent)
+        return self.text(path_name, text, path.parent)
 
     def required(
-        self, name: str, folder: Path, asked_place: Place, *, may_be_empty: bool = False
+        self, file_name: str, folder: Path, asked_place: Place, *, may_be_empty: bool = False
     ) -> Document | None:
         """The document that a file names; None after a report."""
-        path = self.locate(name, folder, asked_place)
+        path = self.locate(file_name, folder, asked_place)
         if path is None:
             return None
         is_new, n_reports = str(path) not in self.documents, self.collector.n_reports
@@ -212,7 +216,7 @@ class Files:
         if is_new and self.collector.n_reports == n_reports:  # nothing in it was refused
             if may_be_empty:
                 return document
-            self._refuse("E103", f"{name} is empty", str(path), asked_place)
+            self._refuse("E103", f"{file_name} is empty", str(path), asked_place)
         return None
 
     def plain(
@@ -229,8 +233,8 @@ class Files:
         path = self.locate(name, folder, asked_place)
         if path is None or str(path) in self.documents:
             return None if path is None else self.documents[str(path)]
-        text: str | None = self._overlay.get(str(path))
-        if text is None:
+        plain_text: str | None = self._overlay.get(str(path))
+        if plain_text is None:
             try:
                 data = read_bounded(path, MAX_BYTES)
             except OSError as error:
@@ -238,10 +242,10 @@ class Files:
                 self._refuse("E107", f"{path} cannot be read: {reason}", str(path), asked_place)
                 return None
             self.collector.file(str(path))
-            text = decoder(data, str(path), self.collector)
-        document = Document(str(path), text or "")
+            plain_text = decoder(data, str(path), self.collector)
+        document = Document(str(path), plain_text or "")
         self.documents[str(path)] = document
-        return document if text is not None else None
+        return document if plain_text is not None else None
 
     def _refuse(
         self, code: str, message: str, name: str, asked_place: Place | None, help: str | None = None
@@ -266,14 +270,14 @@ def _advice(path: Path) -> str:
     return "`ergon new NAME` makes a score, `ergon demo --list` names those that ship"
 
 
-def _similar(name: str, folder: Path) -> str | None:
+def _similar(file_name: str, folder: Path) -> str | None:
     """The file beside the score, or in the library, that a name was most likely meant for."""
     paths_by_name: dict[str, str] = {}
-    library_folder = _library_folder(name)
-    for prefix in (library_folder,) if library_folder else _LIBRARY if _is_yaml(name) else ():
+    library_folder = _library_folder(file_name)
+    for prefix in (library_folder,) if library_folder else _LIBRARY if _is_yaml(file_name) else ():
         paths = sorted(installed_path(prefix).glob("*.yaml"))
         paths_by_name |= {path.stem: f"{prefix}/{path.name}" for path in paths}
-    for inside in (PurePosixPath(), PurePosixPath(name).parent):
+    for inside in (PurePosixPath(), PurePosixPath(file_name).parent):
         if inside.is_absolute() or ".." in inside.parts:
             continue
         try:
@@ -281,9 +285,9 @@ def _similar(name: str, folder: Path) -> str | None:
                 files = [entry.name for entry in islice(entries, MAX_LISTED) if entry.is_file()]
         except (OSError, ValueError):
             continue
-        alike = [file for file in sorted(files) if _is_yaml(file) == _is_yaml(name)]
+        alike = [file for file in sorted(files) if _is_yaml(file) == _is_yaml(file_name)]
         paths_by_name |= {PurePosixPath(file).stem: str(inside / file) for file in alike}
-    stem = nearest(PurePosixPath(name).stem, paths_by_name)
+    stem = nearest(PurePosixPath(file_name).stem, paths_by_name)
     return paths_by_name[stem] if stem is not None else None
 
 

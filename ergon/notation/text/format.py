@@ -37,13 +37,13 @@ class _Text(NamedTuple):
         return 2 if self.style == "|" and self.path[:1] == ("parts",) else 0  # at, play
 
 
-def formatted(text: str) -> str:
+def formatted(source_text: str) -> str:
     """Return the score with canonical spacing. Raises TextError where it is not YAML."""
-    if len(text) > MAX_BYTES:
+    if len(source_text) > MAX_BYTES:
         raise TextError(f"more than {MAX_BYTES // 2**20} MB of text", code="E105")
     try:
-        meaning = _meaning(text)
-        result = _trimmed(_aligned(_spaced(text)))
+        meaning = _meaning(source_text)
+        result = _trimmed(_aligned(_spaced(source_text)))
         if _meaning(result) == meaning:
             return result
     except yaml.YAMLError as error:
@@ -53,7 +53,7 @@ def formatted(text: str) -> str:
         raise TextError(
             "the score cannot be read, so it cannot be formatted: "
             f"{getattr(error, 'problem', error)}",
-            offset=min(mark.index, len(text)) if mark else 0,
+            offset=min(mark.index, len(source_text)) if mark else 0,
             code="E100",
         ) from None
     raise TextError("this score cannot be formatted without a change of its meaning", code="E100")
@@ -62,24 +62,26 @@ def formatted(text: str) -> str:
 def _events(text: str) -> Iterator[tuple[yaml.Event, tuple[str, ...]]]:
     """Every event with the names that lead to it."""
     path: list[str | None] = []  # one per open collection: the key being read, "" in a list
-    keys: list[bool] = []  # whether the next scalar of that collection is a key
-    for event in yaml.parse(text, Loader=_LOADER):
+    key_flags: list[bool] = []  # whether the next scalar of that collection is a key
+    for yaml_event in yaml.parse(text, Loader=_LOADER):
         if len(path) > MAX_DEPTH:  # libyaml takes quadratic time over brackets
             raise TextError(TOO_DEEP, code="E105")
-        if isinstance(event, yaml.CollectionEndEvent):
+        if isinstance(yaml_event, yaml.CollectionEndEvent):
             path.pop()
-            keys.pop()
-        if isinstance(event, yaml.ScalarEvent) and keys and keys[-1]:
-            path[-1] = event.value
-        yield event, tuple(name or "" for name in path)
-        if keys and isinstance(event, (yaml.ScalarEvent, yaml.AliasEvent, yaml.CollectionEndEvent)):
-            keys[-1] = not keys[-1] if path[-1] is not None else False
-        if isinstance(event, yaml.MappingStartEvent):
+            key_flags.pop()
+        if isinstance(yaml_event, yaml.ScalarEvent) and key_flags and key_flags[-1]:
+            path[-1] = yaml_event.value
+        yield yaml_event, tuple(name or "" for name in path)
+        if key_flags and isinstance(
+            yaml_event, (yaml.ScalarEvent, yaml.AliasEvent, yaml.CollectionEndEvent)
+        ):
+            key_flags[-1] = not key_flags[-1] if path[-1] is not None else False
+        if isinstance(yaml_event, yaml.MappingStartEvent):
             path.append("")
-            keys.append(True)
-        elif isinstance(event, yaml.SequenceStartEvent):
+            key_flags.append(True)
+        elif isinstance(yaml_event, yaml.SequenceStartEvent):
             path.append(None)
-            keys.append(False)
+            key_flags.append(False)
 
 
 def _texts(text: str) -> list[_Text]:
@@ -95,33 +97,33 @@ def _texts(text: str) -> list[_Text]:
 def _meaning(text: str) -> list[object]:
     """What must not change: every event, tables as their words."""
     meaning: list[object] = []
-    for event, path in _events(text):
-        if isinstance(event, yaml.ScalarEvent):
-            value: object = event.value
-            if _Text(0, 0, path, event.style).columns:
-                value = [line.split() for line in event.value.rstrip().split("\n")]
-            meaning.append((value, event.style, event.anchor, event.tag))
+    for yaml_event, path in _events(text):
+        if isinstance(yaml_event, yaml.ScalarEvent):
+            value: object = yaml_event.value
+            if _Text(0, 0, path, yaml_event.style).columns:
+                value = [line.split() for line in yaml_event.value.rstrip().split("\n")]
+            meaning.append((value, yaml_event.style, yaml_event.anchor, yaml_event.tag))
         else:
-            meaning.append((type(event), getattr(event, "anchor", None)))
+            meaning.append((type(yaml_event), getattr(yaml_event, "anchor", None)))
     return meaning
 
 
-def _spaced(text: str) -> str:
+def _spaced(source_text: str) -> str:
     """Set the spaces between the tokens of flow maps and lists that share a line."""
     pieces: list[str] = []
-    offset = depth = 0
+    text_offset = depth = 0
     token_before: yaml.Token | None = None
-    for token in yaml.scan(text, Loader=_LOADER):
-        if isinstance(token, yaml.KeyToken):  # no character of its own in the flow
+    for yaml_token in yaml.scan(source_text, Loader=_LOADER):
+        if isinstance(yaml_token, yaml.KeyToken):  # no character of its own in the flow
             continue
         if token_before is not None and depth:
-            gap = slice(token_before.end_mark.index, token.start_mark.index)
-            if not text[gap].strip(" "):
-                pieces += (text[offset : gap.start], _gap(token_before, token))
-                offset = gap.stop
-        depth += isinstance(token, _OPENERS) - isinstance(token, _CLOSERS)
-        token_before = token
-    return "".join((*pieces, text[offset:]))
+            gap = slice(token_before.end_mark.index, yaml_token.start_mark.index)
+            if not source_text[gap].strip(" "):
+                pieces += (source_text[text_offset : gap.start], _gap(token_before, yaml_token))
+                text_offset = gap.stop
+        depth += isinstance(yaml_token, _OPENERS) - isinstance(yaml_token, _CLOSERS)
+        token_before = yaml_token
+    return "".join((*pieces, source_text[text_offset:]))
 
 
 def _gap(token_before: yaml.Token, token_after: yaml.Token) -> str:
@@ -132,39 +134,42 @@ def _gap(token_before: yaml.Token, token_after: yaml.Token) -> str:
     return " "
 
 
-def _aligned(text: str) -> str:
+def _aligned(source_text: str) -> str:
     """Align the columns of tables that are not."""
     pieces: list[str] = []
-    offset = 0
-    for block in _texts(text):
-        if not block.columns:
+    text_offset = 0
+    for text_block in _texts(source_text):
+        if not text_block.columns:
             continue
-        block_start = text.find("\n", block.start) + 1
-        lines = text[block_start : block.end].split("\n")
-        pieces += (text[offset:block_start], "\n".join(_columns(lines, block.columns)))
-        offset = block.end
-    return "".join((*pieces, text[offset:]))
+        block_start = source_text.find("\n", text_block.start) + 1
+        lines = source_text[block_start : text_block.end].split("\n")
+        pieces += (
+            source_text[text_offset:block_start],
+            "\n".join(_columns(lines, text_block.columns)),
+        )
+        text_offset = text_block.end
+    return "".join((*pieces, source_text[text_offset:]))
 
 
-def _columns(lines: list[str], columns: int) -> list[str]:
+def _columns(table_lines: list[str], column_count: int) -> list[str]:
     """Rows with their words under each other; comments and blank lines as they were."""
-    rows: dict[int, tuple[str, list[str], str]] = {}
-    for i, line in enumerate(lines):
+    rows_by_line: dict[int, tuple[str, list[str], str]] = {}
+    for i, line in enumerate(table_lines):
         code, comment = _without_comment(line)
-        words = code.split(maxsplit=columns - 1)
-        if words:
-            words[-1] = words[-1] if columns == 3 else " ".join(words[-1].split())
-            rows[i] = (line[: len(line) - len(line.lstrip())], words, comment)
-    if _is_aligned(lines, rows.values(), rows):
-        return lines
+        row_words = code.split(maxsplit=column_count - 1)
+        if row_words:
+            row_words[-1] = row_words[-1] if column_count == 3 else " ".join(row_words[-1].split())
+            rows_by_line[i] = (line[: len(line) - len(line.lstrip())], row_words, comment)
+    if _is_aligned(table_lines, rows_by_line.values(), rows_by_line):
+        return table_lines
     widths = [
-        max((len(words[k]) for _, words, _ in rows.values() if len(words) > k), default=0)
-        for k in range(columns)
+        max((len(words[k]) for _, words, _ in rows_by_line.values() if len(words) > k), default=0)
+        for k in range(column_count)
     ]
-    indent = min((row_indent for row_indent, _, _ in rows.values()), key=len)
-    out = list(lines)
-    for i, (_, words, comment) in rows.items():
-        cells = [word.ljust(width) for word, width in zip(words, widths, strict=False)]
+    indent = min((row_indent for row_indent, _, _ in rows_by_line.values()), key=len)
+    out = list(table_lines)
+    for i, (_, row_words, comment) in rows_by_line.items():
+        cells = [word.ljust(width) for word, width in zip(row_words, widths, strict=False)]
         row_text = indent + _COLUMN_GAP.join(cells).rstrip()
         out[i] = f"{row_text}  {comment}" if comment else row_text
     return out
@@ -181,27 +186,27 @@ def _is_aligned(
     """Whether every column begins at one place already."""
     begins: list[set[int]] = [set(), set(), set()]
     for i, (_, words, _) in zip(numbers, rows, strict=True):
-        column = 0
+        word_column = 0
         for k, word in enumerate(words):
-            column = lines[i].find(word, column)
-            if column < 0:  # words of a play with more than one space between them
+            word_column = lines[i].find(word, word_column)
+            if word_column < 0:  # words of a play with more than one space between them
                 return False
-            begins[k].add(column)
-            column += len(word)
+            begins[k].add(word_column)
+            word_column += len(word)
     return all(len(places) <= 1 for places in begins)
 
 
-def _trimmed(text: str) -> str:
+def _trimmed(source_text: str) -> str:
     """Take away spaces at ends of lines, where they are not text, and end with one newline."""
-    blocks = [(block.start, block.end) for block in _texts(text) if not block.columns]
+    text_blocks = [(block.start, block.end) for block in _texts(source_text) if not block.columns]
     pieces: list[str] = []
     copied_until = i = 0
-    for match in re.finditer(r"(?<![ \t])[ \t]+(?=\r?$)", text, re.MULTILINE):
-        while i < len(blocks) and blocks[i][1] <= match.start():
+    for match in re.finditer(r"(?<![ \t])[ \t]+(?=\r?$)", source_text, re.MULTILINE):
+        while i < len(text_blocks) and text_blocks[i][1] <= match.start():
             i += 1
-        if i == len(blocks) or match.end() <= blocks[i][0]:
-            pieces.append(text[copied_until : match.start()])
+        if i == len(text_blocks) or match.end() <= text_blocks[i][0]:
+            pieces.append(source_text[copied_until : match.start()])
             copied_until = match.end()
-    trimmed = "".join((*pieces, text[copied_until:]))
+    trimmed = "".join((*pieces, source_text[copied_until:]))
     ended = trimmed.rstrip("\r\n") + ("\r\n" if "\r\n" in trimmed else "\n")
     return ended if _meaning(ended) == _meaning(trimmed) else trimmed

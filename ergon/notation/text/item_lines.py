@@ -42,15 +42,15 @@ class FoundRun(NamedTuple):
     is_mapping: bool
 
 
-def find_runs(text: str) -> list[FoundRun]:
+def find_runs(source_text: str) -> list[FoundRun]:
     """The runs of at least 8 values in a text, in order; none is in another."""
     runs = [
         FoundRun(m.start() + 1, m.end() + 1, m[2] if m[1] is None else m[1], m[1] is None)
-        for m in _LINES.finditer(text)
+        for m in _LINES.finditer(source_text)
     ]
-    if ", {" not in text:
+    if ", {" not in source_text:
         return runs
-    items = [FoundRun(*match.span(), None, False) for match in _ITEMS.finditer(text)]
+    items = [FoundRun(*match.span(), None, False) for match in _ITEMS.finditer(source_text)]
     if not runs or not items:
         return runs or items
     result: list[FoundRun] = []
@@ -95,66 +95,92 @@ class _Run:
 
 
 def compose_by_lines(
-    text: str,
-    file: str,
+    source_text: str,
+    file_name: str,
     folder: Path,
-    row: int,
+    row_index: int,
     known_lines: Mapping[str, Line],
 ) -> tuple[Document, dict[str, Line]] | None:
     """The nodes of a text, and the lines of its lists and mappings; lines that are `known_lines`
     are not composed.
 
-    `row` is the first line of the text in its file. Known lines keep the line numbers at which they
-    were composed. None if there are no such lines, or if they cannot be read alone (an alias, a
-    text of several lines, a mistake).
+    `row_index` is the first line of the text in its file. Known lines keep the line numbers at
+    which they were composed. None if there are no such lines, or if they cannot be read alone (an
+    alias, a text of several lines, a mistake).
     """
-    short, runs = _shortened(text)
+    short, runs = _shortened(source_text)
     collector = Collector()
-    composed = compose(short, file, collector, row) if runs else None
+    composed = compose(short, file_name, collector, row_index) if runs else None
     if composed is None or composed.root is None or collector.n_reports:
         return None
-    composed.text = text
+    composed.text = source_text
     composed.forget_lines()
-    lines: dict[str, Line] = {}
+    lines_by_word: dict[str, Line] = {}
     for run in runs:
-        first_row = row + n_lines(text[: run.first])
+        first_row = row_index + n_lines(source_text[: run.first])
         lines_before = [*map(known_lines.get, run.words)]
-        for number in [number for number, line in enumerate(lines_before) if line is None]:
-            word, line_row = run.words[number], first_row if run.gap else first_row + number
-            line = lines.get(word)
-            if line is None:
-                line = _line(f"{{{word}}}" if run.gap else word, file, line_row, run.is_mapping)
-            if line is None:
+        for line_index in [number for number, line in enumerate(lines_before) if line is None]:
+            line_word, line_row = (
+                run.words[line_index],
+                first_row if run.gap else first_row + line_index,
+            )
+            composed_line = lines_by_word.get(line_word)
+            if composed_line is None:
+                composed_line = _line(
+                    f"{{{line_word}}}" if run.gap else line_word,
+                    file_name,
+                    line_row,
+                    run.is_mapping,
+                )
+            if composed_line is None:
                 return None
-            line.node.document.folder = folder
-            lines_before[number] = lines[word] = line
+            composed_line.node.document.folder = folder
+            lines_before[line_index] = lines_by_word[line_word] = composed_line
         run.lines = cast("list[Line]", lines_before)  # none is missing any more
-        lines.update(zip(run.words, run.lines, strict=True))
-    return (composed, lines) if _filled(composed, runs) else None
+        lines_by_word.update(zip(run.words, run.lines, strict=True))
+    return (composed, lines_by_word) if _filled(composed, runs) else None
 
 
-def _shortened(text: str) -> tuple[str, list[_Run]]:
+def _shortened(source_text: str) -> tuple[str, list[_Run]]:
     """The text with one value in place of each run, and the runs."""
     short, copied_until = "", 0
     runs: list[_Run] = []
-    for start, end, indentation, is_mapping in find_runs(text):
-        short += text[copied_until:start]
-        first_length, copied_until, name, gap = len(short), end, _NAME, 0
+    for run_start, run_end, indentation, is_mapping in find_runs(source_text):
+        short += source_text[copied_until:run_start]
+        first_length, copied_until, stand_in_name, gap = len(short), run_end, _NAME, 0
         if indentation is None:
-            words, item, gap = text[start + 1 : end - 1].split("}, {"), first_length, len("}, {")
-            short += name
+            run_words, item_length, gap = (
+                source_text[run_start + 1 : run_end - 1].split("}, {"),
+                first_length,
+                len("}, {"),
+            )
+            short += stand_in_name
         elif is_mapping:
-            words, item = text[start:end].splitlines(keepends=True), first_length + len(indentation)
-            name = f"{_NAME}{len(runs)}"
-            short += f"{indentation}{name}: {{}}\n"
+            run_words, item_length = (
+                source_text[run_start:run_end].splitlines(keepends=True),
+                first_length + len(indentation),
+            )
+            stand_in_name = f"{_NAME}{len(runs)}"
+            short += f"{indentation}{stand_in_name}: {{}}\n"
         else:
-            words, item = (
-                text[start:end].splitlines(keepends=True),
+            run_words, item_length = (
+                source_text[run_start:run_end].splitlines(keepends=True),
                 first_length + len(indentation) + 2,
             )
-            short += f"{indentation}- {name}\n"
-        runs.append(_Run(start, end, first_length, item, len(short), words, gap, name))
-    return short + text[copied_until:], runs
+            short += f"{indentation}- {stand_in_name}\n"
+        runs.append(
+            _Run(
+                run_start,
+                run_end,
+                first_length,
+                item_length,
+                len(short),
+                run_words,
+                gap,
+                stand_in_name,
+            )
+        )
+    return short + source_text[copied_until:], runs
 
 
 def _line(text: str, file: str, row: int, is_mapping: bool) -> Line | None:
@@ -179,24 +205,24 @@ def _filled(composed: Document, runs: list[_Run]) -> bool:
     False if a run is not part of a list or mapping after all.
     """
     assert composed.root is not None
-    by_item, nodes = {run.item: run for run in runs}, list(_nodes(composed.root))
+    by_item, all_nodes = {run.item: run for run in runs}, list(_nodes(composed.root))
     places = {
-        id(node): (_full_index(node.start, runs), _full_index(node.end, runs)) for node in nodes
+        id(node): (_full_index(node.start, runs), _full_index(node.end, runs)) for node in all_nodes
     }
     n_found = 0
-    for node in nodes:
-        if isinstance(node, document.Mapping):
-            n_found += _fill_entries(node, by_item)
-        if not isinstance(node, Sequence):
+    for moved_node in all_nodes:
+        if isinstance(moved_node, document.Mapping):
+            n_found += _fill_entries(moved_node, by_item)
+        if not isinstance(moved_node, Sequence):
             continue
         fills = [
             isinstance(item, Scalar) and item.text == _NAME and by_item.get(item.start)
-            for item in node.items
+            for item in moved_node.items
         ]
         if any(fills):
-            n_found += _fill(node, fills)
-    for node in nodes:
-        node.start, node.end = places[id(node)]
+            n_found += _fill(moved_node, fills)
+    for moved_node in all_nodes:
+        moved_node.start, moved_node.end = places[id(moved_node)]
     composed.size += sum(sum(map(_size, run.lines)) for run in runs)
     composed.size -= sum(1 + run.is_mapping for run in runs)
     return n_found == len(runs)
@@ -223,21 +249,21 @@ def _fill(sequence: Sequence, fills: Iterable[_Run | bool | None]) -> int:
     """Put the items of the runs in `fills` in place of the values that replaced them; returns the
     number of runs.
     """
-    items: list[Node] = []
+    item_nodes: list[Node] = []
     lines_read: list[Line | None] = []
     bases: list[int] = []
     n_found = 0
     for item, run in zip(sequence.items, fills, strict=True):
         if isinstance(run, _Run):
             lines_read += run.lines
-            items += map(_node, run.lines)
+            item_nodes += map(_node, run.lines)
             bases += run.bases()
             n_found += 1
         else:
-            items.append(item)
+            item_nodes.append(item)
             lines_read.append(None)
             bases.append(0)
-    sequence.items, sequence.lines, sequence.bases = items, lines_read, bases
+    sequence.items, sequence.lines, sequence.bases = item_nodes, lines_read, bases
     return n_found
 
 

@@ -59,13 +59,13 @@ class Memory:
         self._collector.clear()
         return self._collector
 
-    def under(self, file: str, condition: Any) -> None:
+    def under(self, file_name: str, condition: Any) -> None:
         """Forget all that was read if a file is read under another condition than before: what
         its texts mean depends on it, such as notes on a tuning. None is that of a new file.
         """
-        if self._conditions.get(file) == condition:
+        if self._conditions.get(file_name) == condition:
             return
-        self._conditions[file] = condition
+        self._conditions[file_name] = condition
         self._now, self._before, self._held, self.last = {}, {}, {}, None
         for lines in self.lines.values():
             for line in lines.values():

@@ -25,18 +25,18 @@ def stripped(text: str) -> tuple[str, int]:
     return text.strip(), len(text) - len(text.lstrip())
 
 
-def time_of(number: str, part: str | None, offset: int) -> float:
-    """The time `number`, divided by `part` if there is one; `number` begins at `offset`. Raises
-    TextError.
+def time_of(number: str, denominator: str | None, number_offset: int) -> float:
+    """The time `number`, divided by `denominator` if there is one; `number` begins at
+    `number_offset`. Raises TextError.
     """
-    value = float(number)
-    length = len(number)
-    if part is not None:
-        length += 1 + len(part)
-        divisor = float(part)
+    time_value = float(number)
+    number_length = len(number)
+    if denominator is not None:
+        number_length += 1 + len(denominator)
+        divisor = float(denominator)
         if divisor == 0.0:
-            raise TextError("the time divides by zero", offset=offset, length=length)
-        value /= divisor
-    if not value <= MAX_TIME:
-        raise TextError("the time is too large", offset=offset, length=length)
-    return value
+            raise TextError("the time divides by zero", offset=number_offset, length=number_length)
+        time_value /= divisor
+    if not time_value <= MAX_TIME:
+        raise TextError("the time is too large", offset=number_offset, length=number_length)
+    return time_value

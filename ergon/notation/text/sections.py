@@ -43,17 +43,23 @@ def names(text: str) -> list[tuple[str, int, int]]:
     return list(_cut(text))
 
 
-def alone(text: str, file: str, folder: Path, name: str, memory: Memory) -> Section | None:
+def alone(
+    source_text: str, file: str, folder: Path, section_name: str, memory: Memory
+) -> Section | None:
     """A section, if it can be read without the others; `memory` then also has it for
     `compose_with_memory`.
     """
-    section_lines = lines(text, name)
+    section_lines = lines(source_text, section_name)
     if section_lines is None:
         return None
     section = _composed(
-        text[slice(*section_lines)], file, folder, n_lines(text[: section_lines[0]]), memory
+        source_text[slice(*section_lines)],
+        file,
+        folder,
+        n_lines(source_text[: section_lines[0]]),
+        memory,
     )
-    return section if section is not None and section.name.text == name else None
+    return section if section is not None and section.name.text == section_name else None
 
 
 def _composed(text: str, file: str, folder: Path, row: int, memory: Memory) -> Section | None:
@@ -79,59 +85,63 @@ def _cut(text: str) -> tuple[tuple[str, int, int], ...]:
 
 
 def compose_with_memory(
-    text: str, file: str, folder: Path, collector: Collector, memory: Memory
+    source_text: str, file_name: str, folder: Path, collector: Collector, memory: Memory
 ) -> Document:
     """The nodes of a text, as `compose` makes them, with those of sections that are known.
 
     Anything unusual is left to `compose`: an alias of another section, a name written twice, a
     mistake.
     """
-    composed = Document(file, text)
-    entries: dict[str, tuple[Scalar, Node]] = {}
-    total, begin, row = 1, 0, 0
-    for name, section_start, end in _cut(text):
-        if not entries:
-            begin = section_start
-            if not _HEAD.fullmatch(text, 0, section_start):
+    composed = Document(file_name, source_text)
+    entries_by_name: dict[str, tuple[Scalar, Node]] = {}
+    total_size, section_begin, section_row = 1, 0, 0
+    for section_name, section_start, end in _cut(source_text):
+        if not entries_by_name:
+            section_begin = section_start
+            if not _HEAD.fullmatch(source_text, 0, section_start):
                 break
-            row = n_lines(text[:section_start])
-        section_text = text[section_start:end]
-        section = _composed(section_text, file, folder, row, memory)
-        row += n_lines(section_text)
-        if section is None or section.name.text != name or name in entries:
+            section_row = n_lines(source_text[:section_start])
+        section_text = source_text[section_start:end]
+        section = _composed(section_text, file_name, folder, section_row, memory)
+        section_row += n_lines(section_text)
+        if section is None or section.name.text != section_name or section_name in entries_by_name:
             break
-        entries[name] = section.name, section.value
-        total += section.size
+        entries_by_name[section_name] = section.name, section.value
+        total_size += section.size
     else:
-        if entries and total <= MAX_NODES:
-            composed.root = document.Mapping(composed, begin, len(text), entries)
-            let_node = entries["let"][1] if "let" in entries else None
-            for _, value in entries.values():  # a section is a document of its own
+        if entries_by_name and total_size <= MAX_NODES:
+            composed.root = document.Mapping(
+                composed, section_begin, len(source_text), entries_by_name
+            )
+            let_node = entries_by_name["let"][1] if "let" in entries_by_name else None
+            for _, value in entries_by_name.values():  # a section is a document of its own
                 value.document.let, value.document.lets = let_node, None
             return composed
-    return compose(text, file, collector)
+    return compose(source_text, file_name, collector)
 
 
-def _section(text: str, file: str, folder: Path, row: int, memory: Memory) -> Section | None:
+def _section(
+    source_text: str, file_name: str, folder: Path, row_index: int, memory: Memory
+) -> Section | None:
     """A section alone, if it can be read so."""
-    if _has_marker(text):
+    if _has_marker(source_text):
         return None
     collector = Collector()
-    name = file, text.partition(":")[0]
-    known_lines = memory.lines.get(name, {})
+    section_name = file_name, source_text.partition(":")[0]
+    known_lines = memory.lines.get(section_name, {})
     composed = None
     if memory.is_loose:
-        composed = compose_by_lines(text, file, folder, row, known_lines)
+        composed = compose_by_lines(source_text, file_name, folder, row_index, known_lines)
     if composed is None:
-        section = compose(text, file, collector, row)
+        known_section = compose(source_text, file_name, collector, row_index)
     else:
-        section, memory.lines[name] = composed
-    section.folder = folder
+        known_section, memory.lines[section_name] = composed
+    known_section.folder = folder
     if (
         collector.n_reports
-        or not isinstance(section.root, document.Mapping)
-        or len(section.root.entries) != 1
+        or not isinstance(known_section.root, document.Mapping)
+        or len(known_section.root.entries) != 1
     ):
         return None
-    (entry,) = section.root.entries.values()
-    return Section(*entry, section.size)
+    (entry,) = known_section.root.entries.values()
+    return Section(*entry, known_section.size)

@@ -56,13 +56,17 @@ class Span:
         """A text below `|` or `>`."""
         return self.style in ("|", ">")
 
-    def index(self, name: str | int) -> int | None:
+    def index(self, child_name: str | int) -> int | None:
         """The number of a child under a name or at an index; None where there is none."""
         if self.kind == "mapping":
-            indices = (i for i, key in enumerate(self.keys) if key.value == name)
+            indices = (i for i, key in enumerate(self.keys) if key.value == child_name)
             return next(indices, None)
-        if self.kind == "sequence" and isinstance(name, int) and 0 <= name < len(self.items):
-            return name
+        if (
+            self.kind == "sequence"
+            and isinstance(child_name, int)
+            and 0 <= child_name < len(self.items)
+        ):
+            return child_name
         return None
 
 
@@ -109,16 +113,16 @@ class Layout:
         match = _HEADER.match(self.text, span.start)
         return match.end() if match else span.start + 1
 
-    def child_start(self, parent: Span, number: int) -> int:
+    def child_start(self, parent_span: Span, child_number: int) -> int:
         """Where a child begins: its name, or its dash in a block sequence."""
-        if parent.kind == "mapping":
-            return parent.keys[number].start
-        if parent.is_flow:
-            return parent.items[number].start
-        if number:
-            return self.next_token(parent.items[number - 1].end)
-        anchor = _ANCHOR.match(self.text, parent.start)
-        return self.next_token(anchor.end() if anchor else parent.start)
+        if parent_span.kind == "mapping":
+            return parent_span.keys[child_number].start
+        if parent_span.is_flow:
+            return parent_span.items[child_number].start
+        if child_number:
+            return self.next_token(parent_span.items[child_number - 1].end)
+        anchor = _ANCHOR.match(self.text, parent_span.start)
+        return self.next_token(anchor.end() if anchor else parent_span.start)
 
     def full_lines(self, start: int, end: int) -> tuple[int, int]:
         """The range of whole lines from the line of one character to that of another; it holds as
@@ -139,64 +143,66 @@ class Layout:
         return not self.text[self.line_start(index) : self.line_end(index)].strip()
 
 
-def apply_splices(text: str, splices: Iterable[Splice]) -> str:
+def apply_splices(source_text: str, splices: Iterable[Splice]) -> str:
     """A text with all replacements made."""
     pieces: list[str] = []
     offset = 0
     for splice in sorted(splices, key=lambda splice: splice.start):
-        pieces += (text[offset : splice.start], splice.text)
+        pieces += (source_text[offset : splice.start], splice.text)
         offset = max(offset, splice.end)  # two that are taken away may share a comma or a break
-    return "".join((*pieces, text[offset:]))
+    return "".join((*pieces, source_text[offset:]))
 
 
 @lru_cache(maxsize=8)  # the next edit begins with the text checked here
 def layout(text: str) -> Layout:
     """Lay out a text that is YAML: one document, its depth and size known to be bounded."""
-    root = _root(text)
+    root_span = _root(text)
     first_end = _END_OF_LINE.search(text)
     newline = "\r\n" if text.startswith("\r\n", first_end.start() if first_end else 0) else "\n"
-    result = Layout(text, root, newline, 2)
-    if root is not None and root.kind == "mapping" and not root.is_flow:
+    text_layout = Layout(text, root_span, newline, 2)
+    if root_span is not None and root_span.kind == "mapping" and not root_span.is_flow:
         steps = (
-            result.column(item.keys[0].start) - result.column(root.keys[0].start)
-            for item in root.items
+            text_layout.column(item.keys[0].start) - text_layout.column(root_span.keys[0].start)
+            for item in root_span.items
             if item.kind == "mapping" and not item.is_flow
         )
-        result.indent_step = next((step for step in steps if step > 0), 2)
-    return result
+        text_layout.indent_step = next((step for step in steps if step > 0), 2)
+    return text_layout
 
 
-def _root(text: str) -> Span | None:
+def _root(source_text: str) -> Span | None:
     stack: list[Span] = []
-    root: Span | None = None
-    for event in yaml.parse(text, _LOADER):
-        if isinstance(event, yaml.CollectionEndEvent):
-            span = stack.pop()
-            span.end = _mark(event.end_mark) if span.is_flow else span.items[-1].end
-        elif isinstance(event, yaml.NodeEvent):
-            span = _span(text, event)
+    root_span: Span | None = None
+    for yaml_event in yaml.parse(source_text, _LOADER):
+        if isinstance(yaml_event, yaml.CollectionEndEvent):
+            node_span = stack.pop()
+            node_span.end = (
+                _mark(yaml_event.end_mark) if node_span.is_flow else node_span.items[-1].end
+            )
+        elif isinstance(yaml_event, yaml.NodeEvent):
+            node_span = _span(source_text, yaml_event)
             if stack:
-                _add(stack[-1], span)
+                _add(stack[-1], node_span)
             else:
-                root = span
-            if isinstance(event, yaml.CollectionStartEvent):
-                stack.append(span)
-    return root
+                root_span = node_span
+            if isinstance(yaml_event, yaml.CollectionStartEvent):
+                stack.append(node_span)
+    return root_span
 
 
-def _span(text: str, event: yaml.NodeEvent) -> Span:
-    start, end = _mark(event.start_mark), _mark(event.end_mark)
-    if isinstance(event, yaml.CollectionStartEvent):
-        kind: Kind = "mapping" if isinstance(event, yaml.MappingStartEvent) else "sequence"
-        return Span(kind, start, end, is_flow=bool(event.flow_style))
-    if not isinstance(event, yaml.ScalarEvent):
-        return Span("alias", start, end, value=event.anchor or "")
-    style = event.style if event.style in ("'", '"', "|", ">") else None
+def _span(source_text: str, node_event: yaml.NodeEvent) -> Span:
+    start_index, end_index = _mark(node_event.start_mark), _mark(node_event.end_mark)
+    if isinstance(node_event, yaml.CollectionStartEvent):
+        kind: Kind = "mapping" if isinstance(node_event, yaml.MappingStartEvent) else "sequence"
+        return Span(kind, start_index, end_index, is_flow=bool(node_event.flow_style))
+    if not isinstance(node_event, yaml.ScalarEvent):
+        return Span("alias", start_index, end_index, value=node_event.anchor or "")
+    style = node_event.style if node_event.style in ("'", '"', "|", ">") else None
     if style in ("|", ">"):  # the empty lines below a block belong to no value
-        last_character = start + len(text[start:end].rstrip())
-        match = _END_OF_LINE.search(text, last_character)
-        end = match.start() if match else last_character
-    return Span("scalar", start, end, style=style, value=event.value)
+        last_character = start_index + len(source_text[start_index:end_index].rstrip())
+        match = _END_OF_LINE.search(source_text, last_character)
+        end_index = match.start() if match else last_character
+    return Span("scalar", start_index, end_index, style=style, value=node_event.value)
 
 
 def _add(parent: Span, span: Span) -> None:

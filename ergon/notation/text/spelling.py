@@ -11,18 +11,18 @@ def is_misspelt(word: str, name: str) -> bool:
     return bool(get_close_matches(word.lower(), [name.lower()], n=1, cutoff=0.8))
 
 
-def is_one_slip(word: str, name: str) -> bool:
+def is_one_slip(typed_word: str, known_name: str) -> bool:
     """Whether a word is a name but for one letter that is missing, too many, another one, or in
     the wrong order (a distance of 1: Damerau, Communications of the ACM 7, 1964).
     """
-    if abs(len(word) - len(name)) > 1:
+    if abs(len(typed_word) - len(known_name)) > 1:
         return False
     first_difference = next(
-        (i for i, (a, b) in enumerate(zip(word, name, strict=False)) if a != b), None
+        (i for i, (a, b) in enumerate(zip(typed_word, known_name, strict=False)) if a != b), None
     )
     if first_difference is None:  # one word begins with the other
         return True
-    a, b = word[first_difference:], name[first_difference:]
+    a, b = typed_word[first_difference:], known_name[first_difference:]
     is_swapped = a[:2] == b[1::-1] and a[2:] == b[2:]
     return a[1:] == b[1:] or a[1:] == b or a == b[1:] or is_swapped
 

@@ -42,62 +42,66 @@ class Changes:
 
     def replaced(self, parent: Span, number: int, text: str) -> list[Splice]:
         """Set the value of a child; if the old value has several lines, all of them are removed."""
-        lay, child = self.layout, parent.items[number]
-        if child.start == child.end:  # nothing after the colon or dash
+        lay, child_span = self.layout, parent.items[number]
+        if child_span.start == child_span.end:  # nothing after the colon or dash
             if parent.kind == "sequence":
-                return [Splice(child.start, child.start, f" {text}")]
+                return [Splice(child_span.start, child_span.start, f" {text}")]
             colon = lay.next_token(parent.keys[number].end)
             if lay.text[colon : colon + 1] == ":":
                 return [Splice(colon + 1, colon + 1, f" {text}")]
             end = parent.keys[number].end
             return [Splice(end, end, f": {text}")]
-        if child.is_block:
-            header_splice = Splice(child.start, lay.header_end(child), text)
-            return [header_splice, *self.lines_after(child.start, child.end)]
-        on_own_lines = child.kind in ("mapping", "sequence") and lay.begins_line(child.start)
-        if on_own_lines and not child.is_flow:
+        if child_span.is_block:
+            header_splice = Splice(child_span.start, lay.header_end(child_span), text)
+            return [header_splice, *self.lines_after(child_span.start, child_span.end)]
+        on_own_lines = child_span.kind in ("mapping", "sequence") and lay.begins_line(
+            child_span.start
+        )
+        if on_own_lines and not child_span.is_flow:
             child_start = lay.child_start(parent, number)
             key_end = parent.keys[number].end if parent.kind == "mapping" else child_start
             place = lay.next_token(key_end) + 1
             return [
                 Splice(place, place, f" {text}"),
-                Splice(*lay.full_lines(child.start, child.end), ""),
+                Splice(*lay.full_lines(child_span.start, child_span.end), ""),
             ]
-        return [Splice(child.start, child.end, text)]
+        return [Splice(child_span.start, child_span.end, text)]
 
-    def lines_after(self, start: int, end: int) -> list[Splice]:
-        """Remove the lines after that of the character `start`, up to that of the character
-        `end`.
+    def lines_after(self, start_index: int, end_index: int) -> list[Splice]:
+        """Remove the lines after that of the character `start_index`, up to that of the character
+        `end_index`.
         """
         lay = self.layout
-        next_line = lay.next_line(start)
+        next_line = lay.next_line(start_index)
         return (
-            [Splice(*lay.full_lines(next_line, end), "")]
-            if next_line <= end and next_line > start
+            [Splice(*lay.full_lines(next_line, end_index), "")]
+            if next_line <= end_index and next_line > start_index
             else []
         )
 
     def added(
-        self, chain: list[Span], path: Path, text: str, order: Sequence[str], is_item: bool
+        self, chain: list[Span], path: Path, entry_text: str, order: Sequence[str], is_item: bool
     ) -> list[Splice]:
         """Add an entry that does not exist yet, below the last part of its path that does."""
         if not chain:
-            value = self.layout.newline.join(self.nested(path, text, 0, is_item))
+            value = self.layout.newline.join(self.nested(path, entry_text, 0, is_item))
             source = self.layout.text
             lead = self.layout.newline if source and not source.endswith(("\n", "\r")) else ""
             return [Splice(len(source), len(source), lead + value + self.layout.newline)]
-        node, path_rest = chain[-1], path[len(chain) - 1 :]
-        if node.is_empty and len(chain) > 1:
-            return self.filled(chain[-2], node, path[len(chain) - 2], path_rest, text, is_item)
-        if node.kind != "mapping" or not path_rest or isinstance(path_rest[0], int):
+        last_span, path_rest = chain[-1], path[len(chain) - 1 :]
+        if last_span.is_empty and len(chain) > 1:
+            return self.filled(
+                chain[-2], last_span, path[len(chain) - 2], path_rest, entry_text, is_item
+            )
+        if last_span.kind != "mapping" or not path_rest or isinstance(path_rest[0], int):
             raise EditError(f"there is no {named(path)}")
-        if node.is_flow:
-            return self.item(node, _flow(path_rest, text, is_item))
-        indent = self.layout.column(node.keys[0].start)
-        lines = self.nested(path_rest, text, indent, is_item)
+        if last_span.is_flow:
+            return self.item(last_span, _flow(path_rest, entry_text, is_item))
+        indent = self.layout.column(last_span.keys[0].start)
+        lines = self.nested(path_rest, entry_text, indent, is_item)
         if len(chain) == 1:
-            return self.section(node, str(path_rest[0]), lines, order)
-        return [self.below(node.end, lines)]
+            return self.section(last_span, str(path_rest[0]), lines, order)
+        return [self.below(last_span.end, lines)]
 
     def filled(
         self, parent: Span, node: Span, name: str | int, path_rest: Path, text: str, is_item: bool
@@ -150,119 +154,133 @@ class Changes:
             is_spaced = lay.newline * 2 in lay.text
         return [self.below(end, ["", *lines] if is_spaced and len(lines) > 1 else lines)]
 
-    def item(self, node: Span, text: str) -> list[Splice]:
+    def item(self, list_span: Span, item_text: str) -> list[Splice]:
         """Add an item at the end of a list or, in flow style, of a mapping."""
         lay = self.layout
-        if not node.is_flow:
-            dash = lay.column(lay.child_start(node, 0))
-            return [self.below(node.end, [f"{' ' * dash}- {text}"])]
-        if not node.items:
-            opener = lay.text.index("[" if node.kind == "sequence" else "{", node.start)
-            return [Splice(opener + 1, opener + 1, text)]
-        last_item = node.items[-1]
-        end = max(last_item.end, node.keys[-1].end) if node.keys else last_item.end
-        start = lay.child_start(node, len(node.items) - 1)
-        if not lay.begins_line(start):
-            return [Splice(end, end, f", {text}")]
-        comma = lay.next_token(end)
+        if not list_span.is_flow:
+            dash = lay.column(lay.child_start(list_span, 0))
+            return [self.below(list_span.end, [f"{' ' * dash}- {item_text}"])]
+        if not list_span.items:
+            opener = lay.text.index("[" if list_span.kind == "sequence" else "{", list_span.start)
+            return [Splice(opener + 1, opener + 1, item_text)]
+        last_item = list_span.items[-1]
+        end_index = max(last_item.end, list_span.keys[-1].end) if list_span.keys else last_item.end
+        start_index = lay.child_start(list_span, len(list_span.items) - 1)
+        if not lay.begins_line(start_index):
+            return [Splice(end_index, end_index, f", {item_text}")]
+        comma = lay.next_token(end_index)
         has_comma = lay.text[comma : comma + 1] == ","
-        splices = [] if has_comma else [Splice(end, end, ",")]
-        line = " " * lay.column(start) + text + ("," if has_comma else "")
-        closer = node.end - 1
-        if lay.line_end(end) > closer:  # the bracket closes in the last item's line
-            return [Splice(end, end, f", {text}")]
-        return [*splices, self.below(end, [line])]
+        splices = [] if has_comma else [Splice(end_index, end_index, ",")]
+        line = " " * lay.column(start_index) + item_text + ("," if has_comma else "")
+        closer = list_span.end - 1
+        if lay.line_end(end_index) > closer:  # the bracket closes in the last item's line
+            return [Splice(end_index, end_index, f", {item_text}")]
+        return [*splices, self.below(end_index, [line])]
 
     def before(self, node: Span, number: int, text: str) -> list[Splice]:
         """Insert an item before another one of a list: in its line, or in a line above it."""
         lay = self.layout
-        start = lay.child_start(node, number)
+        start_index = lay.child_start(node, number)
         lead = text if node.is_flow else f"- {text}"
-        if lay.begins_line(start):
-            separator = ("," if node.is_flow else "") + lay.newline + " " * lay.column(start)
-            return [Splice(start, start, lead + separator)]
+        if lay.begins_line(start_index):
+            separator = ("," if node.is_flow else "") + lay.newline + " " * lay.column(start_index)
+            return [Splice(start_index, start_index, lead + separator)]
         if not node.is_flow:
             raise EditError(
                 "an entry cannot be inserted above this one, which does not begin a line"
             )
-        return [Splice(start, start, f"{text}, ")]
+        return [Splice(start_index, start_index, f"{text}, ")]
 
-    def wrap_in_list(self, parent: Span, node: Span, text: str) -> list[Splice]:
+    def wrap_in_list(self, parent: Span, lone_span: Span, item_text: str) -> list[Splice]:
         """Make a lone value the first item of a list of two."""
         lay = self.layout
-        if node.is_flow or parent.is_flow or node.kind == "scalar":
-            if node.is_block:
+        if lone_span.is_flow or parent.is_flow or lone_span.kind == "scalar":
+            if lone_span.is_block:
                 raise EditError("a text of several lines cannot become an item of a list")
-            return [Splice(node.start, node.start, "["), Splice(node.end, node.end, f", {text}]")]
-        if node.kind == "alias" or not lay.begins_line(node.start):
+            return [
+                Splice(lone_span.start, lone_span.start, "["),
+                Splice(lone_span.end, lone_span.end, f", {item_text}]"),
+            ]
+        if lone_span.kind == "alias" or not lay.begins_line(lone_span.start):
             raise EditError(
                 "the value cannot become a list as it is written; "
                 "edit the text of the score instead"
             )
-        indent, splices = lay.column(node.start), []
-        start = lay.line_start(node.start)
-        while start <= node.end:
-            if lay.text[start : lay.line_end(start)].strip():
-                lead = "- " if start == lay.line_start(node.start) else "  "
-                splices.append(Splice(start + indent, start + indent, lead))
-            if lay.next_line(start) == start or lay.next_line(start) > node.end:
+        indent, splices = lay.column(lone_span.start), []
+        start_index = lay.line_start(lone_span.start)
+        while start_index <= lone_span.end:
+            if lay.text[start_index : lay.line_end(start_index)].strip():
+                lead = "- " if start_index == lay.line_start(lone_span.start) else "  "
+                splices.append(Splice(start_index + indent, start_index + indent, lead))
+            if (
+                lay.next_line(start_index) == start_index
+                or lay.next_line(start_index) > lone_span.end
+            ):
                 break
-            start = lay.next_line(start)
-        return [*splices, self.below(node.end, [f"{' ' * indent}- {text}"])]
+            start_index = lay.next_line(start_index)
+        return [*splices, self.below(lone_span.end, [f"{' ' * indent}- {item_text}"])]
 
     # --- taking away -----------------------------------------------------------------------------
 
-    def cut_block(self, parent: Span, number: int) -> list[Splice]:
+    def cut_block(self, parent_span: Span, number: int) -> list[Splice]:
         """Remove an entry with its lines; of two empty lines that would meet, one is removed
         too.
         """
         lay = self.layout
-        start, end = lay.child_start(parent, number), parent.items[number].end
-        if not lay.begins_line(start):
-            if len(parent.items) == 1:
-                return [Splice(start, lay.line_end(end), "")]
-            cut_end = lay.child_start(parent, 1)
-            if "#" in lay.text[lay.line_end(end) : cut_end]:
+        start_index, end_index = lay.child_start(parent_span, number), parent_span.items[number].end
+        if not lay.begins_line(start_index):
+            if len(parent_span.items) == 1:
+                return [Splice(start_index, lay.line_end(end_index), "")]
+            cut_end = lay.child_start(parent_span, 1)
+            if "#" in lay.text[lay.line_end(end_index) : cut_end]:
                 raise EditError(
                     "a comment is between this entry and the next; move the comment first"
                 )
-            return [Splice(start, cut_end, "")]
-        cut_start, cut_end = lay.line_start(start), lay.next_line(end)
+            return [Splice(start_index, cut_end, "")]
+        cut_start, cut_end = lay.line_start(start_index), lay.next_line(end_index)
         is_end = cut_end == len(lay.text)
         if cut_start and lay.is_blank(cut_start - 1) and (is_end or lay.is_blank(cut_end)):
             cut_start = lay.line_start(cut_start - 1)
         return [Splice(*lay.with_break(cut_start, cut_end), "")]
 
-    def cut_flow(self, parent: Span, number: int, removed_numbers: Collection[int]) -> list[Splice]:
+    def cut_flow(
+        self, parent_span: Span, child_number: int, removed_numbers: Collection[int]
+    ) -> list[Splice]:
         """Remove an item with its comma, when the items `removed_numbers` are removed too. If it
         has lines of its own, these are removed.
         """
         lay = self.layout
-        start, end = lay.child_start(parent, number), parent.items[number].end
-        if parent.keys:
-            end = max(end, parent.keys[number].end)
-        comma = lay.next_token(end)
-        stop = comma + 1 if lay.text[comma : comma + 1] == "," else end
-        is_last = all(
-            later_number in removed_numbers for later_number in range(number + 1, len(parent.items))
+        start_index, end_index = (
+            lay.child_start(parent_span, child_number),
+            parent_span.items[child_number].end,
         )
-        cut_start = parent.items[number - 1].end if number else start
-        if parent.keys and number:
-            cut_start = max(cut_start, parent.keys[number - 1].end)
-        line_rest = lay.text[stop : lay.line_end(stop)].strip()
-        if lay.begins_line(start) and (not line_rest or line_rest.startswith("#")):
-            splices = [Splice(*lay.full_lines(start, stop), "")]
-            if is_last and number and stop == end:  # the list had no comma at its end
+        if parent_span.keys:
+            end_index = max(end_index, parent_span.keys[child_number].end)
+        comma = lay.next_token(end_index)
+        cut_stop = comma + 1 if lay.text[comma : comma + 1] == "," else end_index
+        is_last = all(
+            later_number in removed_numbers
+            for later_number in range(child_number + 1, len(parent_span.items))
+        )
+        cut_start = parent_span.items[child_number - 1].end if child_number else start_index
+        if parent_span.keys and child_number:
+            cut_start = max(cut_start, parent_span.keys[child_number - 1].end)
+        line_rest = lay.text[cut_stop : lay.line_end(cut_stop)].strip()
+        if lay.begins_line(start_index) and (not line_rest or line_rest.startswith("#")):
+            splices = [Splice(*lay.full_lines(start_index, cut_stop), "")]
+            if (
+                is_last and child_number and cut_stop == end_index
+            ):  # the list had no comma at its end
                 comma = lay.next_token(cut_start)
                 splices.append(Splice(comma, comma + 1, ""))
             return splices
-        if not is_last or not number:
-            gap = lay.text[stop : lay.next_token(stop)]
-            spaces = len(gap) - len(gap.lstrip(" ")) if stop > end else 0
-            return [Splice(start, stop + spaces, "")]
-        if "#" in lay.text[cut_start:start]:
-            return [Splice(start, end, "")]  # the comma before may end a list
-        return [Splice(cut_start, end, "")]
+        if not is_last or not child_number:
+            gap = lay.text[cut_stop : lay.next_token(cut_stop)]
+            spaces = len(gap) - len(gap.lstrip(" ")) if cut_stop > end_index else 0
+            return [Splice(start_index, cut_stop + spaces, "")]
+        if "#" in lay.text[cut_start:start_index]:
+            return [Splice(start_index, end_index, "")]  # the comma before may end a list
+        return [Splice(cut_start, end_index, "")]
 
 
 def _flow(names: Path, text: str, is_item: bool, outermost: bool = False) -> str:

@@ -57,7 +57,7 @@ def is_too_deep(error: Exception) -> bool:
     return "maximum nesting depth" in str(getattr(error, "problem", ""))
 
 
-def level_opens(text: str, error: Exception, start: tuple[int, int], level: int) -> int:
+def level_opens(source_text: str, error: Exception, start: tuple[int, int], level: int) -> int:
     """Index at which bracket level `level` opens before such an error; `start` is an index and its
     level.
 
@@ -65,74 +65,74 @@ def level_opens(text: str, error: Exception, start: tuple[int, int], level: int)
     """
     (first, depth), end = start, _index_of(error)
     for index in range(first, end):
-        depth += (text[index] in "[{") - (text[index] in "]}")
+        depth += (source_text[index] in "[{") - (source_text[index] in "]}")
         if depth >= level:
             return index
     return end
 
 
-def explained(text: str, error: Exception) -> tuple[int, str]:
+def explained(source_text: str, error: Exception) -> tuple[int, str]:
     """Index and message of an error; the pure Python parser explains it if the text up to the error
     is short.
     """
     if _index_of(error) <= PURE_PARSER_LIMIT and not isinstance(error, ComposerError):
         try:
-            for _ in yaml.parse(text[: 2 * PURE_PARSER_LIMIT], yaml.SafeLoader):
+            for _ in yaml.parse(source_text[: 2 * PURE_PARSER_LIMIT], yaml.SafeLoader):
                 pass
         except yaml.YAMLError as better:
             error = better
         except (RecursionError, ValueError):
             pass  # the first message stands
-    if (blank := _typeset_blank(text, _index_of(error))) is not None:
-        return blank, f"here stands {typeset_character(text[blank])}"
-    words = str(error)
+    if (blank := _typeset_blank(source_text, _index_of(error))) is not None:
+        return blank, f"here stands {typeset_character(source_text[blank])}"
+    error_words = str(error)
     for needle, sentence in _SENTENCES:
-        if needle in words:
+        if needle in error_words:
             if sentence is _INDENTED:
-                return _index_of(error), _indented(text, _index_of(error))
+                return _index_of(error), _indented(source_text, _index_of(error))
             unclosed = "closed" in sentence or "':' after" in sentence
             return _index_of(error, unclosed), sentence
-    problem = getattr(error, "problem", None) or words.split("\n")[0]
+    problem = getattr(error, "problem", None) or error_words.split("\n")[0]
     return _index_of(error), f"not YAML: {problem}"
 
 
-def _indented(text: str, index: int) -> str:
+def _indented(source_text: str, index: int) -> str:
     """What is wrong with how a line begins: with how many spaces the lines above do that are still
     open, or that it is a name among items of a list.
     """
-    begin = text.rfind("\n", 0, index) + 1
-    indent = len(text[begin:index]) - len(text[begin:index].lstrip(" "))
-    is_item = text.startswith("- ", begin + indent)
-    depth, places = PURE_PARSER_LIMIT, []
-    for line in reversed(text[max(0, begin - PURE_PARSER_LIMIT) : begin].splitlines()):
-        word = line.strip()
+    begin = source_text.rfind("\n", 0, index) + 1
+    indent = len(source_text[begin:index]) - len(source_text[begin:index].lstrip(" "))
+    is_item = source_text.startswith("- ", begin + indent)
+    depth, line_places = PURE_PARSER_LIMIT, []
+    for line in reversed(source_text[max(0, begin - PURE_PARSER_LIMIT) : begin].splitlines()):
+        line_word = line.strip()
         spaces = len(line) - len(line.lstrip(" "))
-        if word and not word.startswith("#") and spaces < depth:
-            if spaces == indent and word.startswith("- ") != is_item:
+        if line_word and not line_word.startswith("#") and spaces < depth:
+            if spaces == indent and line_word.startswith("- ") != is_item:
                 return (
                     "a line of a list and one of a group stand side by side here: lines of a list "
                     "begin with '- ', lines of a group with a name and ':'"
                 )
             depth = spaces
-            places.append(f"{spaces} ('{word.partition(':')[0][:20]}')")
-        if depth == 0 or len(places) == _SHOWN_MAX:
+            line_places.append(f"{spaces} ('{line_word.partition(':')[0][:20]}')")
+        if depth == 0 or len(line_places) == _SHOWN_MAX:
             break
-    if not places:
+    if not line_places:
         return _INDENTED
     noun = "space" if indent == 1 else "spaces"
-    return f"{_INDENTED}; it begins with {indent} {noun}, those above with {', '.join(places)}"
+    return f"{_INDENTED}; it begins with {indent} {noun}, those above with {', '.join(line_places)}"
 
 
-def _typeset_blank(text: str, index: int) -> int | None:
+def _typeset_blank(source_text: str, source_index: int) -> int | None:
     """Index of a typeset space in the line of an error or the one before, or at the beginning of
     any line before, which YAML takes for a letter; None without one.
     """
-    begin = text.rfind("\n", 0, max(0, text.rfind("\n", 0, index))) + 1
-    end = text.find("\n", index)
-    match = BLANK.search(text, begin, len(text) if end < 0 else end)
+    begin = source_text.rfind("\n", 0, max(0, source_text.rfind("\n", 0, source_index))) + 1
+    end = source_text.find("\n", source_index)
+    match = BLANK.search(source_text, begin, len(source_text) if end < 0 else end)
     if match is not None:
         return match.start()
-    match = _INDENTED_BY_BLANK.search(text, 0, max(0, index))
+    match = _INDENTED_BY_BLANK.search(source_text, 0, max(0, source_index))
     return None if match is None else match.end() - 1
 
 
@@ -151,22 +151,22 @@ def _index_of(error: Exception, unclosed: bool = False) -> int:
     return position if isinstance(position, int) else 0
 
 
-def decode(data: bytes, file: str, collector: Collector) -> str | None:
+def decode(file_bytes: bytes, file_name: str, collector: Collector) -> str | None:
     """UTF-8 text of a file's bytes, with or without BOM; None after saying what is wrong."""
-    if len(data) > MAX_BYTES:
+    if len(file_bytes) > MAX_BYTES:
         message = f"the file has more than {MAX_BYTES // 2**20} MB; write a long gesture as a take"
-        collector.error("E105", message, Place(file, 1, 1))
+        collector.error("E105", message, Place(file_name, 1, 1))
         return None
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+    if file_bytes[:2] in (b"\xff\xfe", b"\xfe\xff"):
         message = "the file is in UTF-16; save it in UTF-8"
-        collector.error("E107", message, Place(file, 1, 1))
+        collector.error("E107", message, Place(file_name, 1, 1))
         return None
     try:
-        return data.decode("utf-8-sig")
+        return file_bytes.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        line_start = data.rfind(b"\n", 0, error.start) + 1
-        column = len(data[line_start : error.start].decode("utf-8", "replace")) + 1
-        place = Place(file, data.count(b"\n", 0, error.start) + 1, column)
-        message = f"byte 0x{data[error.start]:02x} is not UTF-8; save the file in UTF-8"
+        line_start = file_bytes.rfind(b"\n", 0, error.start) + 1
+        column = len(file_bytes[line_start : error.start].decode("utf-8", "replace")) + 1
+        place = Place(file_name, file_bytes.count(b"\n", 0, error.start) + 1, column)
+        message = f"byte 0x{file_bytes[error.start]:02x} is not UTF-8; save the file in UTF-8"
         collector.error("E107", message, place)
         return None

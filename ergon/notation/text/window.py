@@ -39,65 +39,84 @@ class Window:
 
 
 def last_items(
-    text: str, name: Scalar, value: Node, path: Path, first: int | None
+    section_text: str, name_node: Scalar, section_value: Node, path: Path, first_item: int | None
 ) -> Window | None:
-    """The items from `first` on (None: the last one) of the list at a path below a section.
+    """The items from `first_item` on (None: the last one) of the list at a path below a section.
 
-    `text` is the section's, `name` and `value` are its nodes. None where these lines cannot be read
-    alone, or where that saves nothing.
+    `section_text` is the section's, `name_node` and `section_value` are its nodes. None where these
+    lines cannot be read alone, or where that saves nothing.
     """
-    if not is_plain(text):
+    if not is_plain(section_text):
         return None
-    heads, tail, node = _head(text, name, value), "", value
+    heads, text_after, window_node = (
+        _head(section_text, name_node, section_value),
+        "",
+        section_value,
+    )
     for word in path:
-        entry = _entry(node, word)
+        entry = _entry(window_node, word)
         if entry is None or heads is None or entry[2]:
             return None
-        name, value_below, _ = entry
-        if text[node.start] == "{":
-            head_text, tail = _head_within(text, name, value_below), "}" + tail
+        name_node, value_below, _ = entry
+        if section_text[window_node.start] == "{":
+            head_text, text_after = (
+                _head_within(section_text, name_node, value_below),
+                "}" + text_after,
+            )
         else:
-            head_text = _head(text, name, value_below)
-        heads, node = None if head_text is None else heads + head_text, value_below
-    if heads is None or not isinstance(node, document.Sequence):
+            head_text = _head(section_text, name_node, value_below)
+        heads, window_node = None if head_text is None else heads + head_text, value_below
+    if heads is None or not isinstance(window_node, document.Sequence):
         return None
-    first = len(node.items) - 1 if first is None else max(first, 0)
-    if not 0 <= first < len(node.items):
+    first_item = len(window_node.items) - 1 if first_item is None else max(first_item, 0)
+    if not 0 <= first_item < len(window_node.items):
         return None
-    (start, _), stop = node.span(first), node.end
-    if text[node.start] == "[":
-        start = start if first else node.start + 1
+    (start_index, _), stop_index = window_node.span(first_item), window_node.end
+    if section_text[window_node.start] == "[":
+        start_index = start_index if first_item else window_node.start + 1
     else:
-        line = text.rfind("\n", 0, start) + 1
-        _, end = node.span(-1)
-        if not _DASH.fullmatch(text, line, start) or text[end - 1] != "}":
+        line = section_text.rfind("\n", 0, start_index) + 1
+        _, end = window_node.span(-1)
+        if not _DASH.fullmatch(section_text, line, start_index) or section_text[end - 1] != "}":
             return None
-        start, stop = line, _line_end(text, end)
-    return Window(heads + text[start:stop] + tail, len(heads), start, stop, first, tail)
+        start_index, stop_index = line, _line_end(section_text, end)
+    return Window(
+        heads + section_text[start_index:stop_index] + text_after,
+        len(heads),
+        start_index,
+        stop_index,
+        first_item,
+        text_after,
+    )
 
 
-def line_window(text: str, name: Scalar, value: Node, path: Path) -> Window | None:
+def line_window(
+    section_text: str, name_node: Scalar, section_value: Node, path: Path
+) -> Window | None:
     """The line that holds the value at a path below a section, with the names above it.
 
     None if the path ends before a line of its own, or if that line cannot be read alone.
     """
-    if not is_plain(text):
+    if not is_plain(section_text):
         return None
-    head, node = _head(text, name, value), value
+    text_before, window_node = _head(section_text, name_node, section_value), section_value
     for word in path[:-1]:
-        entry = _entry(node, word)
-        if entry is None or head is None:
+        entry = _entry(window_node, word)
+        if entry is None or text_before is None:
             return None
-        name, node, base = entry
-        begin, end = base + name.start, base + node.end
-        line = text.rfind("\n", 0, begin) + 1
-        stop = _line_end(text, base + name.end)
-        if isinstance(node, document.Mapping) and text[base + node.start] == "{":
-            if text[line:begin].strip() or end > stop:
+        name_node, window_node, base = entry
+        begin, end = base + name_node.start, base + window_node.end
+        line = section_text.rfind("\n", 0, begin) + 1
+        stop = _line_end(section_text, base + name_node.end)
+        if (
+            isinstance(window_node, document.Mapping)
+            and section_text[base + window_node.start] == "{"
+        ):
+            if section_text[line:begin].strip() or end > stop:
                 return None
-            return Window(head + text[line:stop], len(head), line, stop, 0)
-        head_text = _head(text, name, node)
-        head = None if head_text is None else head + head_text
+            return Window(text_before + section_text[line:stop], len(text_before), line, stop, 0)
+        head_text = _head(section_text, name_node, window_node)
+        text_before = None if head_text is None else text_before + head_text
     return None
 
 
@@ -114,16 +133,20 @@ def _entry(node: Node, word: str | int) -> tuple[Scalar, Node, int] | None:
     return *node.entries[str(word)], node.bases.get(str(word), 0)
 
 
-def _head(text: str, name: Scalar, value: Node) -> str | None:
+def _head(section_text: str, name_node: Scalar, section_value: Node) -> str | None:
     """The line of a name, up to a bracket that begins its value; None where more stands in it."""
-    begin = text.rfind("\n", 0, name.start) + 1
-    if text[begin : name.start].strip():
+    line_begin = section_text.rfind("\n", 0, name_node.start) + 1
+    if section_text[line_begin : name_node.start].strip():
         return None
-    if text[value.start : value.start + 1] in ("[", "{"):
-        name_text = text[begin : value.start + 1]
+    if section_text[section_value.start : section_value.start + 1] in ("[", "{"):
+        name_text = section_text[line_begin : section_value.start + 1]
         return None if "\n" in name_text else name_text
-    end = _line_end(text, name.end)
-    return text[begin:end] if _NAME_ALONE.fullmatch(text[name.end : end].rstrip()) else None
+    end = _line_end(section_text, name_node.end)
+    return (
+        section_text[line_begin:end]
+        if _NAME_ALONE.fullmatch(section_text[name_node.end : end].rstrip())
+        else None
+    )
 
 
 def _head_within(text: str, name: Scalar, value: Node) -> str | None:

@@ -40,7 +40,7 @@ def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, rows_m
     swings = part_modes.poles.imag > 0.0
     poles = part_modes.poles[swings]
     instrument = piece.instruments.get(part_modes.part)
-    outputs = (
+    bank_outputs = (
         [
             instrument_output
             for instrument_output in instrument.outputs
@@ -51,23 +51,25 @@ def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, rows_m
     )
     labels = [
         f"out {instrument_output.name}" if instrument_output.name else "out"
-        for instrument_output in outputs
+        for instrument_output in bank_outputs
     ]
     audible = [
         instrument_output
-        for instrument_output in zip(outputs, labels, strict=True)
+        for instrument_output in zip(bank_outputs, labels, strict=True)
         if instrument_output[1] in part_modes.points
     ]
     if not audible:
         raise OptionError("parts", f"{part_modes.part} has no output of motion; add a {MOVEMENTS}")
-    inputs = _inputs(piece, prepared, part_modes)
+    bank_inputs = _inputs(piece, prepared, part_modes)
     ca_rate = instrument.ca_rate if instrument else None
-    if len(inputs) > _POINTS:
-        problem = f"{part_modes.part} is struck at {len(inputs):,} points; a bank can have at most "
+    if len(bank_inputs) > _POINTS:
+        problem = (
+            f"{part_modes.part} is struck at {len(bank_inputs):,} points; a bank can have at most "
+        )
         problem += f"{_POINTS}: name other PARTs"
         raise OptionError("parts", problem)
     mode_paths: list[ModePath] = []
-    for struck, (_, moves, _) in enumerate(inputs):
+    for struck, (_, moves, _) in enumerate(bank_inputs):
         for output_index, (_, label) in enumerate(audible):
             gain = (moves * part_modes.points[label])[swings] / swing(poles, ca_rate)
             mode_paths += _path(struck, output_index, part_modes, swings, gain)
@@ -80,8 +82,8 @@ def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, rows_m
         part_modes.part,
         piece.rate,
         prepared.n_frames / piece.rate,
-        [name for name, _, _ in inputs],
-        [strikes for _, _, strikes in inputs],
+        [name for name, _, _ in bank_inputs],
+        [strikes for _, _, strikes in bank_inputs],
         [(label, output.traits.order) for output, label in audible],
         [output.traits.reference / _LEVEL for output, _ in audible],
         mode_paths,
@@ -99,24 +101,24 @@ def _inputs(
         prepared.network,
         {name: slot_index for slot_index, name in enumerate(part_modes.masses)},
     )
-    inputs = []
+    bank_inputs = []
     for mat in range(network.n_mat):
         slot = slots.get(network.name_of(mat))
         if slot is not None and (strikes := prepared.timeline.impulses_on(mat)):
             instants_and_impulses = [(one.at, one.impulse) for one in strikes]
-            inputs.append(
+            bank_inputs.append(
                 (part_modes.masses[slot], part_modes.shapes[:, slot], instants_and_impulses)
             )
-    struck_names = {name for name, _, _ in inputs}
+    struck_names = {name for name, _, _ in bank_inputs}
     struck_names |= {target.text for one in piece.strikes for target in one.to}  # several points
     other_points = {**part_modes.points, **touched(piece, prepared.built, part_modes)}
     for label, moves in other_points.items():
         is_output = label.split(" ")[0] == "out"
         if not is_output and label not in struck_names:
-            inputs.append((label, moves, []))
-    if not inputs:
-        inputs = [(label, moves, []) for label, moves in part_modes.points.items()]
-    return inputs
+            bank_inputs.append((label, moves, []))
+    if not bank_inputs:
+        bank_inputs = [(label, moves, []) for label, moves in part_modes.points.items()]
+    return bank_inputs
 
 
 def _path(
@@ -124,22 +126,22 @@ def _path(
     output_index: int,
     part_modes: PartModes,
     swings: NDArray[np.bool_],
-    gain: NDArray[np.complex128],
+    mode_gains: NDArray[np.complex128],
 ) -> Sequence[ModePath]:
     import numpy as np
 
     from ergon.workshop.models.programs.bank import ModePath
 
-    sizes = np.abs(gain)
-    audible = sizes > _LEAST * sizes.max(initial=0.0)
+    gain_sizes = np.abs(mode_gains)
+    audible = gain_sizes > _LEAST * gain_sizes.max(initial=0.0)
     if not audible.any():
         return []
     poles = part_modes.poles[swings][audible]
     columns = (
         part_modes.frequencies[swings][audible],
         0.0 - poles.real,
-        sizes[audible],
-        np.angle(gain[audible]),
+        gain_sizes[audible],
+        np.angle(mode_gains[audible]),
     )
     rows = list(zip(*(column.tolist() for column in columns), strict=True))
     return [ModePath(struck, output_index, rows)]
@@ -151,21 +153,21 @@ def touched(
     """The motion of each mode at the ends of the part's own contacts and laws, such as its
     hammers'.
     """
-    name_of, slots = (
+    name_of, mass_slots = (
         built.network.name_of,
         {name: slot for slot, name in enumerate(part_modes.masses)},
     )
-    points = {}
+    points_by_name = {}
     for owner, module in piece.modules():
         if owner != part_modes.part or module.kind not in _HITS:
             continue
         for end in module.ends:
             names = [name_of(mat) for mat in built.assembly.members(end)]
-            mat_slots = [slots[name] for name in names if name in slots]
+            mat_slots = [mass_slots[name] for name in names if name in mass_slots]
             if mat_slots:
                 label = names[0] if len(names) == 1 else end.text
-                points[label] = part_modes.shapes[:, mat_slots].sum(axis=1)
-    return points
+                points_by_name[label] = part_modes.shapes[:, mat_slots].sum(axis=1)
+    return points_by_name
 
 
 def left_out(part_modes: PartModes) -> list[str]:

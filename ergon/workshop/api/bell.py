@@ -47,31 +47,35 @@ def bell(
     from ergon.workshop.bells import resonances, stroke
 
     options, report = options or BellOptions(), report or Report()
-    count = _MODES_MAX if options.modes is None else options.modes
-    if not 1 <= count <= _MODES_MAX:
-        raise OptionError("modes", f"is {count}; it must be from 1 to {_MODES_MAX}")
+    mode_count = _MODES_MAX if options.modes is None else options.modes
+    if not 1 <= mode_count <= _MODES_MAX:
+        raise OptionError("modes", f"is {mode_count}; it must be from 1 to {_MODES_MAX}")
     if isinstance(strokes, (str, Path)):
         strokes = [strokes]
     by_place = strokes if isinstance(strokes, Mapping) else {PLACE: strokes}
-    files = [(place, Path(file)) for place, place_files in by_place.items() for file in place_files]
-    if not files:
+    placed_files = [
+        (place, Path(file)) for place, place_files in by_place.items() for file in place_files
+    ]
+    if not placed_files:
         raise OptionError("strokes", "no file is given; give a recording of a stroke")
     for place in by_place:
         if not NAME.fullmatch(place) or place in ("all", "last", "centre", "mic"):
             message = f"names a place {place!r}; a name has letters, digits, '-' and '_', begins "
             message += "with a letter, and is not all, last, centre or mic"
             raise OptionError("strokes", message)
-    tables = [file for _, file in files if not is_sound(file)]
-    if tables:
-        if len(files) > 1:
+    table_files = [file for _, file in placed_files if not is_sound(file)]
+    if table_files:
+        if len(placed_files) > 1:
             message = (
-                f"{tables[0]} is not WAV, FLAC or AIFF, so it is read as a table of resonances; "
+                f"{table_files[0]} is not WAV, FLAC or AIFF, so it is read as a table of "
+                "resonances; "
             )
             message += "use a table without other files"
             raise OptionError("strokes", message)
-        return bells.bell_from_table(resonances.read(tables[0]), count)
+        return bells.bell_from_table(resonances.read(table_files[0]), mode_count)
     read_strokes = [
-        (place, stroke.stroke(str(file), *stroke.read(file, report))) for place, file in files
+        (place, stroke.stroke(str(file), *stroke.read(file, report)))
+        for place, file in placed_files
     ]
     with report.waiting("looking for modes"):
-        return bells.bell_from_strokes(read_strokes, count)
+        return bells.bell_from_strokes(read_strokes, mode_count)

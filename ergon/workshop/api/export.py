@@ -202,7 +202,7 @@ def mi_gen_models(
 def _programs(
     score: str | Path,
     loaded: Loaded,
-    options: ExportOptions,
+    export_options: ExportOptions,
     program: Callable[[Stepped, str], str],
     *,
     n_max: int,
@@ -211,8 +211,8 @@ def _programs(
 
     piece = scores.piece_of(loaded)
     title = Path(score).stem if str(score) != scores.STDIN else "score"
-    names = selected_parts(piece, options.parts)
-    wholes = [(name, (name,)) for name in names] if options.parts else [(title, names)]
+    names = selected_parts(piece, export_options.parts)
+    wholes = [(name, (name,)) for name in names] if export_options.parts else [(title, names)]
     exported = []
     for name, part_names in wholes:
         parts, struck = _parts(piece, part_names), _struck(piece, part_names)
@@ -222,54 +222,56 @@ def _programs(
     return tuple(exported)
 
 
-def _parts(piece: Piece, names: Sequence[str]) -> list[Part]:
+def _parts(piece: Piece, part_names: Sequence[str]) -> list[Part]:
     from ergon.workshop.models.errors import ModelError
     from ergon.workshop.models.programs.network import Part
 
-    for name in names:
-        if name in piece.keys and piece.keys[name].reach != 1.0:
+    for part_name in part_names:
+        if part_name in piece.keys and piece.keys[part_name].reach != 1.0:
             error = ModelError(
-                f"key {name} has a lever (`reach`), which this format cannot "
+                f"key {part_name} has a lever (`reach`), which this format cannot "
                 "hold; name other PARTs",
-                piece.keys[name].place.line,
+                piece.keys[part_name].place.line,
             )
-            error.file = piece.keys[name].place.file
+            error.file = piece.keys[part_name].place.file
             raise error
-    for name in names:
-        if name in piece.instruments and piece.instruments[name].space is not None:
+    for part_name in part_names:
+        if part_name in piece.instruments and piece.instruments[part_name].space is not None:
             error = ModelError(
-                f"{name} is an instrument in space, which this format cannot "
+                f"{part_name} is an instrument in space, which this format cannot "
                 "hold; name other PARTs",
-                piece.instruments[name].place.line,
+                piece.instruments[part_name].place.line,
             )
-            error.file = piece.instruments[name].place.file
+            error.file = piece.instruments[part_name].place.file
             raise error
-    if piece.duet and len(names) == len(piece.keys) + len(piece.instruments):
+    if piece.duet and len(part_names) == len(piece.keys) + len(piece.instruments):
         error = ModelError(
             "this format cannot hold a coupling that begins and ends; name the PARTs to export",
             piece.duet[0].place.line,
         )
         error.file = piece.duet[0].place.file
         raise error
-    parts = []
-    for name in names:
-        if name in piece.keys:
-            key = piece.keys[name]
-            parts.append(Part(name, key.modules, struck=key.struck))
+    program_parts = []
+    for part_name in part_names:
+        if part_name in piece.keys:
+            key = piece.keys[part_name]
+            program_parts.append(Part(part_name, key.modules, struck=key.struck))
         else:
-            instrument = piece.instruments[name]
-            parts.append(Part(name, instrument.modules, instrument.outputs, instrument.ca_rate))
-    return parts
+            instrument = piece.instruments[part_name]
+            program_parts.append(
+                Part(part_name, instrument.modules, instrument.outputs, instrument.ca_rate)
+            )
+    return program_parts
 
 
-def _struck(piece: Piece, names: Sequence[str]) -> list[Target]:
+def _struck(piece: Piece, part_names: Sequence[str]) -> list[Target]:
     """Points of these parts that are struck, or that links with other parts end on."""
     targets = [target for strike in piece.strikes for target in strike.to]
     for owner, module in piece.modules():
         end_targets = module.ends
-        if any(end.part not in names for end in end_targets) or owner not in names:
+        if any(end.part not in part_names for end in end_targets) or owner not in part_names:
             targets += end_targets
-    return [target for target in targets if target.part in names]
+    return [target for target in targets if target.part in part_names]
 
 
 def _table(
@@ -281,7 +283,7 @@ def _table(
 
     swings = part_modes.poles.imag > 0.0
     poles = part_modes.poles[swings]
-    columns: dict[str, NDArray[np.float64]] = {
+    mode_columns: dict[str, NDArray[np.float64]] = {
         "frequency [Hz]": part_modes.frequencies[swings],
         "T60 [s]": part_modes.t60[swings],
         "decay [1/s]": 0.0 - poles.real,
@@ -290,16 +292,16 @@ def _table(
     points = {label: moves[swings] for label, moves in shape_by_label.items()}
     for struck, listener in _ways(points):
         gain = points[struck] * points[listener] / per_second
-        columns[f"amplitude {struck} to {listener} [m/Ns]"] = np.abs(gain)
-        columns[f"phase {struck} to {listener} [rad]"] = np.angle(gain)
-    text = io.StringIO()
-    text.write(f"# modes of {part_modes.part}, made by ergon\n")
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(("mode", *columns))
-    values = zip(*(column.tolist() for column in columns.values()), strict=True)
+        mode_columns[f"amplitude {struck} to {listener} [m/Ns]"] = np.abs(gain)
+        mode_columns[f"phase {struck} to {listener} [rad]"] = np.angle(gain)
+    table_text = io.StringIO()
+    table_text.write(f"# modes of {part_modes.part}, made by ergon\n")
+    rows = csv.writer(table_text, lineterminator="\n")
+    rows.writerow(("mode", *mode_columns))
+    values = zip(*(column.tolist() for column in mode_columns.values()), strict=True)
     rows.writerows((number, *map(repr, row)) for number, row in enumerate(values, 1))
     return ExportedPart(
-        part_modes.part, text.getvalue(), tuple(left_out(part_modes)), part_modes.inputs
+        part_modes.part, table_text.getvalue(), tuple(left_out(part_modes)), part_modes.inputs
     )
 
 

@@ -37,8 +37,8 @@ def csound_orchestras(
         banks = part_banks(piece, loaded.inputs, names, upto, BANK_MAX, report)
     if not banks:
         return ()
-    title = Path(score).stem if str(score) != scores.STDIN else "score"
-    bank = joined(title, [bank for bank, _ in banks])
+    model_title = Path(score).stem if str(score) != scores.STDIN else "score"
+    bank = joined(model_title, [bank for bank, _ in banks])
     n_modes = sum(len(path.rows) for path in bank.ways)
     if n_modes > BANK_MAX:
         reason = f"the piece takes {n_modes:,} resonators, and a file has {BANK_MAX:,} at most"
@@ -48,4 +48,4 @@ def csound_orchestras(
         for bank_made, bank_warnings in banks
         for warning in bank_warnings
     )
-    return (ExportedPart(title, orchestra(bank), warnings, loaded.inputs),)
+    return (ExportedPart(model_title, orchestra(bank), warnings, loaded.inputs),)

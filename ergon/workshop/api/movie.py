@@ -117,23 +117,29 @@ class MovieMaker:
 
     def _instants(self, page: Page) -> list[float]:
         """The instant of each picture [s]."""
-        options = self._options
+        movie_options = self._options
         duration = float(page.run("ergon.page.story.duration"))
         script = "ergon.page.story.model.marks.map((mark) => [mark.name, mark.seconds])"
         marks = dict(page.run(script))
-        start, end = _instant("from", options.start, marks), _instant("to", options.end, marks)
-        start, end = start or 0.0, duration if end is None else min(end, duration)
-        if start >= duration:
+        start_seconds, end_seconds = (
+            _instant("from", movie_options.start, marks),
+            _instant("to", movie_options.end, marks),
+        )
+        start_seconds, end_seconds = (
+            start_seconds or 0.0,
+            duration if end_seconds is None else min(end_seconds, duration),
+        )
+        if start_seconds >= duration:
             reason = f"the piece ends at {duration:.2f} s"
-            raise OptionError("from", reason, value=options.start)
-        if start >= end:
+            raise OptionError("from", reason, value=movie_options.start)
+        if start_seconds >= end_seconds:
             raise OptionError(
-                "to", "the end of a film must be after its beginning", value=options.end
+                "to", "the end of a film must be after its beginning", value=movie_options.end
             )
-        n = max(1, round((end - start) * options.rate))
+        n = max(1, round((end_seconds - start_seconds) * movie_options.rate))
         if n > _PICTURES_MAX:
             raise OptionError("fps", f"{n:,} pictures; a film has at most {_PICTURES_MAX:,}")
-        return [start + i / options.rate for i in range(n)]
+        return [start_seconds + i / movie_options.rate for i in range(n)]
 
     def _look(self, page: Page) -> None:
         stops = [[when, view - 1] for view, when in self._stops]
@@ -147,20 +153,22 @@ class MovieMaker:
         from ergon.exchange.safe import open_for_writing
         from ergon.workshop.movies.video import VideoFile
 
-        options, n = self._options, len(instants)
-        sound = None
+        movie_options, n = self._options, len(instants)
+        stretch_sound = None
         with ExitStack() as stack:
             if self._is_folder:
                 folder = stack.enter_context(new_folder(self._target))
             else:
-                force = options.force
+                force = movie_options.force
                 file = stack.enter_context(open_for_writing(self._target, binary=True, force=force))
                 if shown.sound is not None:
-                    stretch = instants[0], instants[0] + n / options.rate
-                    sound = _sound(shown.sound, *stretch)
-                video_file = VideoFile(file, self._suffix, self._size, options.rate, sound)
+                    stretch = instants[0], instants[0] + n / movie_options.rate
+                    stretch_sound = _sound(shown.sound, *stretch)
+                video_file = VideoFile(
+                    file, self._suffix, self._size, movie_options.rate, stretch_sound
+                )
                 stack.callback(video_file.discard)
-            progress = stack.enter_context(report.progress("drawing", n, options.rate))
+            progress = stack.enter_context(report.progress("drawing", n, movie_options.rate))
             for i, t in enumerate(instants):
                 page.run(f"ergon.seek({t!r})")
                 picture = page.picture()
@@ -171,7 +179,9 @@ class MovieMaker:
                 progress.update(i + 1)
             if not self._is_folder:
                 video_file.close()
-        return Movie(str(self._target), n, n / options.rate, *self._size, sound is not None)
+        return Movie(
+            str(self._target), n, n / movie_options.rate, *self._size, stretch_sound is not None
+        )
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -183,35 +193,39 @@ def _size(text: str) -> tuple[int, int]:
     return sides[0], sides[1]
 
 
-def _stops(text: str) -> list[tuple[int, float]]:
+def _stops(views_text: str) -> list[tuple[int, float]]:
     """Views, and when each is reached [s]."""
     stops: list[tuple[int, float]] = []
-    for word in text.split():
+    for word in views_text.split():
         match = _STOP.fullmatch(word)
         if match is None or (match[2] is None and stops):
             reason = "write views and when they are reached, such as '1@0s 3@12s'"
-            raise OptionError("camera", reason, value=text)
+            raise OptionError("camera", reason, value=views_text)
         stops.append((int(match[1]), float(match[2] or 0.0)))
     times = [when for _, when in stops]
     if not stops or any(
         instant_after <= instant_before for instant_before, instant_after in pairwise(times)
     ):
         raise OptionError(
-            "camera", "each view must be reached later than the one before it", value=text
+            "camera", "each view must be reached later than the one before it", value=views_text
         )
     return stops
 
 
-def _instant(option: str, text: str | None, marks: dict[str, float]) -> float | None:
+def _instant(
+    option: str, instant_text: str | None, mark_instants: dict[str, float]
+) -> float | None:
     """An instant [s] of the piece: as seconds, or the name of a mark. Raises OptionError."""
-    if text is None:
+    if instant_text is None:
         return None
-    if match := _SECONDS.fullmatch(text):
+    if match := _SECONDS.fullmatch(instant_text):
         return float(match[1])
-    if text in marks:
-        return marks[text]
-    mark_list = f" or a mark: {', '.join(marks)}" if marks else "; the piece has no marks"
-    raise OptionError(option, f"write seconds such as 90s{mark_list}", value=text)
+    if instant_text in mark_instants:
+        return mark_instants[instant_text]
+    mark_list = (
+        f" or a mark: {', '.join(mark_instants)}" if mark_instants else "; the piece has no marks"
+    )
+    raise OptionError(option, f"write seconds such as 90s{mark_list}", value=instant_text)
 
 
 def _check_folder(folder: Path) -> None:

@@ -36,37 +36,45 @@ class Bands:
 
         The window of the band falls to zero within half of its width on both sides.
         """
-        width = high - low
-        n_bins = ceil(2.0 * width * self.n / self.rate)
+        band_width = high - low
+        n_bins = ceil(2.0 * band_width * self.n / self.rate)
         rate = n_bins * self.rate / self.n
         centre = round(0.5 * (low + high) * self.n / self.rate)
-        offsets = np.arange(-(n_bins // 2), n_bins - n_bins // 2)
-        distances = np.abs(offsets * self.rate / self.n)
-        slopes = np.clip((0.5 * rate - distances) / (0.5 * (rate - width)), 0.0, 1.0)
+        bin_offsets = np.arange(-(n_bins // 2), n_bins - n_bins // 2)
+        distances = np.abs(bin_offsets * self.rate / self.n)
+        slopes = np.clip((0.5 * rate - distances) / (0.5 * (rate - band_width)), 0.0, 1.0)
         weights = np.sin(0.5 * np.pi * slopes) ** 2
-        source_bins = centre + offsets
+        source_bins = centre + bin_offsets
         is_there = (source_bins > 0) & (source_bins < self.spectrum.size)
         bins = np.zeros(n_bins, complex)
-        bins[offsets[is_there] % n_bins] = self.spectrum[source_bins[is_there]] * weights[is_there]
+        bins[bin_offsets[is_there] % n_bins] = (
+            self.spectrum[source_bins[is_there]] * weights[is_there]
+        )
         return np.fft.ifft(bins) * (2.0 * n_bins / self.n), rate, centre * self.rate / self.n
 
-    def occupied(self, low: float, high: float, width: float) -> Iterator[tuple[float, float]]:
-        """Bands about `width` wide [Hz] with a peak above the noise; they are cut where the
+    def occupied(
+        self, low: float, high_hertz: float, band_width: float
+    ) -> Iterator[tuple[float, float]]:
+        """Bands about `band_width` wide [Hz] with a peak above the noise; they are cut where the
         spectrum is low.
         """
-        power = np.abs(self.spectrum) ** 2
-        step = self.rate / self.n
-        smooth = np.convolve(power, np.full(_SMOOTH, 1.0 / _SMOOTH), "same")
+        power_spectrum = np.abs(self.spectrum) ** 2
+        bin_width = self.rate / self.n
+        smooth = np.convolve(power_spectrum, np.full(_SMOOTH, 1.0 / _SMOOTH), "same")
         edges = [low]
-        while edges[-1] < high - 1.5 * width:
-            begin, end = (int((edges[-1] + part * width) / step) for part in (_NEAR, _FAR))
-            edges.append((begin + int(np.argmin(smooth[begin:end]))) * step)
-        edges.append(high)
-        for a, b in pairwise(edges):
-            power_in_band = power[int(a / step) : int(b / step)]
-            around = power[max(1, int(0.7 * a / step)) : int(1.4 * b / step)]
+        while edges[-1] < high_hertz - 1.5 * band_width:
+            begin, end = (
+                int((edges[-1] + part * band_width) / bin_width) for part in (_NEAR, _FAR)
+            )
+            edges.append((begin + int(np.argmin(smooth[begin:end]))) * bin_width)
+        edges.append(high_hertz)
+        for low_edge, high_edge in pairwise(edges):
+            power_in_band = power_spectrum[int(low_edge / bin_width) : int(high_edge / bin_width)]
+            around = power_spectrum[
+                max(1, int(0.7 * low_edge / bin_width)) : int(1.4 * high_edge / bin_width)
+            ]
             noise = float(np.percentile(around, _QUIET)) / _PERCENTILE_OVER_MEAN
             if power_in_band.size and power_in_band.max() > _RISE * noise * (
                 1.0 + log(power_in_band.size)
             ):
-                yield a, b
+                yield low_edge, high_edge

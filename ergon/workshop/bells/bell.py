@@ -84,14 +84,14 @@ def bell_from_strokes(strokes: Sequence[tuple[str, Stroke]], count: int | None =
             )
             raise NotAStrokeError(message + f"explain {problem}; 75 % is the least")
         stroke_modes.append((recorded_modes, uncertainty(recorded_modes, residual, recorded.rate)))
-    f, d = _merged_modes(stroke_modes)
-    fits = [_fit(recorded, f, d) for _, recorded in strokes]
+    mode_frequencies, decay_rates = _merged_modes(stroke_modes)
+    fits = [_fit(recorded, mode_frequencies, decay_rates) for _, recorded in strokes]
     shares = np.stack([fit.energy for fit in fits]).max(axis=0)
     loudest = np.argsort(shares)[::-1][:count]
     audible = np.sort(loudest[shares[loudest] > _FAINT])
-    if audible.size < f.size:
-        f, d = f[audible], d[audible]
-        fits = [_fit(recorded, f, d) for _, recorded in strokes]
+    if audible.size < mode_frequencies.size:
+        mode_frequencies, decay_rates = mode_frequencies[audible], decay_rates[audible]
+        fits = [_fit(recorded, mode_frequencies, decay_rates) for _, recorded in strokes]
     return _bell([place for place, _ in strokes], [recorded for _, recorded in strokes], fits)
 
 
@@ -107,13 +107,15 @@ class _Fit:
     explained: float
 
 
-def _fit(stroke: Stroke, f: Array, d: Array) -> _Fit:
-    modes, residual = fit_amplitudes(stroke.sound, stroke.rate, f, d)
+def _fit(stroke: Stroke, mode_frequencies: Array, decay_rates: Array) -> _Fit:
+    modes, residual = fit_amplitudes(stroke.sound, stroke.rate, mode_frequencies, decay_rates)
     stroke_energy = float(np.sum(stroke.sound**2)) / stroke.rate
     energy = modes.energy(stroke.sound.size / stroke.rate) / stroke_energy
     explained = 1.0 - float(np.sum(residual**2)) / stroke.rate / stroke_energy
     deviation = uncertainty(modes, residual, stroke.rate)
-    modes_at_stroke = Modes(f, d, modes.c * np.exp(-modes.poles * stroke.delay))
+    modes_at_stroke = Modes(
+        mode_frequencies, decay_rates, modes.c * np.exp(-modes.poles * stroke.delay)
+    )
     return _Fit(modes_at_stroke, deviation, energy, explained)
 
 
@@ -124,117 +126,131 @@ def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tupl
         for stroke_index, (modes, errors) in enumerate(modes_and_errors)
         for f, d, sf, sd in zip(modes.f, modes.d, errors.f, errors.d, strict=True)
     ]
-    groups: list[list[tuple[float, float, float, float, int]]] = []
-    for row in sorted(rows):
+    mode_groups: list[list[tuple[float, float, float, float, int]]] = []
+    for mode_row in sorted(rows):
         near_groups = [
             group
-            for group in groups[-4:]
+            for group in mode_groups[-4:]
             if (
-                row[4] not in {row_in_group[4] for row_in_group in group}
-                or row[0] - group[0][0] < _SAME_MODE * row[1]
+                mode_row[4] not in {row_in_group[4] for row_in_group in group}
+                or mode_row[0] - group[0][0] < _SAME_MODE * mode_row[1]
             )
-            and abs(row[0] - group[0][0])
-            <= max(_SAME * float(np.hypot(row[2], group[0][2])), _LEAST_APART, _NEAR * row[1])
+            and abs(mode_row[0] - group[0][0])
+            <= max(
+                _SAME * float(np.hypot(mode_row[2], group[0][2])), _LEAST_APART, _NEAR * mode_row[1]
+            )
         ]
         if near_groups:
-            min(near_groups, key=lambda group: abs(row[0] - group[0][0])).append(row)
+            min(near_groups, key=lambda group: abs(mode_row[0] - group[0][0])).append(mode_row)
         else:
-            groups.append([row])
-    f: list[float] = []
-    d: list[float] = []
-    for group in groups:
+            mode_groups.append([mode_row])
+    mode_frequencies: list[float] = []
+    decay_rates: list[float] = []
+    for group in mode_groups:
         table = np.array(group)
-        for errors, stroke_index in ((f, 0), (d, 1)):
+        for errors, stroke_index in ((mode_frequencies, 0), (decay_rates, 1)):
             weight = 1.0 / table[:, stroke_index + 2] ** 2
             errors.append(float(np.sum(table[:, stroke_index] * weight) / np.sum(weight)))
-    order = np.argsort(f)
-    return np.array(f)[order], np.array(d)[order]
+    order = np.argsort(mode_frequencies)
+    return np.array(mode_frequencies)[order], np.array(decay_rates)[order]
 
 
-def _bell(places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]) -> Bell:
-    modes = fits[0].modes
-    names = tuple(dict.fromkeys(places))
-    table = np.zeros((modes.f.size, len(names)))
+def _bell(stroke_places: Sequence[str], strokes: Sequence[Stroke], fits: Sequence[_Fit]) -> Bell:
+    bell_modes = fits[0].modes
+    place_names = tuple(dict.fromkeys(stroke_places))
+    level_table = np.zeros((bell_modes.f.size, len(place_names)))
     impulse_and_length: dict[int, tuple[float, float | None]] = {}
-    lengths = []
-    for column, name in enumerate(names):
-        place_rows = [i for i, place in enumerate(places) if place == name]
+    contact_lengths = []
+    for column, name in enumerate(place_names):
+        place_rows = [i for i, place in enumerate(stroke_places) if place == name]
         amplitudes = np.stack([np.abs(fits[i].modes.c) for i in place_rows])
         errors = np.stack([fits[i].deviation.level for i in place_rows])
-        contact_levels = contact.levels(modes.f, amplitudes, errors)
+        contact_levels = contact.levels(bell_modes.f, amplitudes, errors)
         hardest = place_rows[int(np.argmax(contact_levels.impulses))]
-        table[:, column] = contact_levels.levels * _signs(fits[hardest].modes)
+        level_table[:, column] = contact_levels.levels * _signs(fits[hardest].modes)
         shortest = contact_levels.lengths[int(np.argmax(contact_levels.impulses))]
-        lengths += [] if shortest is None else [shortest]
-        for i, impulse, length in zip(
+        contact_lengths += [] if shortest is None else [shortest]
+        for i, impulse, contact_length in zip(
             place_rows, contact_levels.impulses, contact_levels.lengths, strict=True
         ):
-            impulse_and_length[i] = float(impulse), length
-    length = min(lengths, default=contact.LENGTH)
-    reference = float(np.abs(table).max())
-    table /= reference
-    listened, levels = _split(table)
+            impulse_and_length[i] = float(impulse), contact_length
+    contact_length = min(contact_lengths, default=contact.LENGTH)
+    reference = float(np.abs(level_table).max())
+    level_table /= reference
+    listened, levels = _split(level_table)
     loudest = max(fits, key=lambda fit: float(np.sum(np.abs(fit.modes.c) ** 2)))
-    best = [
+    best_fits = [
         np.min([getattr(fit.deviation, field_name) for fit in fits], axis=0) for field_name in "fd"
     ]
     level = np.min([fit.deviation.level for fit in fits], axis=0)
     stroke_contacts = tuple(
         StrokeReport(recorded.name, place, *impulse_and_length[i], fits[i].explained)
-        for i, (place, recorded) in enumerate(zip(places, strokes, strict=True))
+        for i, (place, recorded) in enumerate(zip(stroke_places, strokes, strict=True))
     )
     return Bell(
-        modes.f,
-        LN_1000 / modes.d,
-        names,
+        bell_modes.f,
+        LN_1000 / bell_modes.d,
+        place_names,
         levels,
         listened,
         loudest.energy,
-        Uncertainty(best[0], best[1], level),
+        Uncertainty(best_fits[0], best_fits[1], level),
         stroke_contacts,
-        length,
+        contact_length,
         reference,
     )
 
 
-def _split(table: Array) -> tuple[Array, Array]:
+def _split(level_table: Array) -> tuple[Array, Array]:
     """Split products of levels (n, places) into levels at the place of listening and at the struck
     places.
     """
-    loudest = int(np.argmax(np.sum(table**2, axis=0)))
-    loudest_level = np.abs(table[:, loudest])
-    least = 1e-3 * np.abs(table).max(axis=1)
+    loudest = int(np.argmax(np.sum(level_table**2, axis=0)))
+    loudest_level = np.abs(level_table[:, loudest])
+    least = 1e-3 * np.abs(level_table).max(axis=1)
     loudness: Array = np.sqrt(np.maximum(np.maximum(loudest_level, least), 1e-12))
-    return loudness, np.asarray(table / loudness[:, None])
+    return loudness, np.asarray(level_table / loudness[:, None])
 
 
-def _signs(modes: Modes) -> Array:
+def _signs(bell_modes: Modes) -> Array:
     """Signs of the modes. At the instant of the push all modes have the same phase or the opposite
     one.
     """
-    weight = np.abs(modes.c) ** 0.5
-    phase = np.angle(modes.c)
-    turns = phase[None, :] + 2.0 * np.pi * _FIRST[:, None] * modes.f[None, :]
+    weight = np.abs(bell_modes.c) ** 0.5
+    phase = np.angle(bell_modes.c)
+    turns = phase[None, :] + 2.0 * np.pi * _FIRST[:, None] * bell_modes.f[None, :]
     together = np.exp(2j * turns) @ weight
     loudest_row = int(np.argmax(np.abs(together)))
     signs = np.where(
         np.cos(turns[loudest_row] - 0.5 * np.angle(together[loudest_row])) >= 0.0, 1.0, -1.0
     )
-    return np.asarray(signs * signs[int(np.argmax(np.abs(modes.c)))])
+    return np.asarray(signs * signs[int(np.argmax(np.abs(bell_modes.c)))])
 
 
-def bell_from_table(rows: Sequence[tuple[float, float, float]], count: int | None = None) -> Bell:
+def bell_from_table(
+    resonance_rows: Sequence[tuple[float, float, float]], count: int | None = None
+) -> Bell:
     """The bell of a table of resonances, each f [Hz], t60 [s] and amplitude; the loudest `count`.
 
     A table has no full scale: the amplitudes of all modes together are set to half of it.
     """
-    loudest_rows = sorted(rows, key=lambda row: -(row[2] ** 2) * row[1])[: count or len(rows)]
+    loudest_rows = sorted(resonance_rows, key=lambda row: -(row[2] ** 2) * row[1])[
+        : count or len(resonance_rows)
+    ]
     f, t60, a = (np.array(column) for column in zip(*sorted(loudest_rows), strict=True))
-    loudness, levels = _split((a / np.abs(a).max())[:, None])
+    loudness, place_levels = _split((a / np.abs(a).max())[:, None])
     energy = a * a * t60
-    energy_total = sum(row[2] ** 2 * row[1] for row in rows)
-    reference = _PEAK / float(np.sum(np.abs(levels[:, 0] * loudness)))
+    energy_total = sum(row[2] ** 2 * row[1] for row in resonance_rows)
+    reference = _PEAK / float(np.sum(np.abs(place_levels[:, 0] * loudness)))
     reference_contact = contact.LENGTH, reference
     return Bell(
-        f, t60, ("point",), levels, loudness, energy / energy_total, None, (), *reference_contact
+        f,
+        t60,
+        ("point",),
+        place_levels,
+        loudness,
+        energy / energy_total,
+        None,
+        (),
+        *reference_contact,
     )

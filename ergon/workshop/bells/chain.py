@@ -26,22 +26,23 @@ class Chain:
     grounds: Array
 
 
-def chain(f: Array, t60: Array, weight: Array, mass: float) -> Chain:
-    """The chain whose first mass [kg] has modes f [Hz] with shares `weight` of its movement.
+def chain(mode_frequencies: Array, t60: Array, mode_shares: Array, mass: float) -> Chain:
+    """The chain whose first mass [kg] has modes f [Hz] with shares `mode_shares` of its movement.
 
     Lanczos' process from the weights (de Boor and Golub, 1978); dampers by non-negative least
     squares. Raises ValueError if there is no such chain.
     """
-    if f.size > PARTIALS_MAX:
+    if mode_frequencies.size > PARTIALS_MAX:
         raise ValueError(
-            f"a chain is offered for at most {PARTIALS_MAX} modes, and here are {f.size}"
+            f"a chain is offered for at most {PARTIALS_MAX} modes, and here are "
+            f"{mode_frequencies.size}"
         )
-    if np.any(f[1:] < _APART * f[:-1]):
+    if np.any(mode_frequencies[1:] < _APART * mode_frequencies[:-1]):
         raise ValueError("a chain cannot have modes that beat: two are nearer than 2 %")
     sigma = LN_1000 / t60
-    eigen = (2.0 * np.pi * f) ** 2 + sigma**2
-    diagonal, off_diagonal, basis = _lanczos(eigen, np.sqrt(weight / weight.sum()))
-    n = f.size
+    eigen = (2.0 * np.pi * mode_frequencies) ** 2 + sigma**2
+    diagonal, off_diagonal, basis = _lanczos(eigen, np.sqrt(mode_shares / mode_shares.sum()))
+    n = mode_frequencies.size
     masses, springs = np.zeros(n), np.zeros(n)
     masses[0] = mass
     stiffness_before = 0.0
@@ -83,8 +84,8 @@ def _lanczos(eigen: Array, start: Array) -> tuple[Array, Array, Array]:
 def _not_negative(a: Array, b: Array) -> Array:
     """Non-negative least squares (Lawson and Hanson, 1974)."""
     n = a.shape[1]
-    size = np.linalg.norm(a, axis=0)
-    a = a / size
+    column_norms = np.linalg.norm(a, axis=0)
+    a = a / column_norms
     x, active = np.zeros(n), np.zeros(n, bool)
     for _ in range(10 * n):
         rise = a.T @ (b - a @ x)
@@ -104,4 +105,4 @@ def _not_negative(a: Array, b: Array) -> Array:
             x = x + share * (trial - x)
             active &= x > 1e-15
             x[~active] = 0.0
-    return np.asarray(x / size)
+    return np.asarray(x / column_norms)

@@ -55,7 +55,7 @@ class Strokes:
     lengths: tuple[float | None, ...]
 
 
-def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
+def levels(mode_frequencies: Array, amplitudes: Array, errors: Array) -> Strokes:
     """The common levels of strokes at one place, from `amplitudes` and relative errors (strokes,
     n).
     """
@@ -66,11 +66,11 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
     with np.errstate(divide="ignore"):
         logs = np.where(amplitudes > 0.0, np.log(np.maximum(amplitudes, 1e-300)), -700.0)
     variance = np.minimum(errors, 1e3) ** 2 + _KNOWN**2
-    shapes, doubts = _shapes(f)
+    contact_shapes, doubts = _shapes(mode_frequencies)
     # For each other stroke: the cost (tried, tried) of each pair of lengths of the hardest stroke
     # and this one.
     costs = {
-        s: _costs(logs[s] - logs[hardest], variance[s] + variance[hardest], shapes, doubts)
+        s: _costs(logs[s] - logs[hardest], variance[s] + variance[hardest], contact_shapes, doubts)
         for s in range(n_strokes)
         if s != hardest
     }
@@ -78,42 +78,42 @@ def levels(f: Array, amplitudes: Array, errors: Array) -> Strokes:
     likely = np.flatnonzero(total <= total.min() + _RANGE)
     is_told = _TRIED_LENGTHS[likely[-1]] <= _RANGE_RATIO_MIN * _TRIED_LENGTHS[likely[0]]
     row = int(np.argmin(total)) if is_told else int(likely[0])
-    chosen = [row if s == hardest else int(np.argmin(costs[s][row])) for s in range(n_strokes)]
+    chosen_rows = [row if s == hardest else int(np.argmin(costs[s][row])) for s in range(n_strokes)]
     is_told &= all(
-        np.count_nonzero(f * _TRIED_LENGTHS[length_index] < _REACH) >= _LEAST
-        for length_index in chosen
+        np.count_nonzero(mode_frequencies * _TRIED_LENGTHS[length_index] < _REACH) >= _LEAST
+        for length_index in chosen_rows
     )
-    weights = 1.0 / (variance + doubts[chosen])
-    common = logs - shapes[chosen]
+    weights = 1.0 / (variance + doubts[chosen_rows])
+    common = logs - contact_shapes[chosen_rows]
     level_differences = common - common[hardest]
     joint_weights = weights * weights[hardest] / (weights + weights[hardest])
     impulses = np.sum(joint_weights * level_differences, axis=1) / np.sum(joint_weights, axis=1)
     mean = np.sum(weights * (common - impulses[:, None]), axis=0) / np.sum(weights, axis=0)
     lengths = tuple(
-        float(_TRIED_LENGTHS[length_index]) if is_told else None for length_index in chosen
+        float(_TRIED_LENGTHS[length_index]) if is_told else None for length_index in chosen_rows
     )
     return Strokes(np.exp(mean), np.exp(impulses), lengths)
 
 
-def _shapes(f: Array) -> tuple[Array, Array]:
+def _shapes(mode_frequencies: Array) -> tuple[Array, Array]:
     """Logarithm of the attenuation of each mode by a push of each length, and its variance (tried,
     n).
     """
-    x = f * _TRIED_LENGTHS[:, None]
+    x = mode_frequencies * _TRIED_LENGTHS[:, None]
     is_near = x < _REACH
     beyond = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
-    exact = np.stack([spectrum(f, length) for length in _TRIED_LENGTHS])
+    exact = np.stack([spectrum(mode_frequencies, length) for length in _TRIED_LENGTHS])
     shapes = np.log(np.where(is_near, np.maximum(exact, 1e-3), beyond))
     return shapes, np.where(is_near, _SHAPE * (x / _REACH) ** 2, _BEYOND) ** 2
 
 
-def _costs(logs: Array, variance: Array, shapes: Array, doubts: Array) -> Array:
+def _costs(logs: Array, variance: Array, contact_shapes: Array, doubts: Array) -> Array:
     """Twice the negative log-likelihood (tried, tried) of two lengths; infinite if the second is
     shorter, because softer strokes last longer. `logs` (n,) are of the second over the first.
     """
-    costs = np.full((len(shapes), len(shapes)), np.inf)
-    for first_shape in range(len(shapes)):
-        residuals = logs - (shapes[first_shape:] - shapes[first_shape])
+    costs = np.full((len(contact_shapes), len(contact_shapes)), np.inf)
+    for first_shape in range(len(contact_shapes)):
+        residuals = logs - (contact_shapes[first_shape:] - contact_shapes[first_shape])
         doubt = variance + doubts[first_shape] + doubts[first_shape:]
         doubt[0] = variance  # of one length what is left of a mode is the same
         mean = np.median(residuals, axis=1)

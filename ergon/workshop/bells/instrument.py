@@ -83,31 +83,33 @@ def _contact_line(bell: Bell, place: str, name: str = "felt") -> str:
 
 
 def _modes(bell: Bell) -> list[str]:
-    places = {name: bell.levels[:, i] for i, name in enumerate(bell.places)}
+    levels_by_place = {name: bell.levels[:, i] for i, name in enumerate(bell.places)}
     # A push J of a mode M moves it at φ·J/M [m/s].
-    places[LISTENED] = bell.listened * (bell.reference * _FULL_SCALE * _mass(bell) / _IMPULSE)
-    rows = ["      body:", "        MODES:", f"          M: {_number(_mass(bell) * 1e3)}g"]
-    rows += _list("          f: ", [f"{_number(f)}Hz" for f in bell.f])
-    rows += _list("          t60: ", [f"{_number(t, 6)}s" for t in bell.t60])
-    rows.append("          places:")
-    for name, levels in places.items():
-        rows += _list(f"            {name}: ", [_number(level, 6) for level in levels])
-    rows.append(_contact_line(bell, f"body.{bell.places[0]}"))
-    return [*rows, f"    out: {{SOV: body.{LISTENED}}}"]
+    levels_by_place[LISTENED] = bell.listened * (
+        bell.reference * _FULL_SCALE * _mass(bell) / _IMPULSE
+    )
+    yaml_rows = ["      body:", "        MODES:", f"          M: {_number(_mass(bell) * 1e3)}g"]
+    yaml_rows += _list("          f: ", [f"{_number(f)}Hz" for f in bell.f])
+    yaml_rows += _list("          t60: ", [f"{_number(t, 6)}s" for t in bell.t60])
+    yaml_rows.append("          places:")
+    for name, levels in levels_by_place.items():
+        yaml_rows += _list(f"            {name}: ", [_number(level, 6) for level in levels])
+    yaml_rows.append(_contact_line(bell, f"body.{bell.places[0]}"))
+    return [*yaml_rows, f"    out: {{SOV: body.{LISTENED}}}"]
 
 
 def _cels(bell: Bell) -> list[str]:
     weight = np.abs(bell.levels[:, 0] * bell.listened)
     mass = PLACE_MASS * float(np.sum(weight))
-    rows, links = [], []
+    yaml_rows, link_rows = [], []
     for i, (f, t60, modal_weight) in enumerate(zip(bell.f, bell.t60, weight, strict=True), 1):
         grams = _number(1e3 * mass / max(modal_weight, 1e-9))
-        rows.append(
+        yaml_rows.append(
             f"      p{i}: {{CEL: {{M: {grams}g, f: {_number(f)}Hz, t60: {_number(t60, 6)}s}}}}"
         )
-        links.append(_contact_line(bell, f"p{i}", f"b{i}"))
+        link_rows.append(_contact_line(bell, f"p{i}", f"b{i}"))
     names = _list("    out: {SOV: ", [f"p{i}" for i in range(1, len(bell.f) + 1)])
-    return [*rows, *links, *names[:-1], names[-1] + "}"]
+    return [*yaml_rows, *link_rows, *names[:-1], names[-1] + "}"]
 
 
 def _chain(bell: Bell) -> list[str]:
@@ -116,32 +118,32 @@ def _chain(bell: Bell) -> list[str]:
         built_chain = chain(bell.f, bell.t60, weight, PLACE_MASS)
     except ValueError as error:
         raise FormError(f"{error}; write the bell as modes") from None
-    rows = ["      wall: {SOL: {}}"]
+    yaml_rows = ["      wall: {SOL: {}}"]
     last_mass = len(built_chain.masses)
     for i, (m, z) in enumerate(zip(built_chain.masses, built_chain.grounds, strict=True), 1):
-        rows.append(f"      m{i}: {{MAS: {{M: {_number(m * 1e3)}g}}}}")
+        yaml_rows.append(f"      m{i}: {{MAS: {{M: {_number(m * 1e3)}g}}}}")
         if z > 0.0 and i < last_mass:
-            rows.append(f"      z{i}: {{FRO: {{between: [wall, m{i}], Z: {_number(z)}}}}}")
+            yaml_rows.append(f"      z{i}: {{FRO: {{between: [wall, m{i}], Z: {_number(z)}}}}}")
     for i, (k, z) in enumerate(zip(built_chain.springs, built_chain.dampers, strict=True), 1):
         end_names = f"[m{i}, m{i + 1}]" if i < last_mass else f"[m{i}, wall]"
         z += built_chain.grounds[-1] if i == last_mass else 0.0
-        rows.append(
+        yaml_rows.append(
             f"      s{i}: {{REF: {{between: {end_names}, K: {_number(k)}, Z: {_number(z)}}}}}"
         )
-    return [*rows, _contact_line(bell, "m1"), "    out: {SOV: m1}"]
+    return [*yaml_rows, _contact_line(bell, "m1"), "    out: {SOV: m1}"]
 
 
 def _number(value: float, digits: int = 10) -> str:
     return f"{float(value):.{digits}g}"
 
 
-def _list(head: str, words: Sequence[str]) -> list[str]:
+def _list(line_head: str, words: Sequence[str]) -> list[str]:
     """`head [a, b, …]`, broken into lines of limited width."""
-    lines, line = [], head + "["
+    yaml_lines, yaml_line = [], line_head + "["
     for i, word in enumerate(words):
         word += "]" if i == len(words) - 1 else ","
-        if len(line) + len(word) > _WIDTH:
-            lines.append(line.rstrip())
-            line = " " * (len(head) + 1)
-        line += word if line.endswith("[") or not line.strip() else f" {word}"
-    return [*lines, line]
+        if len(yaml_line) + len(word) > _WIDTH:
+            yaml_lines.append(yaml_line.rstrip())
+            yaml_line = " " * (len(line_head) + 1)
+        yaml_line += word if yaml_line.endswith("[") or not yaml_line.strip() else f" {word}"
+    return [*yaml_lines, yaml_line]

@@ -62,44 +62,47 @@ class Modes:
 NONE = Modes(np.zeros(0), np.zeros(0), np.zeros(0, complex))
 
 
-def find_modes(sound: Array, rate: float) -> tuple[Modes, Array]:
+def find_modes(stroke_sound: Array, rate: float) -> tuple[Modes, Array]:
     """The modes of a sound (n,) that begins after its stroke, and the residual (n,)."""
-    modes, residual = NONE, sound
-    for width in _WIDTHS:
+    bell_modes, residual = NONE, stroke_sound
+    for band_width in _WIDTHS:
         bands = Bands(residual, rate)
         high = min(HIGH, 0.45 * rate)
-        f, d = list(modes.f), list(modes.d)
-        for low, top in bands.occupied(LOW, high, width):
+        mode_frequencies, decay_rates = list(bell_modes.f), list(bell_modes.d)
+        for low, top in bands.occupied(LOW, high, band_width):
             _core.poll()
-            band_modes = _in_band(bands, low, top, width)
-            f += list(band_modes[0])
-            d += list(band_modes[1])
-        if f:
-            order = np.argsort(f)
-            modes, residual = fit_amplitudes(sound, rate, np.array(f)[order], np.array(d)[order])
+            band_modes = _in_band(bands, low, top, band_width)
+            mode_frequencies += list(band_modes[0])
+            decay_rates += list(band_modes[1])
+        if mode_frequencies:
+            order = np.argsort(mode_frequencies)
+            bell_modes, residual = fit_amplitudes(
+                stroke_sound, rate, np.array(mode_frequencies)[order], np.array(decay_rates)[order]
+            )
     for _ in range(_ROUNDS):
-        errors = uncertainty(modes, residual, rate)
-        worst = _unknown(modes, errors)
+        errors = uncertainty(bell_modes, residual, rate)
+        worst = _unknown(bell_modes, errors)
         if not worst:
             break
-        modes, residual = _without_modes(modes, residual, worst, sound, rate)
-    return modes, residual
+        bell_modes, residual = _without_modes(bell_modes, residual, worst, stroke_sound, rate)
+    return bell_modes, residual
 
 
-def _unknown(modes: Modes, errors: Uncertainty) -> list[int]:
+def _unknown(bell_modes: Modes, errors: Uncertainty) -> list[int]:
     """Modes whose decay is not known, the worst first; of neighbours only the worst."""
-    share = errors.d / modes.d
-    chosen: list[int] = []
-    for mode in np.argsort(-share):
-        if share[mode] < _KNOWN:
+    share = errors.d / bell_modes.d
+    chosen_modes: list[int] = []
+    for mode_index in np.argsort(-share):
+        if share[mode_index] < _KNOWN:
             break
-        reach = _reach(modes, mode)
+        reach = _reach(bell_modes, mode_index)
         if all(
-            abs(modes.f[mode] - modes.f[chosen_mode]) > reach + _reach(modes, chosen_mode)
-            for chosen_mode in chosen
+            abs(bell_modes.f[mode_index] - bell_modes.f[chosen_mode])
+            > reach + _reach(bell_modes, chosen_mode)
+            for chosen_mode in chosen_modes
         ):
-            chosen.append(int(mode))
-    return chosen
+            chosen_modes.append(int(mode_index))
+    return chosen_modes
 
 
 def _reach(modes: Modes, mode: int) -> float:
@@ -110,72 +113,92 @@ def _reach(modes: Modes, mode: int) -> float:
 
 
 def _without_modes(
-    modes: Modes, residual: Array, worst: list[int], sound: Array, rate: float
+    bell_modes: Modes, residual: Array, worst_modes: list[int], sound: Array, rate: float
 ) -> tuple[Modes, Array]:
     """The modes without some; neighbours of each removed mode are fitted again to take over its
     energy.
     """
-    f, d = modes.f.copy(), modes.d.copy()
-    for mode in worst:
+    mode_frequencies, decay_rates = bell_modes.f.copy(), bell_modes.d.copy()
+    for mode in worst_modes:
         _core.poll()
-        reach = _reach(modes, mode)
-        near_modes = np.flatnonzero(np.abs(modes.f - modes.f[mode]) < reach)
+        mode_reach = _reach(bell_modes, mode)
+        near_modes = np.flatnonzero(np.abs(bell_modes.f - bell_modes.f[mode]) < mode_reach)
         other_modes = near_modes[near_modes != mode]
         if not other_modes.size:
             continue
-        near_sound = residual + synthesise(modes.some(near_modes), residual.size, rate)
-        low, top = float(f[near_modes].min()) - reach, float(f[near_modes].max()) + reach
+        near_sound = residual + synthesise(bell_modes.some(near_modes), residual.size, rate)
+        low, top = (
+            float(mode_frequencies[near_modes].min()) - mode_reach,
+            float(mode_frequencies[near_modes].max()) + mode_reach,
+        )
         signal, band_rate, centre = Bands(near_sound, rate).take(max(low, 1.0), top)
         skip = ceil(_SKIP * band_rate / (top - low))
         signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _POLISHED))]
-        z = np.exp((-d[other_modes] + 2j * np.pi * (f[other_modes] - centre)) / band_rate)
+        z = np.exp(
+            (-decay_rates[other_modes] + 2j * np.pi * (mode_frequencies[other_modes] - centre))
+            / band_rate
+        )
         z, _, _ = polish_poles(signal, z)
         new_f, new_d = (
             centre + np.angle(z) * band_rate / (2.0 * np.pi),
             -np.log(np.abs(z)) * band_rate,
         )
         is_fit = (
-            (np.abs(new_f - f[other_modes]) < reach) & (new_d > _DECAYS[0]) & (new_d < _FASTEST)
+            (np.abs(new_f - mode_frequencies[other_modes]) < mode_reach)
+            & (new_d > _DECAYS[0])
+            & (new_d < _FASTEST)
         )
-        f[other_modes[is_fit]], d[other_modes[is_fit]] = new_f[is_fit], new_d[is_fit]
-    remaining = np.delete(np.arange(f.size), worst)
-    remaining = remaining[np.argsort(f[remaining])]
-    return fit_amplitudes(sound, rate, f[remaining], d[remaining])
+        mode_frequencies[other_modes[is_fit]], decay_rates[other_modes[is_fit]] = (
+            new_f[is_fit],
+            new_d[is_fit],
+        )
+    remaining = np.delete(np.arange(mode_frequencies.size), worst_modes)
+    remaining = remaining[np.argsort(mode_frequencies[remaining])]
+    return fit_amplitudes(sound, rate, mode_frequencies[remaining], decay_rates[remaining])
 
 
-def _in_band(bands: Bands, low: float, top: float, width: float) -> tuple[Array, Array]:
-    signal, rate, centre = bands.take(low, top)
-    skip = ceil(_SKIP * rate / (top - low))
+def _in_band(bands: Bands, low_hertz: float, top_hertz: float, width: float) -> tuple[Array, Array]:
+    signal, rate, centre = bands.take(low_hertz, top_hertz)
+    skip = ceil(_SKIP * rate / (top_hertz - low_hertz))
     signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _LONGEST))]
     if signal.size < _SHORTEST:
         return np.zeros(0), np.zeros(0)
     z, _ = exponentials(signal, min(_BAND_MODES_MAX, signal.size // 5))
     f = centre + np.angle(z) * rate / (2.0 * np.pi)
     d = -np.log(np.abs(z)) * rate
-    is_ours = (f >= low) & (f < top) & (d > _DECAYS[0]) & (d < _DECAYS[1] * width)
+    is_ours = (f >= low_hertz) & (f < top_hertz) & (d > _DECAYS[0]) & (d < _DECAYS[1] * width)
     return f[is_ours], d[is_ours]
 
 
-def fit_amplitudes(sound: Array, rate: float, f: Array, d: Array) -> tuple[Modes, Array]:
+def fit_amplitudes(
+    stroke_sound: Array, rate: float, mode_frequencies: Array, decay_rates: Array
+) -> tuple[Modes, Array]:
     """Modes of known f [Hz] and d [1/s] with the amplitudes that fit a sound best; the residual."""
-    if not f.size:
-        return NONE, sound
-    n = min(sound.size, round(_FITTED * rate))
-    s = (-d + 2j * np.pi * f) / rate
+    if not mode_frequencies.size:
+        return NONE, stroke_sound
+    n = min(stroke_sound.size, round(_FITTED * rate))
+    pole_logarithms = (-decay_rates + 2j * np.pi * mode_frequencies) / rate
     # Sums of products of the real parts u and of -v, from sums of e^(s+s')k and of e^(s+s'*)k.
-    plain_sums, turned = _sum(s[:, None] + s, n), _sum(s[:, None] + s.conj(), n)
+    plain_sums, turned = (
+        _sum(pole_logarithms[:, None] + pole_logarithms, n),
+        _sum(pole_logarithms[:, None] + pole_logarithms.conj(), n),
+    )
     gram = 0.5 * np.block(
         [
             [(turned + plain_sums).real, (turned - plain_sums).imag],
             [-(turned + plain_sums).imag, (turned - plain_sums).real],
         ]
     )
-    products = _exponential_products(s, sound[:n])
+    products = _exponential_products(pole_logarithms, stroke_sound[:n])
     right = np.concatenate([products.real, -products.imag])
     size = np.sqrt(gram.diagonal())
     solution = np.linalg.lstsq(gram / np.outer(size, size), right / size, rcond=1e-12)[0] / size
-    modes = Modes(f, d, solution[: f.size] + 1j * solution[f.size :])
-    return modes, sound - synthesise(modes, sound.size, rate)
+    modes = Modes(
+        mode_frequencies,
+        decay_rates,
+        solution[: mode_frequencies.size] + 1j * solution[mode_frequencies.size :],
+    )
+    return modes, stroke_sound - synthesise(modes, stroke_sound.size, rate)
 
 
 def _sum(s: NDArray[Any], n: int) -> Complex:
@@ -183,13 +206,13 @@ def _sum(s: NDArray[Any], n: int) -> Complex:
     return np.asarray(np.expm1(s * n) / np.expm1(s))
 
 
-def _exponential_products(s: NDArray[Any], sound: Array) -> Complex:
+def _exponential_products(exponent_steps: NDArray[Any], sound: Array) -> Complex:
     """Σ of sound[k]·e^(s·k), for each s (m,)."""
-    step = np.exp(np.arange(_BLOCK)[:, None] * s)
-    total = np.zeros(s.size, complex)
+    step = np.exp(np.arange(_BLOCK)[:, None] * exponent_steps)
+    total = np.zeros(exponent_steps.size, complex)
     for begin in range(0, sound.size, _BLOCK):
         block = sound[begin : begin + _BLOCK]
-        total += np.exp(begin * s) * (block @ step[: block.size])
+        total += np.exp(begin * exponent_steps) * (block @ step[: block.size])
     return total
 
 
@@ -212,22 +235,22 @@ class Uncertainty:
     level: Array
 
 
-def uncertainty(modes: Modes, residual: Array, rate: float) -> Uncertainty:
+def uncertainty(bell_modes: Modes, residual: Array, rate: float) -> Uncertainty:
     """The Cramér-Rao bound for modes in noise as strong as the residual around each mode."""
     duration = residual.size / rate
-    n = modes.f.size
-    s = modes.poles.conj()[:, None] + modes.poles[None, :]
+    n = bell_modes.f.size
+    s = bell_modes.poles.conj()[:, None] + bell_modes.poles[None, :]
     s = np.where(np.abs(s) * duration < 1e-3, -1e-3 / duration, s)
     end = np.exp(s * duration)
     i0 = (end - 1.0) / s
     i1 = (duration * end - i0) / s
     i2 = (duration * duration * end - 2.0 * i1) / s
-    weight = modes.c.conj()[:, None] * modes.c[None, :]
+    weight = bell_modes.c.conj()[:, None] * bell_modes.c[None, :]
     fisher = np.block([[i2 * weight, i1 * weight], [i1 * weight, i0 * weight]])
     size = np.sqrt(np.maximum(fisher.diagonal().real, 1e-300))
     bound = np.linalg.pinv(fisher / np.outer(size, size), hermitian=True).diagonal().real
     deviation = np.sqrt(np.maximum(bound, 0.0)) / size
-    noise = np.sqrt(2.0 * _noise(modes.f, residual, rate) / rate)
+    noise = np.sqrt(2.0 * _noise(bell_modes.f, residual, rate) / rate)
     d, level = deviation[:n] * noise, deviation[n:] * noise
     return Uncertainty(d / (2.0 * np.pi), d, level)
 

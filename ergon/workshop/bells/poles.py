@@ -20,27 +20,27 @@ _FIRST_STEP = 0.02  # most change of a logarithm of a pole in the first step
 _SHORTEST = 0.3  # |z| of exponentials that are over within three samples
 
 
-def exponentials(signal: Complex, count_max: int) -> tuple[Complex, Complex]:
+def exponentials(band_signal: Complex, count_max: int) -> tuple[Complex, Complex]:
     """Poles z and amplitudes c of Σ c·z^k in a signal (n,), at most `count_max`.
 
     Each is far above the residual noise.
     """
-    z: Complex = _esprit(signal, count_max)
+    z: Complex = _esprit(band_signal, count_max)
     z = z[(np.abs(z) < 1.0) & (np.abs(z) > _SHORTEST)]
     while z.size:  # the worst goes first, before the others are polished
-        c, residual = _amplitudes(signal, z)
-        score = _scores(z, c, residual)
-        worst = int(np.argmin(score))
-        if score[worst] >= NOISE_RATIO_MIN:
+        pole_amplitudes, residual = _amplitudes(band_signal, z)
+        score = _scores(z, pole_amplitudes, residual)
+        worst_pole = int(np.argmin(score))
+        if score[worst_pole] >= NOISE_RATIO_MIN:
             break
-        z = _complex(np.delete(z, worst))
+        z = _complex(np.delete(z, worst_pole))
     while z.size:
-        z, c, residual = polish_poles(signal, z)
-        score = _scores(z, c, residual)
-        worst = int(np.argmin(score))
-        if score[worst] >= NOISE_RATIO_MIN:
-            return z, c
-        z = _complex(np.delete(z, worst))
+        z, pole_amplitudes, residual = polish_poles(band_signal, z)
+        score = _scores(z, pole_amplitudes, residual)
+        worst_pole = int(np.argmin(score))
+        if score[worst_pole] >= NOISE_RATIO_MIN:
+            return z, pole_amplitudes
+        z = _complex(np.delete(z, worst_pole))
     return z, np.zeros(0, complex)
 
 
@@ -97,26 +97,33 @@ def _scores(z: Complex, c: Complex, residual: Complex) -> Array:
     return np.asarray(np.abs(c) ** 2 / np.maximum(variances, 1e-300))
 
 
-def polish_poles(signal: Complex, z: Complex) -> tuple[Complex, Complex, Complex]:
+def polish_poles(band_signal: Complex, z: Complex) -> tuple[Complex, Complex, Complex]:
     """Gauss-Newton on the logarithms of the poles alone, with the amplitudes projected out."""
-    samples = np.arange(signal.size)[:, None]
-    s, last_cost = np.log(z), np.inf
-    best_logarithms = s
-    c, residual = _amplitudes(signal, z)
+    sample_indices = np.arange(band_signal.size)[:, None]
+    pole_logarithms, last_cost = np.log(z), np.inf
+    best_logarithms = pole_logarithms
+    pole_amplitudes, residual = _amplitudes(band_signal, z)
     for step in range(_POLISH):
-        basis = np.exp(samples * s)
+        basis = np.exp(sample_indices * pole_logarithms)
         q, _ = np.linalg.qr(basis)
-        amplitudes = _complex(np.linalg.lstsq(basis, signal, rcond=None)[0])
-        residual_now = _complex(signal - basis @ amplitudes)
+        amplitudes = _complex(np.linalg.lstsq(basis, band_signal, rcond=None)[0])
+        residual_now = _complex(band_signal - basis @ amplitudes)
         cost = float(np.vdot(residual_now, residual_now).real)
         if not cost < last_cost * (1.0 - _CLOSE):
             break
-        last_cost, best_logarithms, c, residual = cost, s, amplitudes, residual_now
-        tangents = samples * basis * amplitudes
+        last_cost, best_logarithms, pole_amplitudes, residual = (
+            cost,
+            pole_logarithms,
+            amplitudes,
+            residual_now,
+        )
+        tangents = sample_indices * basis * amplitudes
         tangents = tangents - q @ (q.conj().T @ tangents)
         change = np.linalg.lstsq(tangents, residual_now, rcond=None)[0]
         if step == 0:
             change *= min(1.0, _FIRST_STEP / max(1e-300, float(np.abs(change).max())))
-        s = s + change
-        s = _complex(np.minimum(s.real, 1e-4) + 1j * s.imag)
-    return _complex(np.exp(best_logarithms)), c, residual
+        pole_logarithms = pole_logarithms + change
+        pole_logarithms = _complex(
+            np.minimum(pole_logarithms.real, 1e-4) + 1j * pole_logarithms.imag
+        )
+    return _complex(np.exp(best_logarithms)), pole_amplitudes, residual

@@ -35,38 +35,43 @@ def read(path: Path) -> list[tuple[float, float, float]]:
             raise TableError(f"{path}: {foreign}") from None
         message = f"{path}: it is neither WAV, FLAC or AIFF nor a text; give a recorded stroke or "
         raise TableError(message + "a table of resonances") from None
-    rows = []
+    resonance_rows = []
     for number, line in enumerate(lines[:_LINES_MAX], 1):
         words = line[:_LINES_MAX].replace(",", " ").split()
         if not words or words[0][0] in ";#":
             continue
-        rows.append(_row(f"{path}:{number}", words))
-    if not rows:
+        resonance_rows.append(_row(f"{path}:{number}", words))
+    if not resonance_rows:
         raise TableError(f"{path}: it has no resonances; write lines such as 1 220.5 0.8 0.35")
-    is_db = any(a < 0.0 for _, a, _ in rows)
-    resonances = [(f, LN_1000 / (pi * b), 10.0 ** (a / 20.0) if is_db else a) for f, a, b in rows]
+    is_db = any(a < 0.0 for _, a, _ in resonance_rows)
+    resonances = [
+        (f, LN_1000 / (pi * b), 10.0 ** (a / 20.0) if is_db else a) for f, a, b in resonance_rows
+    ]
     audible = [row for row in resonances if row[2] > 0.0]
     if not audible:
         raise TableError(f"{path}: all amplitudes are 0, so that nothing sounds")
     return audible
 
 
-def _row(location: str, words: list[str]) -> tuple[float, float, float]:
-    if not 3 <= len(words) <= 4:
+def _row(location: str, row_words: list[str]) -> tuple[float, float, float]:
+    if not 3 <= len(row_words) <= 4:
         message = f"{location}: a line is an index, a frequency [Hz], an amplitude and a bandwidth "
         raise TableError(
-            message + f"[Hz], such as 1 220.5 0.8 0.35; here it has {len(words)} words"
+            message + f"[Hz], such as 1 220.5 0.8 0.35; here it has {len(row_words)} words"
         )
     try:
-        f, a, b = (float(word) for word in words[-3:])
+        frequency_number, amplitude_number, decay_number = (float(word) for word in row_words[-3:])
     except ValueError:
-        raise TableError(f"{location}: {' '.join(words[-3:])} are not three numbers") from None
-    if not (isfinite(f) and isfinite(a) and isfinite(b)):
-        raise TableError(f"{location}: {' '.join(words[-3:])} are not three finite numbers")
-    if not 0.0 < f < 1e6:
-        raise TableError(f"{location}: a frequency of {f:g} Hz; it must be above 0 and below 1 MHz")
-    if not b > 0.0:
+        raise TableError(f"{location}: {' '.join(row_words[-3:])} are not three numbers") from None
+    if not (isfinite(frequency_number) and isfinite(amplitude_number) and isfinite(decay_number)):
+        raise TableError(f"{location}: {' '.join(row_words[-3:])} are not three finite numbers")
+    if not 0.0 < frequency_number < 1e6:
         raise TableError(
-            f"{location}: a bandwidth of {b:g} Hz; it must be above 0, or it never ends"
+            f"{location}: a frequency of {frequency_number:g} Hz; it must be above 0 and below 1 "
+            "MHz"
         )
-    return f, a, b
+    if not decay_number > 0.0:
+        raise TableError(
+            f"{location}: a bandwidth of {decay_number:g} Hz; it must be above 0, or it never ends"
+        )
+    return frequency_number, amplitude_number, decay_number

@@ -75,25 +75,25 @@ def _loudest_channel(path: Path, report: Report) -> tuple[Array, float]:
     return np.ascontiguousarray(samples[:, loudest]), float(info.format.rate)
 
 
-def stroke(name: str, sound: Array, rate: float) -> Stroke:
+def stroke(file_name: str, stroke_sound: Array, rate: float) -> Stroke:
     """The one stroke of a sound. Raises NotAStrokeError."""
-    peak = float(np.abs(sound).max(initial=0.0))
+    peak = float(np.abs(stroke_sound).max(initial=0.0))
     if peak < _SILENT:
-        raise NotAStrokeError(f"{name}: it is silent; record a stroke")
-    sound = sound - sound.mean()
-    begin = _onset(sound, rate)
-    audible = sound[begin : begin + round(LONGEST * rate)]
+        raise NotAStrokeError(f"{file_name}: it is silent; record a stroke")
+    stroke_sound = stroke_sound - stroke_sound.mean()
+    begin = _onset(stroke_sound, rate)
+    audible = stroke_sound[begin : begin + round(LONGEST * rate)]
     if audible.size < _SHORTEST * rate:
-        message = f"{name}: only {1e3 * audible.size / rate:.0f} ms follow its stroke; record "
+        message = f"{file_name}: only {1e3 * audible.size / rate:.0f} ms follow its stroke; record "
         raise NotAStrokeError(message + "until it has died away, 100 ms at least")
-    _refuse_clipped(name, audible)
-    _refuse_steady(name, audible)
-    _refuse_second(name, audible, rate)
+    _refuse_clipped(file_name, audible)
+    _refuse_steady(file_name, audible)
+    _refuse_second(file_name, audible, rate)
     loudest = int(np.argmax(np.abs(audible[: round(_LATEST * rate)]))) + round(0.001 * rate)
     skip = max(round(_AFTER * rate), min(loudest, round(_LATEST * rate)))
     # The middle of a soft push is shortly before the loudest sample, not where the push begins.
     # Extrapolated to its beginning, quickly decaying modes would be hundreds of dB louder.
-    return Stroke(name, audible[skip:], rate, min(skip / rate, _AFTER))
+    return Stroke(file_name, audible[skip:], rate, min(skip / rate, _AFTER))
 
 
 def _onset(sound: Array, rate: float) -> int:
@@ -122,25 +122,27 @@ def _refuse_steady(name: str, sound: Array) -> None:
         raise NotAStrokeError(message + "a stroke is needed, recorded until it is quiet")
 
 
-def _refuse_second(name: str, sound: Array, rate: float) -> None:
+def _refuse_second(name: str, stroke_sound: Array, rate: float) -> None:
     """Refuse a second stroke: it raises most partials at once, whereas beats raise single partials,
     slowly.
     """
-    n_frames = (sound.size - _FRAME) // _HOP
+    n_frames = (stroke_sound.size - _FRAME) // _HOP
     if n_frames < 2 * (_BEFORE + _GAP):
         return
-    windows = np.lib.stride_tricks.sliding_window_view(sound, _FRAME)[::_HOP][:n_frames]
+    windows = np.lib.stride_tricks.sliding_window_view(stroke_sound, _FRAME)[::_HOP][:n_frames]
     spectra = np.abs(np.fft.rfft(windows * np.hanning(_FRAME), axis=1)) ** 2
     edges = np.unique(np.geomspace(2, _FRAME // 2, _BANDS + 1).astype(int))
-    power = np.add.reduceat(spectra, edges[:-1], axis=1)
-    noise = np.percentile(power, 5, axis=0)
+    power_spectrum = np.add.reduceat(spectra, edges[:-1], axis=1)
+    noise = np.percentile(power_spectrum, 5, axis=0)
     first_frame = 2 * _GAP + _BEFORE
-    for frame in range(first_frame, n_frames):
-        peak_before = power[frame - _GAP - _BEFORE : frame - _GAP].max(axis=0)
-        is_sounding = (power[frame] > _SOUNDING * noise) & (power[frame] > 1e-6 * power.max())
-        is_raised = is_sounding & (power[frame] > _RISE * peak_before)
-        weight = power[frame] > 1e-4 * power[frame].max()
+    for frame_index in range(first_frame, n_frames):
+        peak_before = power_spectrum[frame_index - _GAP - _BEFORE : frame_index - _GAP].max(axis=0)
+        is_sounding = (power_spectrum[frame_index] > _SOUNDING * noise) & (
+            power_spectrum[frame_index] > 1e-6 * power_spectrum.max()
+        )
+        is_raised = is_sounding & (power_spectrum[frame_index] > _RISE * peak_before)
+        weight = power_spectrum[frame_index] > 1e-4 * power_spectrum[frame_index].max()
         if is_raised.sum() >= 3 and (is_raised & weight).sum() > _STRUCK * (weight).sum():
-            seconds = frame * _HOP / rate
+            seconds = frame_index * _HOP / rate
             message = f"{name}: something strikes again {seconds:.2f} s after the first stroke; "
             raise NotAStrokeError(message + "cut the recording before it")

@@ -42,34 +42,41 @@ def main(folder: Path) -> None:
     write_text(folder / "README.md", "\n".join(page), force=True)
 
 
-def _chart(folder: Path, name: str) -> str:
-    path = Path(str(files("ergon"))) / "scores" / "library" / f"{name}.yaml"
+def _chart(folder: Path, score_name: str) -> str:
+    path = Path(str(files("ergon"))) / "scores" / "library" / f"{score_name}.yaml"
     piece = load(path).piece
-    assert piece is not None, f"{name} has mistakes"
+    assert piece is not None, f"{score_name} has mistakes"
     chosen_settings = [*settings(METHODS, PRECISIONS, _UPTO), *planned()]
     measured_chart = measure(Score(piece), chosen_settings, _SECONDS, "waveform", lambda done: None)
-    title, machine_text = piece.title, machine()
-    stem = folder / name
-    write_text(targets(stem)[0], chart_table.csv(measured_chart, title, machine_text), force=True)
-    save(lambda: draw_chart.draw(measured_chart, title, machine_text), stem, force=True, png=False)
-    print(f"{name}\n{chart_table.lines(measured_chart)}", flush=True)
+    chart_title, machine_text = piece.title, machine()
+    stem = folder / score_name
+    write_text(
+        targets(stem)[0], chart_table.csv(measured_chart, chart_title, machine_text), force=True
+    )
+    save(
+        lambda: draw_chart.draw(measured_chart, chart_title, machine_text),
+        stem,
+        force=True,
+        png=False,
+    )
+    print(f"{score_name}\n{chart_table.lines(measured_chart)}", flush=True)
     return (
-        f"## {title}\n\n![Error over cost of {title}]({name}.svg)\n\n"
-        f"In numbers: [{name}.csv]({name}.csv).\n"
+        f"## {chart_title}\n\n![Error over cost of {chart_title}]({score_name}.svg)\n\n"
+        f"In numbers: [{score_name}.csv]({score_name}.csv).\n"
     )
 
 
-def _maps(folder: Path, method: str) -> str:
-    surveys = survey_all(map_catalogue.built_in(method), lambda done: None)
-    title = f"where {method} is stable, and where its sound is right"
-    name = "stability" if method == "ca" else f"stability-{method}"
-    stem = folder / name
+def _maps(folder: Path, method_name: str) -> str:
+    surveys = survey_all(map_catalogue.built_in(method_name), lambda done: None)
+    title = f"where {method_name} is stable, and where its sound is right"
+    map_name = "stability" if method_name == "ca" else f"stability-{method_name}"
+    stem = folder / map_name
     write_text(targets(stem)[0], map_table.csv(surveys, title), force=True)
     save(lambda: draw_maps.draw(surveys, title), stem, force=True, png=False)
     print(map_table.lines(surveys), flush=True)
     return (
-        f"![Maps: where {method} is stable, and where its sound is right]({name}.svg)\n\n"
-        f"In numbers: [{name}.csv]({name}.csv).\n"
+        f"![Maps: where {method_name} is stable, and where its sound is right]({map_name}.svg)\n\n"
+        f"In numbers: [{map_name}.csv]({map_name}.csv).\n"
     )
 
 

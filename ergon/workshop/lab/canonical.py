@@ -143,17 +143,17 @@ def _pair(
 
     def build(network: _core.Network) -> None:
         network.part("pair")
-        pairs = []
+        mass_pairs = []
         for _ in range(copies):
             a, b = (
                 network.cel(name, M=cell.M, f=cell.f, t60=cell.t60, X0=cell.X0)
                 for name, cell in (("a", first_cell), ("b", two))
             )
             join(network, a, b)
-            pairs.append((a, b))
-        for (before, _), (after, _) in pairwise(pairs):
+            mass_pairs.append((a, b))
+        for (before, _), (after, _) in pairwise(mass_pairs):
             network.ref("j", before, after, K=weak)
-        network.listen("b", positions=[(pairs[0][1], 1, 1.0)])
+        network.listen("b", positions=[(mass_pairs[0][1], 1, 1.0)])
 
     return Bare(build, RATE)
 
@@ -199,15 +199,15 @@ def coupled_load(kappa: float, times: float, method: str) -> float:
 
 
 def _pair_load(
-    first_cell: Cell, second_cell: Cell, kappa: float, times: float, method: str
+    first_cell: Cell, second_cell: Cell, kappa: float, times: float, method_name: str
 ) -> float:
     rate, k = RATE * times, _stiffness(kappa, first_cell, second_cell)
     p, q = (
-        cell.load(rate, damped(method)) + k / (cell.M * rate**2)
+        cell.load(rate, damped(method_name)) + k / (cell.M * rate**2)
         for cell in (first_cell, second_cell)
     )
     joint = k / (sqrt(first_cell.M * second_cell.M) * rate**2)
-    return (0.5 * (p + q) + sqrt(0.25 * (p - q) ** 2 + joint * joint)) / limit(method)
+    return (0.5 * (p + q) + sqrt(0.25 * (p - q) ** 2 + joint * joint)) / limit(method_name)
 
 
 # --- strings ------------------------------------------------------------------------------------
@@ -257,7 +257,7 @@ def struck(speed: float) -> Bare:
     return Bare(build, RATE)
 
 
-def struck_load(speed: float, times: float, method: str) -> float:
+def struck_load(speed: float, times: float, method_name: str) -> float:
     """λ over the limit if all the energy of the stroke is in one spring: an upper bound.
 
     The elongation d then satisfies ½k·d² + ¼q·d⁴ = ½m·v², and the slope is k + 3q·d².
@@ -265,5 +265,5 @@ def struck_load(speed: float, times: float, method: str) -> float:
     k, m, q = _spring(_STRUCK), _STRING / _STRUCK, _HARDENING
     square = (sqrt(k * k + 2.0 * q * m * speed * speed) - k) / q
     # Modes do not step laws: there CA does.
-    stepped = _PLAIN if method == "modal" else method
+    stepped = _PLAIN if method_name == "modal" else method_name
     return (1.0 + 3.0 * q * square / k) * string_load(_STRUCK, RATE * times, stepped)

@@ -174,7 +174,7 @@ class Players(Protocol):
 def measure(
     scene: Scene,
     settings_wanted: Sequence[Setting],
-    seconds: float,
+    run_seconds: float,
     metric: Metric,
     progress: Progress,
     players: Players | None = None,
@@ -183,7 +183,7 @@ def measure(
 
     Raises SilentPieceError if there is no sound.
     """
-    bench = _Bench(scene, max(2, round(seconds * scene.rate)), progress)
+    bench = _Bench(scene, max(2, round(run_seconds * scene.rate)), progress)
     has_energy = metric == "energy"
     if players is None:
         played = _play_settings(bench, settings_wanted, has_energy=has_energy)
@@ -198,24 +198,24 @@ def measure(
     has_plans = any(setting.method is None for setting in settings_wanted)
     rival = _EXACT_PLAN if has_plans else None
     reference = refine(sounds, bench.sound, doublings=_DOUBLINGS, rival=rival)
-    points = [played_setting.point for played_setting in played]
+    chart_points = [played_setting.point for played_setting in played]
     floor = None
     doubtful: tuple[str, ...] = ()
     if reference is not None:
         doubtful = tuple(doubts(sounds, reference))
         if onset(reference.sound) is None:
-            raise SilentPieceError(f"nothing sounds in the first {seconds:g} s")
+            raise SilentPieceError(f"nothing sounds in the first {run_seconds:g} s")
         judge = Judge(reference, scene.rate)
-        points = [
+        chart_points = [
             judge.point(point, sounds_by_setting[point.setting])
             if point.setting in sounds_by_setting
             else point
-            for point in points
+            for point in chart_points
         ]
         floor = judge.floor(metric)
     alike = _alike(sounds)
-    marked = _marked(points, metric, floor, alike)
-    return Chart(marked, reference, floor, metric, seconds, scene.rate, doubtful, alike)
+    marked = _marked(chart_points, metric, floor, alike)
+    return Chart(marked, reference, floor, metric, run_seconds, scene.rate, doubtful, alike)
 
 
 def _play_settings(
@@ -261,8 +261,8 @@ def played_beside(
     """
     bench = _Bench(scene, n_frames, lambda done: None)
     run = bench.begin(setting)
-    frames = None if run is None else bench.play(setting, run)
-    if run is None or frames is None:
+    played_frames = None if run is None else bench.play(setting, run)
+    if run is None or played_frames is None:
         return Played(bench.failed[setting], None), nan
     costs_in_rounds, beside = [], []
     for _ in range(ROUNDS):
@@ -273,7 +273,7 @@ def played_beside(
     point = Point(setting, "ok", run.chosen, median(costs_in_rounds) * scene.rate / n_frames)
     if has_energy:
         point = _with_energy(bench, point)
-    return Played(point, scene.hear(frames)), median(beside)
+    return Played(point, scene.hear(played_frames)), median(beside)
 
 
 def yardstick() -> float:
@@ -289,20 +289,20 @@ def _alike(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:
     for setting, sound in sounds.items():
         if setting.method is not None:
             by_method.setdefault(setting.method, {})[replace(setting, method=None)] = sound
-    groups: list[list[str]] = []
-    for method, settings in by_method.items():
-        for group in groups:
-            group_settings = by_method[group[0]]
+    method_groups: list[list[str]] = []
+    for method_name, settings in by_method.items():
+        for method_group in method_groups:
+            group_settings = by_method[method_group[0]]
             common_settings = settings.keys() & group_settings.keys()
             if common_settings and all(
                 np.array_equal(settings[setting], group_settings[setting])
                 for setting in common_settings
             ):
-                group.append(method)
+                method_group.append(method_name)
                 break
         else:
-            groups.append([method])
-    return tuple(tuple(group) for group in groups if len(group) > 1)
+            method_groups.append([method_name])
+    return tuple(tuple(group) for group in method_groups if len(group) > 1)
 
 
 def _costs(bench: _Bench) -> dict[Setting, float]:
@@ -317,26 +317,28 @@ def _costs(bench: _Bench) -> dict[Setting, float]:
     return {setting: median(times) / duration for setting, times in times_by_setting.items()}
 
 
-def _with_energy(bench: _Bench, point: Point) -> Point:
+def _with_energy(bench: _Bench, chart_point: Point) -> Point:
     """The point with the energy errors from its ledger, or from the accounts of contacts and laws
     if the method keeps none.
     """
-    if point.status != "ok":
-        return point
-    edges = np.linspace(0, bench.n_frames, _LOOKS + 1).astype(int)
+    if chart_point.status != "ok":
+        return chart_point
+    look_edges = np.linspace(0, bench.n_frames, _LOOKS + 1).astype(int)
     try:
-        run = runs.start(bench.scene, point.setting, ledger=True)
+        run = runs.start(bench.scene, chart_point.setting, ledger=True)
         ledgers = []
-        for n_frames in np.diff(edges):
+        for n_frames in np.diff(look_edges):
             run.frames(int(n_frames))
             ledgers.append(run.energy())
     except _core.EngineError:
-        run = runs.start(bench.scene, point.setting)
+        run = runs.start(bench.scene, chart_point.setting)
         run.frames(bench.n_frames)
-        return replace(point, energy_db=run.created_db())
-    t = [float(edge) / bench.scene.rate for edge in edges[1:]]
+        return replace(chart_point, energy_db=run.created_db())
+    t = [float(edge) / bench.scene.rate for edge in look_edges[1:]]
     energy_drift = drift(t, ledgers)
-    return replace(point, energy_db=production_db(ledgers[-1]), drift_db_s=energy_drift.per_second)
+    return replace(
+        chart_point, energy_db=production_db(ledgers[-1]), drift_db_s=energy_drift.per_second
+    )
 
 
 class Judge:
@@ -386,12 +388,12 @@ class Judge:
 
 
 def _marked(
-    points: list[Point],
+    chart_points: list[Point],
     metric: Metric,
     floor: float | None,
     alike: Sequence[Sequence[str]] = (),
 ) -> list[Point]:
-    front = set(_front(points, metric, floor, alike))
+    front = set(_front(chart_points, metric, floor, alike))
 
     def is_bounded(point: Point) -> bool:
         error = point.error(metric)
@@ -399,7 +401,7 @@ def _marked(
 
     return [
         replace(point, on_front=point.setting in front, is_bounded=is_bounded(point))
-        for point in points
+        for point in chart_points
     ]
 
 
@@ -437,30 +439,32 @@ def _front(
             yield setting
 
 
-def likely_cost(chart: Chart, point: Point) -> float | None:
+def likely_cost(chart: Chart, chart_point: Point) -> float | None:
     """The cost of a point, measured or estimated: a run that failed costs S times the highest cost
     per oversampling of its method.
     """
-    if point.cost is not None:
-        return point.cost
-    same_method = [p for p in chart.points if p.setting.method == point.setting.method and p.cost]
+    if chart_point.cost is not None:
+        return chart_point.cost
+    same_method = [
+        p for p in chart.points if p.setting.method == chart_point.setting.method and p.cost
+    ]
     with_cost = same_method or [p for p in chart.points if p.cost]
     if not with_cost:
         return None
     shares = [p.cost / p.setting.oversampling for p in with_cost if p.cost]
-    return max(shares) * point.setting.oversampling
+    return max(shares) * chart_point.setting.oversampling
 
 
 def slope(chart: Chart, method: str) -> float | None:
     """Decades of error per decade of step, from the waveform of one method above the floor."""
     floor = -300.0 if chart.reference is None else chart.reference.floor_db + 6.0
-    row = [
+    chart_row = [
         (log10(p.setting.oversampling), p.waveform_db / 20.0)
         for p in chart.points
         if p.setting.method == method and p.setting.precision == "f64" and p.waveform_db is not None
         if isfinite(p.waveform_db) and floor < p.waveform_db < -6.0
     ]
-    if len(row) < 2:
+    if len(chart_row) < 2:
         return None
-    doublings, errors = zip(*row, strict=True)
+    doublings, errors = zip(*chart_row, strict=True)
     return -float(np.polyfit(doublings, errors, 1)[0])

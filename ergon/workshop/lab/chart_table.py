@@ -30,18 +30,18 @@ def csv(chart: Chart, title: str, machine: str) -> str:
 _HEAD = ("method", "oversampling", "precision", "budget_db", "status")
 
 
-def fields(point: Point) -> dict[str, table.Value]:
+def fields(chart_point: Point) -> dict[str, table.Value]:
     """Everything about a point."""
-    setting = point.setting
+    setting = chart_point.setting
     first_fields = (
         setting.method or "planner",
         setting.oversampling,
         setting.precision,
         setting.budget_db,
-        point.status,
+        chart_point.status,
     )
-    measures = {name: getattr(point, name) for name in _MEASURES}
-    return {**dict(zip(_HEAD, first_fields, strict=True)), **measures, "reason": point.reason}
+    measures = {name: getattr(chart_point, name) for name in _MEASURES}
+    return {**dict(zip(_HEAD, first_fields, strict=True)), **measures, "reason": chart_point.reason}
 
 
 def reference(chart: Chart) -> dict[str, table.Value]:
@@ -60,27 +60,31 @@ def reference(chart: Chart) -> dict[str, table.Value]:
 
 def lines(chart: Chart) -> str:
     """One line a point: its cost and its errors; * is best for its cost."""
-    rows = []
-    for point in chart.points:
-        error = point.error(chart.metric)
-        star = "*" if point.on_front else " "
-        note = f"  {point.reason}" if point.reason else ""
-        if point.status != "ok":
-            rows.append(f"  {point.setting!s:<14} {point.status}: {point.reason}\n")
-        elif point.cost is not None:
-            shown = _shown(chart, point, error)
-            rows.append(f"{star} {point.setting!s:<14} {point.cost:9.3g} {shown:>9}{note}\n")
+    table_rows = []
+    for chart_point in chart.points:
+        error = chart_point.error(chart.metric)
+        star = "*" if chart_point.on_front else " "
+        note = f"  {chart_point.reason}" if chart_point.reason else ""
+        if chart_point.status != "ok":
+            table_rows.append(
+                f"  {chart_point.setting!s:<14} {chart_point.status}: {chart_point.reason}\n"
+            )
+        elif chart_point.cost is not None:
+            shown = _shown(chart, chart_point, error)
+            table_rows.append(
+                f"{star} {chart_point.setting!s:<14} {chart_point.cost:9.3g} {shown:>9}{note}\n"
+            )
     if chart.reference is not None:
         order = chart.reference.order
         order_text = "" if order is None else f", order {order:.1f} seen"
-        rows.append(
+        table_rows.append(
             f"  reference: {chart.reference.setting}, own error about "
             f"{chart.reference.floor_db:.0f} dB of waveform{order_text}\n"
         )
         if any(point.is_bounded for point in chart.points):
-            rows.append("  <: below the error of the reference itself, so no more is known\n")
-    rows.extend(f"  the same samples here: {', '.join(group)}\n" for group in chart.alike)
-    return f"{'':16}   s per s  {METRICS[chart.metric]}\n" + "".join(rows)
+            table_rows.append("  <: below the error of the reference itself, so no more is known\n")
+    table_rows.extend(f"  the same samples here: {', '.join(group)}\n" for group in chart.alike)
+    return f"{'':16}   s per s  {METRICS[chart.metric]}\n" + "".join(table_rows)
 
 
 def _shown(chart: Chart, point: Point, error: float | None) -> str:

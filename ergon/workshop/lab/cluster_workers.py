@@ -64,27 +64,30 @@ class Workers:
 
         Raises ClusterError.
         """
-        content = self.content
-        assert content is not None
+        score_content = self.content
+        assert score_content is not None
         engine_version, yardstick_here = version(), median(yardstick() for _ in range(ROUNDS))
         results = self.cluster.computed(
             # The most expensive first, so that none of them is left alone at the end.
             sorted(settings_wanted, key=lambda setting: -setting.oversampling),
             lambda pool, setting: pool.submit(
-                play, engine_version, content, asdict(setting), n_frames, has_energy
+                play, engine_version, score_content, asdict(setting), n_frames, has_energy
             ),
         )
-        for setting, sound in results:
-            point = Point(setting, **sound["point"])
-            samples = np.frombuffer(sound["samples"], dtype="<f8").astype(np.float64)
-            if point.status != "ok":
-                yield Played(point, None)
+        for setting, worker_sound in results:
+            worker_point = Point(setting, **worker_sound["point"])
+            sound_samples = np.frombuffer(worker_sound["samples"], dtype="<f8").astype(np.float64)
+            if worker_point.status != "ok":
+                yield Played(worker_point, None)
                 continue
-            if len(samples) != n_frames * sound["n_channels"]:
+            if len(sound_samples) != n_frames * worker_sound["n_channels"]:
                 raise ClusterError("a worker sent a sound of another length")
-            if point.cost is not None:
-                point = replace(point, cost=point.cost * yardstick_here / sound["yardstick"])
-            yield Played(point, samples.reshape(n_frames, sound["n_channels"]))
+            if worker_point.cost is not None:
+                worker_point = replace(
+                    worker_point,
+                    cost=worker_point.cost * yardstick_here / worker_sound["yardstick"],
+                )
+            yield Played(worker_point, sound_samples.reshape(n_frames, worker_sound["n_channels"]))
 
     def surveyors(
         self, method: str, seconds: float, accurate: float | None, metric: MapMetric = "waveform"
@@ -120,7 +123,7 @@ class Surveyors:
 
 def play(
     versions_asked: list[Any],
-    content: ScoreBundle,
+    score_content: ScoreBundle,
     setting: dict[str, Any],
     n_frames: int,
     has_energy: bool,
@@ -129,16 +132,18 @@ def play(
     asks.
     """
     check_version(versions_asked)
-    with lock, unpack(content) as path:
+    with lock, unpack(score_content) as path:
         scene = Score(scores.piece_of(scores.read(path)))
-        result, seconds = played_beside(scene, Setting(**setting), n_frames, has_energy=has_energy)
+        run_result, seconds = played_beside(
+            scene, Setting(**setting), n_frames, has_energy=has_energy
+        )
         point_fields = {
-            point_field.name: getattr(result.point, point_field.name)
-            for point_field in fields(result.point)
+            point_field.name: getattr(run_result.point, point_field.name)
+            for point_field in fields(run_result.point)
         }
         del point_fields["setting"]
-        point_fields["reason"] = with_local_paths(point_fields["reason"], path, content)
-    sound = np.zeros((0, 1)) if result.sound is None else result.sound
+        point_fields["reason"] = with_local_paths(point_fields["reason"], path, score_content)
+    sound = np.zeros((0, 1)) if run_result.sound is None else run_result.sound
     samples = sound.astype("<f8", copy=False).tobytes()
     return _Sound(point=point_fields, samples=samples, n_channels=sound.shape[1], yardstick=seconds)
 
@@ -151,13 +156,13 @@ def survey(versions_asked: list[Any], which: _Which, name: str, x: float) -> lis
         return [asdict(compute_spot(surveyed_map, x, y)) for y in surveyed_map.ys]
 
 
-def _map(which: _Which, name: str) -> Map:
-    content, map_options = (
-        which.get("content"),
-        (which["seconds"], which["accurate"], which["metric"]),
+def _map(which_map: _Which, map_name: str) -> Map:
+    score_content, map_options = (
+        which_map.get("content"),
+        (which_map["seconds"], which_map["accurate"], which_map["metric"]),
     )
-    if content is None:
-        return map_catalogue.maps(which["method"], None, *map_options)[name]
-    with unpack(content) as path:
+    if score_content is None:
+        return map_catalogue.maps(which_map["method"], None, *map_options)[map_name]
+    with unpack(score_content) as path:
         piece = scores.piece_of(scores.read(path))
-        return map_catalogue.maps(which["method"], piece, *map_options)[name]
+        return map_catalogue.maps(which_map["method"], piece, *map_options)[map_name]

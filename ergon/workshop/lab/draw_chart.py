@@ -43,13 +43,15 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
         p for p in chart.points if p.status == "ok" and p.error(chart.metric) is not None
     ]
     _front(ax, chart, measured_points)
-    names: dict[str, str] = {method: method for method in METHODS}
+    names_by_method: dict[str, str] = {method: method for method in METHODS}
     for group in chart.alike:
-        names.update({method: "" for method in group[1:]}, **{group[0]: " = ".join(group)})
+        names_by_method.update(
+            {method: "" for method in group[1:]}, **{group[0]: " = ".join(group)}
+        )
     for method in METHODS:
-        if names[method]:
+        if names_by_method[method]:
             row = [p for p in measured_points if p.setting.method == method]
-            _method(ax, chart, row, method, names[method])
+            _method(ax, chart, row, method, names_by_method[method])
     for point in measured_points:
         if point.setting.method is None:
             _planner(ax, chart, point)
@@ -74,33 +76,42 @@ def _cost(point: Point) -> float:
     return point.cost
 
 
-def _method(ax: Axes, chart: Chart, points: list[Point], method: str, name: str) -> None:
+def _method(ax: Axes, chart: Chart, points: list[Point], method: str, method_label: str) -> None:
     colour = COLOURS[METHODS.index(method)]
     for precision, marker, line in (("f64", "o", "-"), ("f32", "s", ":")):
-        row = [p for p in points if p.setting.precision == precision]
-        row.sort(key=lambda p: p.setting.oversampling)
-        if row:
-            label = name if precision == "f64" else f"{name}, single precision"
-            x, y = [_cost(p) for p in row], [_height(chart, p) for p in row]
+        chart_row = [p for p in points if p.setting.precision == precision]
+        chart_row.sort(key=lambda p: p.setting.oversampling)
+        if chart_row:
+            label = method_label if precision == "f64" else f"{method_label}, single precision"
+            x, y = [_cost(p) for p in chart_row], [_height(chart, p) for p in chart_row]
             ax.plot(x, y, line, color=colour, marker=marker, markersize=5, label=label, zorder=3)
-        for point in row:
+        for point in chart_row:
             position = _cost(point), _height(chart, point)
             _word(ax, f"×{point.setting.oversampling}", position, colour)
 
 
-def _planner(ax: Axes, chart: Chart, point: Point) -> None:
+def _planner(ax: Axes, chart: Chart, chart_point: Point) -> None:
     """A full star is the planner's choice by ear, an empty one its choice for an error."""
-    position, budget = (_cost(point), _height(chart, point)), point.setting.budget_db
-    inside, label = "black", "the planner's choice"
+    star_position, budget = (
+        (_cost(chart_point), _height(chart, chart_point)),
+        chart_point.setting.budget_db,
+    )
+    inside, star_label = "black", "the planner's choice"
     if budget is not None:
-        inside, label = "white", f"the planner's choice for {budget:g} dB"
+        inside, star_label = "white", f"the planner's choice for {budget:g} dB"
         if chart.metric == "waveform":
             ax.axhline(budget, color="black", linewidth=0.8, linestyle=":", zorder=0,
                        label=f"{budget:g} dB, as asked for")  # fmt: skip
     ax.plot(
-        *position, "*", color="black", markerfacecolor=inside, markersize=14, label=label, zorder=4
+        *star_position,
+        "*",
+        color="black",
+        markerfacecolor=inside,
+        markersize=14,
+        label=star_label,
+        zorder=4,
     )
-    _word(ax, point.reason, position, "black", below=True)
+    _word(ax, chart_point.reason, star_position, "black", below=True)
 
 
 def _front(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:

@@ -36,13 +36,13 @@ def draw(surveyed: Surveyed, title: str) -> Figure:
     """A figure with a panel for each map."""
     from matplotlib.figure import Figure
 
-    columns = min(_COLUMNS, len(surveyed))
-    rows = -(-len(surveyed) // columns)
+    column_count = min(_COLUMNS, len(surveyed))
+    rows = -(-len(surveyed) // column_count)
     # The keys of the legend take more rows below a single panel.
-    legend = 1.0 if columns > 1 else 1.5
-    figure = Figure(figsize=(_PANEL * columns, 3.4 * rows + legend), layout="constrained")
-    figure.suptitle(fill(title, int(_TITLE * _PANEL * columns)), fontweight="bold")
-    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    legend = 1.0 if column_count > 1 else 1.5
+    figure = Figure(figsize=(_PANEL * column_count, 3.4 * rows + legend), layout="constrained")
+    figure.suptitle(fill(title, int(_TITLE * _PANEL * column_count)), fontweight="bold")
+    grid = figure.subplots(rows, column_count, squeeze=False).ravel()
     for ax, (surveyed_map, spots) in zip(grid, surveyed.values(), strict=False):
         _panel(ax, surveyed_map, spots)
     for ax in grid[len(surveyed) :]:
@@ -76,14 +76,16 @@ def _colours(ax: Axes, surveyed_map: Map, spots: Sequence[Spot]) -> None:
 
     x, y = _edges(surveyed_map.xs, surveyed_map.log_x), _edges(surveyed_map.ys, surveyed_map.log_y)
     n = len(surveyed_map.xs)
-    for row in range(len(surveyed_map.ys)):
-        happened = groupby(enumerate(s.stable for s in spots[row * n : (row + 1) * n]), _second)
+    for map_row in range(len(surveyed_map.ys)):
+        happened = groupby(
+            enumerate(s.stable for s in spots[map_row * n : (map_row + 1) * n]), _second
+        )
         for stable, run in happened:
             columns = [column for column, _ in run]
             left, right = x[columns[0]], x[columns[-1] + 1]
-            size = float(right - left), float(y[row + 1] - y[row])
+            size = float(right - left), float(y[map_row + 1] - y[map_row])
             colour = _HAPPENED[stable]
-            ax.add_patch(Rectangle((float(left), float(y[row])), *size, color=colour, zorder=0))
+            ax.add_patch(Rectangle((float(left), float(y[map_row])), *size, color=colour, zorder=0))
     ax.set_xlim(x[0], x[-1])
     ax.set_ylim(y[0], y[-1])
 

@@ -72,38 +72,45 @@ class ErrorChart:
 
 
 def chart(
-    score: str | Path, options: ChartOptions | None = None, *, report: Report | None = None
+    score: str | Path, chart_options: ChartOptions | None = None, *, report: Report | None = None
 ) -> ErrorChart:
     """Compute the beginning of a score by every method, and compare each with the best.
 
     Raises ScoreError, and OptionError also where the piece is silent for so long.
     """
-    options, report = options or ChartOptions(), report or Report()
-    methods = tuple(options.methods) or tuple(METHODS)
+    chart_options, report = chart_options or ChartOptions(), report or Report()
+    methods = tuple(chart_options.methods) or tuple(METHODS)
     for option, names, allowed_names in (
         ("methods", methods, METHODS),
-        ("metric", (options.metric,), METRICS),
+        ("metric", (chart_options.metric,), METRICS),
     ):
-        for name in names:
-            if name not in allowed_names:
-                meant = nearest(name, allowed_names)
+        for method_name in names:
+            if method_name not in allowed_names:
+                meant = nearest(method_name, allowed_names)
                 advice = (
                     f"; did you mean '{meant}'?"
                     if meant
                     else f"; there is {', '.join(allowed_names)}"
                 )
-                raise OptionError(option, f"there is no '{name}'{advice}")
-    loaded = scores.read(score, options, report)
+                raise OptionError(option, f"there is no '{method_name}'{advice}")
+    loaded = scores.read(score, chart_options, report)
     piece = scores.piece_of(loaded)
-    chosen_settings = [*settings(methods, PRECISIONS, options.upto), *planned(options.error)]
-    total = work(chosen_settings, round(options.seconds * piece.rate))
+    chosen_settings = [
+        *settings(methods, PRECISIONS, chart_options.upto),
+        *planned(chart_options.error),
+    ]
+    total = work(chosen_settings, round(chart_options.seconds * piece.rate))
     try:
         with report.progress(f"charting {score}", total, piece.rate) as progress:
-            result = measure(
-                Score(piece), chosen_settings, options.seconds, options.metric, progress.update
+            measured_chart = measure(
+                Score(piece),
+                chosen_settings,
+                chart_options.seconds,
+                chart_options.metric,
+                progress.update,
             )
     except SilentPieceError as silence:
         raise OptionError("seconds", f"{silence}; a larger number computes more") from None
-    for doubt in result.doubts:
+    for doubt in measured_chart.doubts:
         report.warn(doubt)
-    return ErrorChart(piece.title or Path(score).stem, result)
+    return ErrorChart(piece.title or Path(score).stem, measured_chart)

@@ -33,7 +33,7 @@ def _truth_of(scene: Scene) -> Callable[[int], Truth]:
 
 
 def maps(
-    method: str,
+    method_name: str,
     piece: Piece | None,
     seconds: float,
     error_db_max: float | None,
@@ -41,14 +41,14 @@ def maps(
 ) -> dict[str, Map]:
     """The maps of a method, or of a piece; an error up to `error_db_max` [dB] counts as right."""
     if piece is not None:
-        maps_by_name = maps_of_score(piece, seconds, method)
+        maps_by_name = maps_of_score(piece, seconds, method_name)
         maps_by_name = {
             name: replace(survey_map, metric=metric) for name, survey_map in maps_by_name.items()
         }
     elif metric == "energy":
-        maps_by_name = {"rattle": _rattle(method)}
+        maps_by_name = {"rattle": _rattle(method_name)}
     else:
-        maps_by_name = built_in(method)
+        maps_by_name = built_in(method_name)
     if error_db_max is not None:
         maps_by_name = {
             name: replace(survey_map, right=((inf, error_db_max),))
@@ -57,28 +57,28 @@ def maps(
     return maps_by_name
 
 
-def built_in(method: str) -> dict[str, Map]:
+def built_in(method_name: str) -> dict[str, Map]:
     """The maps of a method, by name."""
-    if method == SLOW:
+    if method_name == SLOW:
         maps = tuple(_cut(name, *survey_map) for name, survey_map in _CUTS.items())
     else:
         makers = (_cell, _contact, _strike, _rate, _coupling)
-        maps = tuple(make(method) for make in makers)
+        maps = tuple(make(method_name) for make in makers)
     return {survey_map.name: survey_map for survey_map in maps}
 
 
-def _cell(method: str) -> Map:
+def _cell(method_name: str) -> Map:
     def case(kappa: float, zeta: float) -> MapPoint:
         def exact(n_frames: int) -> Truth:
             return Truth(canonical.cell_exactly(kappa, zeta, n_frames), EXACT_DB)
 
-        return Stepped(canonical.cell(kappa, zeta, method), Setting(method), exact)
+        return Stepped(canonical.cell(kappa, zeta, method_name), Setting(method_name), exact)
 
     def load(kappa: float, zeta: float) -> float:
-        return canonical.cell_load(kappa, zeta, method)
+        return canonical.cell_load(kappa, zeta, method_name)
 
     # Offset from round numbers, so that no spot lies exactly on the border.
-    top = 1.25 * min(canonical.limit(method), 16.0)
+    top = 1.25 * min(canonical.limit(method_name), 16.0)
     xs = tuple(float(x) for x in (np.arange(25) + 0.5) * top / 25)
     ys = tuple(float(y) for y in (np.arange(13) + 0.25) * 2.5 / 13)
     return Map("cell", "a mass on a spring and a damper", "κ = K/M", "ζ = Z/M", xs, ys, 0.1, case,
@@ -119,53 +119,53 @@ def _rattle(method: str) -> Map:
                _spaced(0.1, 100.0, 7), 2.0, case, metric="energy")  # fmt: skip
 
 
-def _contact(method: str) -> Map:
+def _contact(method_name: str) -> Map:
     def load(kappa: float, times: float) -> float:
-        return canonical.contact_load(kappa, times, method)
+        return canonical.contact_load(kappa, times, method_name)
 
     # Only CA steps a contact of two masses; for a contact between bodies a planner takes shorter
     # steps.
-    title = "a hammer that bounces on a bar" + ("" if method == "ca" else ", by CA")
+    title = "a hammer that bounces on a bar" + ("" if method_name == "ca" else ", by CA")
     return Map("contact", title, "κ of the contact at 44.1 kHz",
                _OVERSAMPLED, _spaced(0.03, 3000.0, 21), _TIMES, 0.25,
-               _oversampled(method, canonical.contact), load)  # fmt: skip
+               _oversampled(method_name, canonical.contact), load)  # fmt: skip
 
 
-def _strike(method: str) -> Map:
-    title = "a string whose springs harden, struck"
-    if method == "modal":
-        title += ", by CA"
+def _strike(method_name: str) -> Map:
+    map_title = "a string whose springs harden, struck"
+    if method_name == "modal":
+        map_title += ", by CA"
 
     def load(speed: float, times: float) -> float:
-        return canonical.struck_load(speed, times, method)
+        return canonical.struck_load(speed, times, method_name)
 
-    return Map("strike", title, "speed of the stroke [m/s]",
+    return Map("strike", map_title, "speed of the stroke [m/s]",
                _OVERSAMPLED, _spaced(0.1, 1000.0, 21), _TIMES, 0.1,
-               _oversampled(method, canonical.struck), load)  # fmt: skip
+               _oversampled(method_name, canonical.struck), load)  # fmt: skip
 
 
-def _rate(method: str) -> Map:
+def _rate(method_name: str) -> Map:
     def case(rate: float, masses: float) -> MapPoint:
         scene = canonical.string(round(masses), rate)
-        return Stepped(scene, Setting(method), _truth_of(scene))
+        return Stepped(scene, Setting(method_name), _truth_of(scene))
 
     def load(rate: float, masses: float) -> float:
-        return canonical.string_load(masses, rate, method)
+        return canonical.string_load(masses, rate, method_name)
 
     masses = tuple(float(n) for n in (10, 14, 20, 28, 40, 57, 80, 113, 160))
     return Map("rate", "a string of many masses, 110 Hz", "rate [Hz]", "masses",
                _spaced(RATE / 16.3, RATE * 2.1, 17), masses, 0.1, case, load)  # fmt: skip
 
 
-def _coupling(method: str) -> Map:
+def _coupling(method_name: str) -> Map:
     def load(kappa: float, times: float) -> float:
-        return canonical.coupled_load(kappa, times, method)
+        return canonical.coupled_load(kappa, times, method_name)
 
     return Map("coupling", "two cells joined by a spring", "κ of the joint at 44.1 kHz",
                _OVERSAMPLED, _spaced(0.003, 300.0, 21), _TIMES, 0.1,
                # The difference mode is high and decays slowly, so its phase needs a finer
                # reference.
-               _oversampled(method, lambda kappa: canonical.coupled(kappa, method), 256),
+               _oversampled(method_name, lambda kappa: canonical.coupled(kappa, method_name), 256),
                load)  # fmt: skip
 
 
@@ -178,14 +178,14 @@ _CUTS = {
 _PRESERVED = ((10.0, -75.0), (inf, -70.0))
 
 
-def _cut(name: str, key: slow_key_scene.Key, modes_label: str) -> Map:
+def _cut(name: str, slow_key: slow_key_scene.Key, modes_label: str) -> Map:
     def case(stiffness: float, frames_per_pull: float) -> MapPoint:
         return slow_key_scene.SlowKeyPoint(
-            slow_key_scene.SlowKeyScene(key, 1e3 * stiffness, round(frames_per_pull))
+            slow_key_scene.SlowKeyScene(slow_key, 1e3 * stiffness, round(frames_per_pull))
         )
 
     def load(stiffness: float, frames_per_pull: float) -> float:
-        return slow_key_scene.load(key, 1e3 * stiffness)
+        return slow_key_scene.load(slow_key, 1e3 * stiffness)
 
     title = f"a slow key, modes to {modes_label}, pulls a string"
     pull_spacings = tuple(float(frames) for frames in range(2, 61, 2))
@@ -208,8 +208,10 @@ def maps_of_score(piece: Piece, seconds: float, method: str) -> dict[str, Map]:
     return {survey_map.name: survey_map for survey_map in maps}
 
 
-def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_only: bool) -> Map:
-    top = _RATE_FACTORS[-1]
+def _stiffer(
+    piece: Piece, run_seconds: float, method: str, name: str, *, contacts_only: bool
+) -> Map:
+    top_factor = _RATE_FACTORS[-1]
 
     def scene(factor: float, times: float) -> Score:
         changed = stiffer(piece, factor, contacts_only=contacts_only)
@@ -217,8 +219,8 @@ def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_o
 
     @cache
     def finest(factor: float) -> Motion | None:
-        n_frames = round(seconds * piece.rate * top) + 1
-        return motion(scene(factor, top), n_frames, finer=4)
+        n_frames = round(run_seconds * piece.rate * top_factor) + 1
+        return motion(scene(factor, top_factor), n_frames, finer=4)
 
     def case(factor: float, times: float) -> MapPoint:
         def truth(n_frames: int) -> Truth:
@@ -230,4 +232,4 @@ def _stiffer(piece: Piece, seconds: float, method: str, name: str, *, contacts_o
     noun = "all its contacts" if contacts_only else "all its springs"
     title = f"{piece.title or 'the score'}: {noun} stiffer"
     return Map(name, title, "stiffness, times the score's", "rate, times the score's", _FACTORS,
-               _RATE_FACTORS, seconds, case, as_written=(1.0, 1.0))  # fmt: skip
+               _RATE_FACTORS, run_seconds, case, as_written=(1.0, 1.0))  # fmt: skip

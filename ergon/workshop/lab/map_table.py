@@ -56,20 +56,20 @@ def lines(surveyed: Surveyed) -> str:
     """One line a map: how many spots are stable, how many accurate, and where predictions
     failed.
     """
-    rows = []
+    map_rows = []
     for name, (surveyed_map, spots) in surveyed.items():
         stable = sum(1 for spot in spots if spot.stable)
         right = sum(1 for spot in spots if spot.accurate)
         missed, strict = disagreements(spots)
-        words = (
+        outcome_words = (
             f"{name}: {surveyed_map.title}. Of {len(spots)} spots {stable} are stable, {right} "
             "accurate"
         )
         if missed:
-            words += f"; {missed} ran away though certified"
+            outcome_words += f"; {missed} ran away though certified"
         if strict:
-            words += f"; {strict} stayed though refused"
+            outcome_words += f"; {strict} stayed though refused"
         if refused := sum(1 for spot in spots if spot.stable is None):
-            words += f"; {refused} could not be run"
-        rows.append(words + "\n")
-    return "".join(rows)
+            outcome_words += f"; {refused} could not be run"
+        map_rows.append(outcome_words + "\n")
+    return "".join(map_rows)

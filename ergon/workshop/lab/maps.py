@@ -166,30 +166,30 @@ def predicted_and_run(
     return spot, case, ran.frames if ran.is_stable else None
 
 
-def _judged(surveyed_map: Map, spot: Spot, case: MapPoint, frames: Floats) -> Spot:
+def _judged(surveyed_map: Map, spot: Spot, case: MapPoint, run_frames: Floats) -> Spot:
     right_db = surveyed_map.right_db(spot.y)
     if surveyed_map.metric == "energy":
         produced = spot.energy_db
         return replace(spot, accurate=None if produced is None else produced <= right_db)
-    truth = case.truth(len(frames))
+    truth = case.truth(len(run_frames))
     if truth.frames is None:
-        reason = "accuracy is not known: no finer run went through"
-        return replace(spot, reason=reason)
+        unknown_reason = "accuracy is not known: no finer run went through"
+        return replace(spot, reason=unknown_reason)
     hear = case.scene.hear
-    sound, true_sound = hear(frames), hear(truth.frames)
+    sound, true_sound = hear(run_frames), hear(truth.frames)
     error = early_db(sound, true_sound, case.scene.rate, surveyed_map.judged)
     sure = truth.change_db < max(error, right_db) + _SURE_DB
     accurate = error <= right_db if sure else None
     if not true_sound.any():
-        accurate, reason = None, "accuracy is not known: nothing sounds"
+        accurate, unknown_reason = None, "accuracy is not known: nothing sounds"
     else:
-        reason = "" if sure else "accuracy is not known: finer runs differ as much"
+        unknown_reason = "" if sure else "accuracy is not known: finer runs differ as much"
     return replace(
         spot,
         accurate=accurate,
         error_db=error,
         spectral_db=spectral(sound, true_sound).difference,
-        reason=reason or spot.reason,
+        reason=unknown_reason or spot.reason,
     )
 
 

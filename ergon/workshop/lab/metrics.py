@@ -76,7 +76,7 @@ def spectral(y: Floats, x: Floats) -> Spectral:
 
 def _by_frames(y: Floats, x: Floats, size: int) -> tuple[float, float]:
     """(mean |ΔdB|, convergence) with windows of `size` frames."""
-    total, n_bins, error, energy = 0.0, 0, 0.0, 0.0
+    total_db, n_bins, error, energy = 0.0, 0, 0.0, 0.0
     for ours, theirs in zip(_columns(y).T, _columns(x).T, strict=True):
         magnitudes, reference_magnitudes = _magnitudes(ours, size), _magnitudes(theirs, size)
         error += float(np.sum((magnitudes - reference_magnitudes) ** 2))
@@ -86,11 +86,11 @@ def _by_frames(y: Floats, x: Floats, size: int) -> tuple[float, float]:
         audible = loud & (reference_magnitudes > 10.0 ** (_COMPARED_DB / 20.0) * peak)
         floor = 10.0 ** (-_WORST_DB / 20.0)
         ratio = np.maximum(magnitudes[audible] / reference_magnitudes[audible], floor)
-        total += float(np.sum(np.abs(20.0 * np.log10(ratio))))
+        total_db += float(np.sum(np.abs(20.0 * np.log10(ratio))))
         n_bins += int(np.count_nonzero(audible))
     if n_bins == 0:
         return 0.0, 0.0 if error == 0.0 else inf
-    return total / n_bins, float(np.sqrt(error / energy))
+    return total_db / n_bins, float(np.sqrt(error / energy))
 
 
 def _magnitudes(x: Floats, size: int) -> Floats:

@@ -31,24 +31,34 @@ class Partial:
     t60: float
 
 
-def compare(y: Floats, x: Floats, f: float, rate: float) -> Partial | None:
-    """Follow the partial near `f` in both sounds, through the longest decay of x; None if there is
-    none.
+def compare(y: Floats, x: Floats, partial_frequency: float, rate: float) -> Partial | None:
+    """Follow the partial near `partial_frequency` in both sounds, through the longest decay of x;
+    None if there is none.
 
     Both are shifted to zero frequency and smoothed. With ρ their ratio, the slopes of arg ρ and
     ln|ρ|, weighted by |X|², are the difference of frequency (2πΔf) and of decay (-Δσ).
     """
-    start, Y, X = _baseband(y, x, f, rate)
-    span = _ringing(np.abs(X))
-    if span is None or not np.all(np.isfinite(Y[span])) or not np.all(np.abs(Y[span]) > 0.0):
+    start, Y, X = _baseband(y, x, partial_frequency, rate)
+    ringing_span = _ringing(np.abs(X))
+    if (
+        ringing_span is None
+        or not np.all(np.isfinite(Y[ringing_span]))
+        or not np.all(np.abs(Y[ringing_span]) > 0.0)
+    ):
         return None
-    t, ratio, weight = start[span] / rate, Y[span] / X[span], np.abs(X[span]) ** 2
-    drift = _slope(t, np.unwrap(np.angle(ratio)), weight) / (2.0 * pi)
-    # The reference of the comparison is the true frequency of the partial, not the `f` of the
-    # search.
-    true = f + _slope(t, np.unwrap(np.angle(X[span])), weight) / (2.0 * pi)
-    decay = -_slope(t, np.log(np.abs(X[span])), weight)
-    ours = decay - _slope(t, np.log(np.abs(ratio)), weight)
+    t, amplitude_ratio, amplitude_weight = (
+        start[ringing_span] / rate,
+        Y[ringing_span] / X[ringing_span],
+        np.abs(X[ringing_span]) ** 2,
+    )
+    drift = _slope(t, np.unwrap(np.angle(amplitude_ratio)), amplitude_weight) / (2.0 * pi)
+    # The reference of the comparison is the true frequency of the partial, not the
+    # `f` of the search.
+    true = partial_frequency + _slope(t, np.unwrap(np.angle(X[ringing_span])), amplitude_weight) / (
+        2.0 * pi
+    )
+    decay = -_slope(t, np.log(np.abs(X[ringing_span])), amplitude_weight)
+    ours = decay - _slope(t, np.log(np.abs(amplitude_ratio)), amplitude_weight)
     ratio60 = decay / ours if decay > 0.0 and ours > 0.0 else nan
     cents = 1200.0 * log2(1.0 + drift / true) if drift > -true else -inf
     return Partial(true, cents, ratio60, 3.0 * log(10.0) / decay if decay > 0.0 else inf)
@@ -62,12 +72,12 @@ def strongest(x: Floats, rate: float, count: int = 5, window: Floats | None = No
     """
     if not x.any():
         return []
-    size = 4 * len(x)
+    window_size = 4 * len(x)
     if window is None:
         window = np.hanning(len(x) + 1)[:-1]
-    magnitude = np.abs(np.fft.rfft(x * window, size))
-    reach = max(2, int(_APART * size / rate))
-    low, high = int(1.5 * reach), int(0.45 * size)
+    magnitude = np.abs(np.fft.rfft(x * window, window_size))
+    reach = max(2, int(_APART * window_size / rate))
+    low, high = int(1.5 * reach), int(0.45 * window_size)
     # The rise towards a stronger peak's neighbour is not a peak.
     nearby = sliding_window_view(np.pad(magnitude, reach), 2 * reach + 1)
     tops: list[int] = []
@@ -76,7 +86,7 @@ def strongest(x: Floats, rate: float, count: int = 5, window: Floats | None = No
             break
         if magnitude[index] > 0.0 and magnitude[index] == nearby[index].max():
             tops.append(int(index))
-    return [_between(magnitude, index) * rate / size for index in tops]
+    return [_between(magnitude, index) * rate / window_size for index in tops]
 
 
 def _between(magnitude: Floats, index: int) -> float:
@@ -87,32 +97,32 @@ def _between(magnitude: Floats, index: int) -> float:
 
 def _baseband(y: Floats, x: Floats, f: float, rate: float) -> tuple[Floats, Complexes, Complexes]:
     """The middle frame of each window, and y and x there, shifted by -f and smoothed."""
-    size = min(len(x), max(4, round(_SMOOTHING * rate)))
+    window_size = min(len(x), max(4, round(_SMOOTHING * rate)))
     hop = max(1, round(_HOP * rate))
-    window = np.hanning(size + 2)[1:-1]
+    window = np.hanning(window_size + 2)[1:-1]
     shift = np.exp(-2j * pi * f / rate * np.arange(len(x)))
 
     def smooth(signal: Floats) -> Complexes:
-        smoothed: Complexes = sliding_window_view(signal * shift, size)[::hop] @ (
+        smoothed: Complexes = sliding_window_view(signal * shift, window_size)[::hop] @ (
             window / window.sum()
         )
         return smoothed
 
     ours, theirs = smooth(y), smooth(x)
-    return size / 2.0 + hop * np.arange(len(theirs), dtype=np.float64), ours, theirs
+    return window_size / 2.0 + hop * np.arange(len(theirs), dtype=np.float64), ours, theirs
 
 
-def _ringing(size: Floats) -> slice | None:
+def _ringing(amplitude_sizes: Floats) -> slice | None:
     """The section with most energy in which a partial only decays: from one stroke to the next."""
     window = round(_SMOOTHING / _HOP)
-    strong = size > _DOWN * size.max(initial=0.0)
-    rising = np.zeros(len(size), dtype=bool)
-    for i in np.flatnonzero(size[window:] > _RISE * size[:-window]):
+    strong = amplitude_sizes > _DOWN * amplitude_sizes.max(initial=0.0)
+    rising = np.zeros(len(amplitude_sizes), dtype=bool)
+    for i in np.flatnonzero(amplitude_sizes[window:] > _RISE * amplitude_sizes[:-window]):
         rising[i : i + window] = True
     edges = np.flatnonzero(np.diff(np.concatenate([[False], strong & ~rising, [False]])))
     spans = [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
     spans = [span for span in spans if (span.stop - span.start) * _HOP >= _SHORTEST]
-    return max(spans, key=lambda span: float(np.sum(size[span] ** 2)), default=None)
+    return max(spans, key=lambda span: float(np.sum(amplitude_sizes[span] ** 2)), default=None)
 
 
 def _slope(t: Floats, value: Floats, weight: Floats) -> float:

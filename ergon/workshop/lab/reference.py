@@ -131,33 +131,33 @@ def _rival(run: Callable[[Setting], Floats | None], rival: Setting) -> Reference
     sound_before = run(rival)
     for times in (2, 4, 8, 16):
         setting = replace(rival, oversampling=times * rival.oversampling)
-        sound = run(setting)
-        if sound_before is None or sound is None:
+        setting_sound = run(setting)
+        if sound_before is None or setting_sound is None:
             return None
-        (change,) = _changes([(1, sound_before), (times, sound)])
+        (change,) = _changes([(1, sound_before), (times, setting_sound)])
         if change > EXACT_DB:
-            return Reference(setting, sound, sound_before, (change,))
-        sound_before = sound
+            return Reference(setting, setting_sound, sound_before, (change,))
+        sound_before = setting_sound
     return None
 
 
 def _refined(
     sounds: dict[Setting, Floats],
     run: Callable[[Setting], Floats | None],
-    method: str,
+    method_name: str,
     doublings: int,
 ) -> Reference:
     """The best method, taken further."""
     for _ in range(doublings):
-        row = ladder(sounds, method)
+        row = ladder(sounds, method_name)
         if waveform_db(row[-2][1], row[-1][1]) < EXACT_DB:
             break
-        further = Setting(method, 2 * row[-1][0])
+        further = Setting(method_name, 2 * row[-1][0])
         sound = run(further)
         if sound is None:
             break
         sounds[further] = sound
-    return _top(sounds, method)
+    return _top(sounds, method_name)
 
 
 def _top(sounds: Mapping[Setting, Floats], method: str) -> Reference:
@@ -165,19 +165,20 @@ def _top(sounds: Mapping[Setting, Floats], method: str) -> Reference:
     return Reference(Setting(method, row[-1][0]), row[-1][1], row[-2][1], _changes(row))
 
 
-def doubts(sounds: Mapping[Setting, Floats], chosen: Reference) -> list[str]:
+def doubts(sounds: Mapping[Setting, Floats], chosen_reference: Reference) -> list[str]:
     """Methods that converge to another sound than the reference: one of the two must be wrong."""
     sentences = []
     for method in dict.fromkeys(setting.method for setting in sounds if setting.method):
-        if method == chosen.setting.method or len(ladder(sounds, method)) < 2:
+        if method == chosen_reference.setting.method or len(ladder(sounds, method)) < 2:
             continue
         rival_top = _top(sounds, method)
-        apart = waveform_db(rival_top.sound, chosen.sound)
-        if apart > max(rival_top.floor_db, chosen.floor_db) + _DOUBT_DB:
+        apart = waveform_db(rival_top.sound, chosen_reference.sound)
+        if apart > max(rival_top.floor_db, chosen_reference.floor_db) + _DOUBT_DB:
             sentences.append(
-                f"{rival_top.setting} and {chosen.setting} differ by {apart:.0f} dB, though their "
+                f"{rival_top.setting} and {chosen_reference.setting} differ by {apart:.0f} dB, "
+                "though their "
                 "own "
-                f"errors seem to be {rival_top.floor_db:.0f} and {chosen.floor_db:.0f} dB"
+                f"errors seem to be {rival_top.floor_db:.0f} and {chosen_reference.floor_db:.0f} dB"
             )
     return sentences
 

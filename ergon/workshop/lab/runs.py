@@ -60,15 +60,17 @@ class Oversampled(NetworkAndTimeline):
     rate: float  # [Hz], the scene's own
 
     @classmethod
-    def from_scene(cls, scene: Scene, times: int) -> Oversampled:
-        """A scene at `times` its rate. Raises EngineError or StageError."""
-        scene_at_rate = scene.build_at(scene.rate * times)
+    def from_scene(cls, scene: Scene, rate_multiple: int) -> Oversampled:
+        """A scene at `rate_multiple` its rate. Raises EngineError or StageError."""
+        scene_at_rate = scene.build_at(scene.rate * rate_multiple)
         positions = scene_at_rate.network.undifferentiated()
         # At its own rate the engine derives speeds itself, and nothing is left to derive.
         output_network, derived = (
-            (scene_at_rate.network, positions) if times == 1 else (positions, scene_at_rate.network)
+            (scene_at_rate.network, positions)
+            if rate_multiple == 1
+            else (positions, scene_at_rate.network)
         )
-        return cls(output_network, scene_at_rate.timeline, times, derived, scene.rate)
+        return cls(output_network, scene_at_rate.timeline, rate_multiple, derived, scene.rate)
 
     def derivatives(self) -> _core.Derivatives:
         """The derivatives still to compute from every `times`-th frame, from frame 0 on."""

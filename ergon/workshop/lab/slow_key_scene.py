@@ -62,17 +62,17 @@ class SlowKeyScene:
         network = _core.Network()
         network.part("key", ca_rate=RATE, macrostep=self.every)
         M, K, Z = self.key.M, self.key.K, self.key.Z
-        row = [network.cel("m0", M=M[0] * RATE**2, K=K[0], Z=Z[0] * RATE)]
+        cell_row = [network.cel("m0", M=M[0] * RATE**2, K=K[0], Z=Z[0] * RATE)]
         for i in range(1, len(M)):
-            row.append(network.mas(f"m{i}", M=M[i] * RATE**2))
-            network.ref(f"r{i}", row[i - 1], row[i], K=K[i], Z=Z[i] * RATE)
+            cell_row.append(network.mas(f"m{i}", M=M[i] * RATE**2))
+            network.ref(f"r{i}", cell_row[i - 1], cell_row[i], K=K[i], Z=Z[i] * RATE)
         network.part("string", ca_rate=RATE)
         string = network.string("s", masses=_MASSES, M=_MASS * RATE**2, f=_PITCH, t60=_T60)
         network.part("cut", ca_rate=RATE)
-        joint = network.ref("c", row[-1], string + _PULLED_MASS, K=self.K / self.hidden)
+        joint = network.ref("c", cell_row[-1], string + _PULLED_MASS, K=self.K / self.hidden)
         network.listen("string", positions=[(string + _LISTENED_MASS, 1, 1.0)])
         timeline = _core.Timeline(network, RATE)
-        timeline.strike(row[0], _STRIKE_TIME, impulse=0.05)
+        timeline.strike(cell_row[0], _STRIKE_TIME, impulse=0.05)
         if self.hidden != 1.0:
             timeline.fade(joint, self.hidden, self.hidden, 0.0, 1.0)
         return NetworkAndTimeline(network, timeline)
@@ -122,22 +122,24 @@ class SlowKeyPoint:
         return Outcome(None, reason=reason)
 
     def _ran(self, played: NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> Outcome:
-        frames = np.zeros((n_frames, 1))
+        run_frames = np.zeros((n_frames, 1))
         try:
-            _core.Simulation(played.network, played.timeline, plan=plan).process(frames)
+            _core.Simulation(played.network, played.timeline, plan=plan).process(run_frames)
         except _core.DivergedError as error:
             return Outcome(False, reason=str(error))
-        if not np.all(np.isfinite(frames)):
+        if not np.all(np.isfinite(run_frames)):
             return Outcome(False, reason="an output is not finite")
         true = self.truth(n_frames).frames
         # A planned run has no ledger here; energy goes as the square of the amplitude of the
         # string.
-        amplitude_ratio = 0.0 if true is None else float(np.abs(frames).max() / np.abs(true).max())
+        amplitude_ratio = (
+            0.0 if true is None else float(np.abs(run_frames).max() / np.abs(true).max())
+        )
         if amplitude_ratio**2 > 10.0 ** (RUNAWAY_DB / 10.0):
             return Outcome(
-                False, frames, f"it swings {amplitude_ratio:.3g} times as far as it should"
+                False, run_frames, f"it swings {amplitude_ratio:.3g} times as far as it should"
             )
-        return Outcome(True, frames)
+        return Outcome(True, run_frames)
 
     def truth(self, n_frames: int) -> Truth:
         """The same scene with all springs at every frame."""

@@ -42,19 +42,21 @@ def completions(text: str, index: int, file: Document, catalogue: Catalogue) -> 
         return _completions(text, index, file, catalogue)
 
 
-def _completions(text: str, index: int, file: Document, catalogue: Catalogue) -> list[Completion]:
-    number = _number_before(text, index)
+def _completions(
+    document_text: str, text_index: int, score_file: Document, catalogue: Catalogue
+) -> list[Completion]:
+    number_text = _number_before(document_text, text_index)
     by_word: dict[str, Completion] = {}
-    in_text = cursors.cursor_at(file, index)
+    in_text = cursors.cursor_at(score_file, text_index)
     if in_text is not None and "\n" in in_text.node.text:  # a table below '|' holds no YAML
-        return list(_value_completions(in_text.shape, catalogue, number))
-    for cursor, read in cursors.cursors_at_unwritten(text, index, file):
+        return list(_value_completions(in_text.shape, catalogue, number_text))
+    for cursor, read in cursors.cursors_at_unwritten(document_text, text_index, score_file):
         for part in music_parts.parts_beside(cursor, read):
             by_word[part.id] = Completion(part.id, "value", music_parts.about(part))
         words = (
             _key_completions(cursor)
             if cursor.is_name
-            else _value_completions(cursor.shape, catalogue, number)
+            else _value_completions(cursor.shape, catalogue, number_text)
         )
         for word in words:
             by_word.setdefault(word.word, word)
@@ -74,38 +76,44 @@ def _key_completions(cursor: Cursor) -> Iterator[Completion]:
 
 
 def _value_completions(
-    shape: Shape | None, catalogue: Catalogue, number: str
+    value_shape: Shape | None, catalogue: Catalogue, number_text: str
 ) -> Iterator[Completion]:
-    if isinstance(shape, Text) and number:
-        for unit in shape.units or (("Hz", "kHz") if shape is k.PITCH else ()):
-            yield Completion(number + unit, "unit", shape.words())
-    elif isinstance(shape, Text):
-        yield from _word_completions(shape)
-        for choice in shape.choices:
-            yield Completion(str(choice), "value", shape.words())
-        if shape is k.BOOLEAN:
-            yield from (Completion(word, "value", shape.words()) for word in ("true", "false"))
-        if shape is k.PITCH:
+    if isinstance(value_shape, Text) and number_text:
+        for unit in value_shape.units or (("Hz", "kHz") if value_shape is k.PITCH else ()):
+            yield Completion(number_text + unit, "unit", value_shape.words())
+    elif isinstance(value_shape, Text):
+        yield from _word_completions(value_shape)
+        for choice in value_shape.choices:
+            yield Completion(str(choice), "value", value_shape.words())
+        if value_shape is k.BOOLEAN:
+            yield from (
+                Completion(word, "value", value_shape.words()) for word in ("true", "false")
+            )
+        if value_shape is k.PITCH:
             yield from (
                 Completion(note, "value", f"{frequency_of(note):.2f} Hz") for note in _NOTES
             )
-        if shape is RHYTHM:
+        if value_shape is RHYTHM:
             yield from _name_completions(catalogue.definitions_in("instruments"))
-        if shape in (k.WHEN, k.MARK):
+        if value_shape in (k.WHEN, k.MARK):
             yield from _name_completions(catalogue.definitions_in("marks"))
-    elif isinstance(shape, Reference):
-        yield from _name_completions(catalogue.definitions_in(*shape.sections))
-    elif isinstance(shape, Part):
+    elif isinstance(value_shape, Reference):
+        yield from _name_completions(catalogue.definitions_in(*value_shape.sections))
+    elif isinstance(value_shape, Part):
         yield from _name_completions(catalogue.definitions_in("marks", *_PLAYED))
         for word, option in SHAPES.items():
             yield Completion(word, "field", option.words(), " ")
-        yield from _word_completions(shape)
-    elif isinstance(shape, (GestureShape, Raw)):
+        yield from _word_completions(value_shape)
+    elif isinstance(value_shape, (GestureShape, Raw)):
         yield from (Completion(str(word), "value", "a curve") for word in CURVE.choices)
-    elif shape is not None and shape.vocabulary():
-        yield from _word_completions(shape)
-    elif shape is not None and (item := shape.inner(0)) is not None and item is not shape:
-        yield from _value_completions(item, catalogue, number)
+    elif value_shape is not None and value_shape.vocabulary():
+        yield from _word_completions(value_shape)
+    elif (
+        value_shape is not None
+        and (item := value_shape.inner(0)) is not None
+        and item is not value_shape
+    ):
+        yield from _value_completions(item, catalogue, number_text)
 
 
 def _word_completions(shape: Shape) -> Iterator[Completion]:
@@ -148,7 +156,9 @@ def _tuning_at(cursor: Cursor, catalogue: Catalogue) -> tuning.Tuning | None:
     return tuning.tuning_of_path(path, catalogue.tunings, catalogue.tuning)
 
 
-def _explanation(index: int, cursor: Cursor, file: Document, catalogue: Catalogue) -> str | None:
+def _explanation(
+    text_index: int, cursor: Cursor, score_file: Document, catalogue: Catalogue
+) -> str | None:
     if cursor.is_name:
         if cursor.field is not None:
             return f"**{cursor.field.name}**: {_field_text(cursor.field)}"
@@ -159,18 +169,18 @@ def _explanation(index: int, cursor: Cursor, file: Document, catalogue: Catalogu
             return _hertz_text(frequency_of(cursor.node.text))
         except TextError:
             return None
-    elif meaning := _meaning(index, cursor, file.text):
+    elif meaning := _meaning(text_index, cursor, score_file.text):
         return meaning
-    for part in music_parts.parts_beside(cursor, file):
+    for part in music_parts.parts_beside(cursor, score_file):
         if cursor.node.text in (part.id, part.name):
             return f"**{part.id}**: {music_parts.about(part)}"
-    definition_place = definition(index, file, catalogue)
-    heights = None if cursor.is_name else _pitch_text(index, cursor, file.text)
+    definition_place = definition(text_index, score_file, catalogue)
+    heights = None if cursor.is_name else _pitch_text(text_index, cursor, score_file.text)
     if definition_place is None or heights is not None:
         return heights
     line = (
-        file.line(definition_place.place.line).strip()
-        if definition_place.place.file == file.file
+        score_file.line(definition_place.place.line).strip()
+        if definition_place.place.file == score_file.file
         else ""
     )
     source = f"\n```yaml\n{line}\n```" if line else f" of {definition_place.place.file}"
@@ -188,13 +198,15 @@ def _pitch_text(index: int, cursor: Cursor, text: str) -> str | None:
     """The frequency of the pitch under a character; None if there is none. Fractions are ratios
     only in lists of notes and in names, for elsewhere they are times.
     """
-    word = cursors.pitch_at(text, index)
+    cursor_word = cursors.pitch_at(text, index)
     is_notes = cursor.field is not None and isinstance(cursor.field.shape, Notes)
     is_sure = is_notes or isinstance(cursor.shape, Reference)
-    if word is None or not (is_sure or word[:1].isalpha() or word.endswith("Hz")):
+    if cursor_word is None or not (
+        is_sure or cursor_word[:1].isalpha() or cursor_word.endswith("Hz")
+    ):
         return None
     try:
-        return f"**{word}**: {_hertz_text(frequency_of(word))}"
+        return f"**{cursor_word}**: {_hertz_text(frequency_of(cursor_word))}"
     except TextError:
         return None
 
@@ -210,17 +222,23 @@ def _hertz_text(frequency: float) -> str:
 def definition(index: int, file: Document, catalogue: Catalogue) -> Definition | None:
     """Where the name under a character is defined."""
     cursor = cursors.cursor_at(file, index)
-    word = cursors.word_at(file.text, index).strip("/-")
-    if cursor is None or cursor.is_name or not word:
+    cursor_word = cursors.word_at(file.text, index).strip("/-")
+    if cursor is None or cursor.is_name or not cursor_word:
         return None
-    shape = cursor.shape
-    if isinstance(shape, Reference) and "modules" in shape.sections and len(cursor.path) > 1:
+    value_shape = cursor.shape
+    if (
+        isinstance(value_shape, Reference)
+        and "modules" in value_shape.sections
+        and len(cursor.path) > 1
+    ):
         inside = catalogue.find(
-            f"{cursor.path[1]}.{word}", ("modules",)
+            f"{cursor.path[1]}.{cursor_word}", ("modules",)
         )  # a module of the same one
         if inside is not None:
             return inside
-    return catalogue.find(word, shape.sections if isinstance(shape, Reference) else ())
+    return catalogue.find(
+        cursor_word, value_shape.sections if isinstance(value_shape, Reference) else ()
+    )
 
 
 def frequency_of(text: str) -> float:

@@ -53,25 +53,25 @@ class Catalogue:
 
 def catalogue(loaded: Loaded) -> Catalogue:
     """The names of a score that was read. Files that could not be read bring in none."""
-    names, uses = loaded.names, loaded.uses
-    if names is None or uses is None:
+    score_names, uses = loaded.names, loaded.uses
+    if score_names is None or uses is None:
         return Catalogue()
-    root = names.document.root
+    root_node = score_names.document.root
     sections: dict[str, dict[str, Definition]] = {MODULES: {}}
-    for section, noun in NOUNS.items():
-        sections[section] = {
-            name: Definition(name, noun, _place(entry.values, entry.brought, names))
-            for name, entry in names.tables[section].items()
+    for section_name, noun in NOUNS.items():
+        sections[section_name] = {
+            name: Definition(name, noun, _place(entry.values, entry.brought, score_names))
+            for name, entry in score_names.tables[section_name].items()
         }
-    for section, noun in _LOCAL_SECTIONS.items():
-        node = root.get(section) if isinstance(root, document.Mapping) else None
+    for section_name, noun in _LOCAL_SECTIONS.items():
+        node = root_node.get(section_name) if isinstance(root_node, document.Mapping) else None
         entries = node.entries if isinstance(node, document.Mapping) else {}
-        sections[section] = {
+        sections[section_name] = {
             name: Definition(name, noun, key.place) for name, (key, _) in entries.items()
         }
-    for section in ("instruments", "keys"):
-        for name, entry in names.tables[section].items():
-            values, _ = uses.resolved(section, entry)
+    for section_name in ("instruments", "keys"):
+        for name, entry in score_names.tables[section_name].items():
+            values, _ = uses.resolved(section_name, entry)
             modules = None if values is None else values.by_name.get("modules")
             for module, fields_read in (modules or {}).items():
                 if isinstance(fields_read, Values):
@@ -79,7 +79,7 @@ def catalogue(loaded: Loaded) -> Catalogue:
                     sections[MODULES][full] = Definition(
                         full, fields_read.kind or "module", fields_read.place
                     )
-    return Catalogue(sections, names.tuning, names.tunings)
+    return Catalogue(sections, score_names.tuning, score_names.tunings)
 
 
 def _place(values: object, brought: Place | None, names: Names) -> Place:

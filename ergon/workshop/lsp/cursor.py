@@ -39,67 +39,81 @@ class Cursor:
     written: frozenset[str]  # names that stand beside it in the same mapping
 
 
-def cursor_at(file: Document, index: int) -> Cursor | None:
-    """What is under the character `index`; None between values."""
+def cursor_at(file: Document, text_index: int) -> Cursor | None:
+    """What is under the character `text_index`; None between values."""
     if file.root is None:
         return None
-    node: Node = file.root
-    shape: Shape | None = SCORE
-    table: Record | None = None
-    field: Field | None = None
+    cursor_node: Node = file.root
+    value_shape: Shape | None = SCORE
+    value_table: Record | None = None
+    cursor_field: Field | None = None
     path: tuple[str, ...] = ()
     entry_names: frozenset[str] = frozenset()
     while True:
-        shape = None if shape is None else shape.chosen(node)
-        if isinstance(node, document.Mapping):
-            if isinstance(shape, Record):
-                table = shape
+        value_shape = None if value_shape is None else value_shape.chosen(cursor_node)
+        if isinstance(cursor_node, document.Mapping):
+            if isinstance(value_shape, Record):
+                value_table = value_shape
             entry = _last_before(
-                ((key.start, (key, child)) for key, child in node.entries.values()), index
+                ((key.start, (key, child)) for key, child in cursor_node.entries.values()),
+                text_index,
             )
             if entry is None:
                 return None
-            key, child = entry
-            entry_names = frozenset(node.entries)
-            inner_shape = None if shape is None else shape.inner(key.text)
-            field = shape.by_name.get(key.text) if isinstance(shape, Record) else None
-            if key.start <= index <= key.end:
-                sibling_names = entry_names - {key.text}
-                record = table if isinstance(shape, Record) else None
-                return Cursor(key, True, inner_shape, record, field, path, sibling_names)
-            path = (*path, key.text)
-            node, shape = child, inner_shape
-        elif isinstance(node, document.Sequence):
+            key_node, child = entry
+            entry_names = frozenset(cursor_node.entries)
+            inner_shape = None if value_shape is None else value_shape.inner(key_node.text)
+            cursor_field = (
+                value_shape.by_name.get(key_node.text) if isinstance(value_shape, Record) else None
+            )
+            if key_node.start <= text_index <= key_node.end:
+                sibling_names = entry_names - {key_node.text}
+                record = value_table if isinstance(value_shape, Record) else None
+                return Cursor(
+                    key_node, True, inner_shape, record, cursor_field, path, sibling_names
+                )
+            path = (*path, key_node.text)
+            cursor_node, value_shape = child, inner_shape
+        elif isinstance(cursor_node, document.Sequence):
             last_key = _last_before(
-                ((item.start, (i, item)) for i, item in enumerate(node.items)), index
+                ((item.start, (i, item)) for i, item in enumerate(cursor_node.items)), text_index
             )
             if last_key is None:
                 return None
-            number, node = last_key
-            shape = None if shape is None else shape.inner(number)
-        elif isinstance(node, Scalar) and node.start <= index <= node.end:
-            return Cursor(node, False, shape, table, field, path, entry_names)
+            number, cursor_node = last_key
+            value_shape = None if value_shape is None else value_shape.inner(number)
+        elif isinstance(cursor_node, Scalar) and cursor_node.start <= text_index <= cursor_node.end:
+            return Cursor(
+                cursor_node, False, value_shape, value_table, cursor_field, path, entry_names
+            )
         else:
             return None
 
 
-def cursors_at_unwritten(text: str, index: int, file: Document) -> list[tuple[Cursor, Document]]:
-    """What the word that is being written at `index` may be: a value, a name, or both.
+def cursors_at_unwritten(
+    document_text: str, text_index: int, file: Document
+) -> list[tuple[Cursor, Document]]:
+    """What the word that is being written at `text_index` may be: a value, a name, or both.
 
     The word is taken to be a placeholder, and brackets that the line leaves open are closed.
     """
-    begin = text.rfind("\n", 0, index) + 1
-    end = text.find("\n", index)
-    text_before, text_after = text[begin:index], text[index : len(text) if end < 0 else end]
+    line_begin = document_text.rfind("\n", 0, text_index) + 1
+    line_end = document_text.find("\n", text_index)
+    text_before, text_after = (
+        document_text[line_begin:text_index],
+        document_text[text_index : len(document_text) if line_end < 0 else line_end],
+    )
     text_before = text_before.removesuffix(word_before(text_before, len(text_before)))
     text_behind = WORD.sub("", text_after, count=1)
     closing = "" if text_behind.strip() else _closing_brackets(text_before)
     cursors = []
     for placeholder in (_PLACEHOLDER, f"{_PLACEHOLDER}: 0"):
         line = text_before + placeholder + (closing or text_behind)
-        changed = text[:begin] + line + ("" if end < 0 else text[end:])
+        changed = (
+            document_text[:line_begin] + line + ("" if line_end < 0 else document_text[line_end:])
+        )
         read = document.compose(changed, file.file, Collector())
-        cursor = cursor_at(read, begin + len(text_before))
+        cursor = cursor_at(read, line_begin + len(text_before))
         if cursor is not None and _PLACEHOLDER in cursor.node.text:
             cursors.append((cursor, read))
     return cursors
@@ -130,13 +144,13 @@ def word_before(text: str, index: int) -> str:
     return match.group() if match else ""
 
 
-def pitch_at(text: str, index: int) -> str | None:
+def pitch_at(text: str, text_index: int) -> str | None:
     """The pitch round a character, as members are called by it: `A4+50cents`, `c4` of `c4.min`,
     `3to2` of `wires.3/2.m`; None if there is none.
     """
-    begin = text.rfind("\n", 0, index) + 1
-    for match in _PITCHES.finditer(text, begin, min(len(text), index + _WORD_MAX)):
-        if match.start() <= index <= match.end():
+    begin = text.rfind("\n", 0, text_index) + 1
+    for match in _PITCHES.finditer(text, begin, min(len(text), text_index + _WORD_MAX)):
+        if match.start() <= text_index <= match.end():
             for word in tuning.spelled(match[0].strip(".")).split("."):
                 if (pitch := word_of(word[:1].upper() + word[1:])) is not None:
                     return pitch

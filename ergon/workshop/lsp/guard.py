@@ -74,10 +74,10 @@ class GuardedInput:
         """Take the next message that may be handled; False at the end."""
         while True:
             try:
-                body = self._body()
-                if body is None:
+                message_body = self._body()
+                if message_body is None:
                     return False
-                if not self._is_handled(self._parsed(body)):
+                if not self._is_handled(self._parsed(message_body)):
                     continue
             except _RefusedError as error:
                 self._answer(error)
@@ -86,31 +86,33 @@ class GuardedInput:
                 self.failure = error
                 return False
             else:
-                header = f"Content-Length: {len(body)}\r\n\r\n".encode()
-                self._ready = io.BytesIO(header + body)
+                header = f"Content-Length: {len(message_body)}\r\n\r\n".encode()
+                self._ready = io.BytesIO(header + message_body)
                 return True
 
     def _body(self) -> bytes | None:
         """The body of a message; None at the end. Raises ProtocolError."""
-        length = None
+        body_length = None
         for number in range(_LINES_MAX):
-            line = self._source.readline(_LINE_MAX)
-            if not line and not number:
+            header_line = self._source.readline(_LINE_MAX)
+            if not header_line and not number:
                 return None
-            if match := _LENGTH.fullmatch(line):
-                length = int(match[1])
-            elif not line.strip():
+            if match := _LENGTH.fullmatch(header_line):
+                body_length = int(match[1])
+            elif not header_line.strip():
                 break
-            elif b":" not in line or not line.endswith(b"\n"):
+            elif b":" not in header_line or not header_line.endswith(b"\n"):
                 raise ProtocolError("a header must have lines such as Content-Length: 120")
-        if length is None:
+        if body_length is None:
             raise ProtocolError("a message must begin with a line such as Content-Length: 120")
-        if length > BODY_MAX:
-            message = f"a message of {length:,} bytes is announced; at most {BODY_MAX:,} are read"
+        if body_length > BODY_MAX:
+            message = (
+                f"a message of {body_length:,} bytes is announced; at most {BODY_MAX:,} are read"
+            )
             raise ProtocolError(message)
-        body = self._source.read(length)
-        if len(body) < length:
-            raise ProtocolError(f"the input ends within a message of {length:,} bytes")
+        body = self._source.read(body_length)
+        if len(body) < body_length:
+            raise ProtocolError(f"the input ends within a message of {body_length:,} bytes")
         return body
 
     def _parsed(self, body: bytes) -> dict[str, Any]:
@@ -122,26 +124,26 @@ class GuardedInput:
         except MalformedTextError as error:
             raise _RefusedError(t.ErrorCodes.ParseError, str(error)) from None
         except (UnicodeEncodeError, RecursionError):
-            reason = "a text has half of a character"
-            raise _RefusedError(t.ErrorCodes.ParseError, reason) from None
+            refusal_reason = "a text has half of a character"
+            raise _RefusedError(t.ErrorCodes.ParseError, refusal_reason) from None
         if not isinstance(message, dict) or message.get("jsonrpc") != "2.0":
-            reason = 'a message must be a JSON object with "jsonrpc": "2.0"'
-            raise _RefusedError(t.ErrorCodes.InvalidRequest, reason)
+            refusal_reason = 'a message must be a JSON object with "jsonrpc": "2.0"'
+            raise _RefusedError(t.ErrorCodes.InvalidRequest, refusal_reason)
         if any(depth > _DEPTH_MAX for depth in _depths(message)):
-            reason = f"the message is nested more than {_DEPTH_MAX} deep"
-            raise _RefusedError(t.ErrorCodes.InvalidRequest, reason)
+            refusal_reason = f"the message is nested more than {_DEPTH_MAX} deep"
+            raise _RefusedError(t.ErrorCodes.InvalidRequest, refusal_reason)
         return message
 
     def _is_handled(self, message: dict[str, Any]) -> bool:
         """Whether there is something to do for a message. Raises _RefusedError for a request."""
-        method, id = message.get("method"), message.get("id")
-        if method is None:  # a reply, though the server asks nothing
+        method_name, id = message.get("method"), message.get("id")
+        if method_name is None:  # a reply, though the server asks nothing
             return False
         if "id" in message and not _is_id(id):
             raise _RefusedError(t.ErrorCodes.InvalidRequest, "an id is a whole number or a text")
         is_request = "id" in message
         try:
-            self._check(method, message)
+            self._check(method_name, message)
         except _RefusedError as error:
             if is_request:
                 raise _RefusedError(error.code, error.message, id) from None
@@ -150,12 +152,12 @@ class GuardedInput:
 
     def _check(self, method: Any, message: dict[str, Any]) -> None:
         if not isinstance(method, str) or method not in self._methods:
-            reason = f"{printable(str(method)[:80])} is not done by this server"
-            raise _RefusedError(t.ErrorCodes.MethodNotFound, reason)
-        kind = t.METHOD_TO_TYPES[method][0]
-        if hasattr(kind, "id") != ("id" in message):
-            reason = f"{method} has an id if, and only if, it is a request"
-            raise _RefusedError(t.ErrorCodes.InvalidRequest, reason)
+            refusal_reason = f"{printable(str(method)[:80])} is not done by this server"
+            raise _RefusedError(t.ErrorCodes.MethodNotFound, refusal_reason)
+        message_kind = t.METHOD_TO_TYPES[method][0]
+        if hasattr(message_kind, "id") != ("id" in message):
+            refusal_reason = f"{method} has an id if, and only if, it is a request"
+            raise _RefusedError(t.ErrorCodes.InvalidRequest, refusal_reason)
         if self._is_over and method != t.EXIT:
             raise _RefusedError(t.ErrorCodes.InvalidRequest, "the server was shut down")
         if not self._is_begun and method not in (t.INITIALIZE, t.EXIT):
@@ -163,11 +165,11 @@ class GuardedInput:
         if self._is_begun and method == t.INITIALIZE:
             raise _RefusedError(t.ErrorCodes.InvalidRequest, "initialize comes once")
         try:
-            structured: Any = self._converter.structure(message, kind)
+            structured: Any = self._converter.structure(message, message_kind)
         except Exception as error:  # cattrs and the validators raise errors of many types
             why = printable("; ".join(transform_error(error)))[:_WORDS_MAX]
-            reason = f"the fields of {method} are not those of the protocol: {why}"
-            raise _RefusedError(t.ErrorCodes.InvalidParams, reason) from error
+            refusal_reason = f"the fields of {method} are not those of the protocol: {why}"
+            raise _RefusedError(t.ErrorCodes.InvalidParams, refusal_reason) from error
         self.exits_early = method == t.EXIT and not self._is_over
         self._is_begun = True
         self._is_over |= method == t.SHUTDOWN
@@ -175,13 +177,13 @@ class GuardedInput:
         if document is not None:
             self._check_open(method, unquote(document.uri))
 
-    def _check_open(self, method: str, uri: str) -> None:
-        if method == t.TEXT_DOCUMENT_DID_OPEN:
+    def _check_open(self, method_name: str, uri: str) -> None:
+        if method_name == t.TEXT_DOCUMENT_DID_OPEN:
             self._open.add(uri)
         elif uri not in self._open:
             reason = f"{printable(uri[:200])} is not open"
             raise _RefusedError(t.ErrorCodes.InvalidParams, reason)
-        elif method == t.TEXT_DOCUMENT_DID_CLOSE:
+        elif method_name == t.TEXT_DOCUMENT_DID_CLOSE:
             self._open.remove(uri)
 
     def _answer(self, error: _RefusedError) -> None:
@@ -198,13 +200,13 @@ def _is_id(id: object) -> bool:
     return type(id) is int and abs(id) < _INTEGER_MAX
 
 
-def _depths(value: object) -> Iterator[int]:
+def _depths(json_value: object) -> Iterator[int]:
     """How deep each part of a value lies, without recursion."""
-    values_left = [(value, 1)]
+    values_left = [(json_value, 1)]
     while values_left:
-        value, depth = values_left.pop()
+        json_value, depth = values_left.pop()
         yield depth
-        if isinstance(value, dict):
-            values_left += ((inner, depth + 1) for inner in value.values())
-        elif isinstance(value, list):
-            values_left += ((inner, depth + 1) for inner in value)
+        if isinstance(json_value, dict):
+            values_left += ((inner, depth + 1) for inner in json_value.values())
+        elif isinstance(json_value, list):
+            values_left += ((inner, depth + 1) for inner in json_value)

@@ -14,19 +14,19 @@ from ergon.scores.gesture.take_file import TakeError
 from .cursor import Cursor
 
 
-def parts_beside(cursor: Cursor, file: Document) -> tuple[XmlPart, ...]:
+def parts_beside(cursor: Cursor, score_file: Document) -> tuple[XmlPart, ...]:
     """The parts among which a `channel` at the cursor chooses; none in other places, and for a file
     that cannot be read.
     """
     if cursor.is_name or cursor.field is None or cursor.field.name != "channel":
         return ()
-    node = file.root
+    node = score_file.root
     for name in cursor.path[:2]:
         node = node.get(name) if isinstance(node, document.Mapping) else None
     take = node.get("file") if isinstance(node, document.Mapping) else None
     if not isinstance(take, Scalar) or Path(take.text).suffix.lower() not in SUFFIXES:
         return ()
-    folder = Path(file.file).parent
+    folder = Path(score_file.file).parent
     path = folder / take.text
     try:
         return read_score(path).parts if FileBounds.around(folder).allows(path) else ()

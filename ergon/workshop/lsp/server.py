@@ -144,14 +144,16 @@ class Server(LanguageServer):
         if loaded.piece is None:
             raise EditError("the score has mistakes; mend them first, so that all uses are known")
         path = str(_path(uri))
-        texts = Texts(
+        renamed_texts = Texts(
             path,
             self.workspace.get_text_document(uri).source,
             {name: file.text for name, file in loaded.files.items() if name != path},
             bounds=scores.bounds(path, False),
         )
-        rename(texts, loaded.piece, old, new)  # which also tries whether it is the same piece
-        return places_named(texts, loaded.piece, old, new)
+        rename(
+            renamed_texts, loaded.piece, old, new
+        )  # which also tries whether it is the same piece
+        return places_named(renamed_texts, loaded.piece, old, new)
 
     def _publish(
         self, uri: str, open_document: _OpenDocument, reported: Sequence[Diagnostic]
@@ -269,14 +271,14 @@ def _complete(ls: Server, params: t.CompletionParams) -> t.CompletionList:
     return t.CompletionList(is_incomplete=True, items=list(_items(completions, word_range)))
 
 
-def _client_position(text: TextDocument, index: int) -> t.Position:
+def _client_position(text_document: TextDocument, index: int) -> t.Position:
     """The position of an index; that of the end is on the last line, unless this line is ended."""
-    if index < len(text.source):
-        return text.client_position_at_offset(index)
-    lines = text.lines
-    if not lines or text.source.endswith(("\n", "\r")):
+    if index < len(text_document.source):
+        return text_document.client_position_at_offset(index)
+    lines = text_document.lines
+    if not lines or text_document.source.endswith(("\n", "\r")):
         return t.Position(len(lines), 0)
-    return t.Position(len(lines) - 1, text.position_codec.client_num_units(lines[-1]))
+    return t.Position(len(lines) - 1, text_document.position_codec.client_num_units(lines[-1]))
 
 
 def _items(
@@ -334,15 +336,18 @@ def _rename(ls: Server, params: t.RenameParams) -> t.WorkspaceEdit:
     with the reason where it is not renamed.
     """
     uri = params.text_document.uri
-    text, index, *_ = ls.locate(uri, params.position)
-    name = cursor.word_at(text.source, index).strip("/-").partition(".")[0]
+    text_document, index, *_ = ls.locate(uri, params.position)
+    name = cursor.word_at(text_document.source, index).strip("/-").partition(".")[0]
     try:
         spans = ls.places_named(uri, name, params.new_name)
     except EditError as error:
         raise JsonRpcInvalidRequest(str(error)) from None
     edits = [
         t.TextEdit(
-            t.Range(text.client_position_at_offset(start), text.client_position_at_offset(stop)),
+            t.Range(
+                text_document.client_position_at_offset(start),
+                text_document.client_position_at_offset(stop),
+            ),
             params.new_name,
         )
         for start, stop in spans
@@ -372,17 +377,17 @@ def _symbol(
 
 
 def _format(ls: Server, params: t.DocumentFormattingParams) -> list[t.TextEdit] | None:
-    text = ls.workspace.get_text_document(params.text_document.uri)
+    text_document = ls.workspace.get_text_document(params.text_document.uri)
     if not ls.is_score(params.text_document.uri):
         return None
     try:
-        result = formatted(text.source)
+        formatted_text = formatted(text_document.source)
     except TextError:  # its place is among the diagnostics
         return None
-    if result == text.source:
+    if formatted_text == text_document.source:
         return None
-    full_range = t.Range(t.Position(0, 0), t.Position(len(text.lines), 0))
-    return [t.TextEdit(full_range, result)]
+    full_range = t.Range(t.Position(0, 0), t.Position(len(text_document.lines), 0))
+    return [t.TextEdit(full_range, formatted_text)]
 
 
 def _path(uri: str) -> Path:
@@ -394,15 +399,16 @@ def _path(uri: str) -> Path:
     return Path(path) if parts.scheme == "file" else Path(Path(path).name or "untitled.yaml")
 
 
-def _uri(file: str, open_uri: str) -> str:
+def _uri(file_name: str, open_uri: str) -> str:
     """The URI of a file that a score names; a file of the library is found where ergon is
     installed.
     """
-    path = Path(file)
+    path = Path(file_name)
     if path == _path(open_uri):
         return open_uri
     return (
-        from_fs_path(str((path if path.exists() else installed_path(file)).resolve())) or open_uri
+        from_fs_path(str((path if path.exists() else installed_path(file_name)).resolve()))
+        or open_uri
     )
 
 

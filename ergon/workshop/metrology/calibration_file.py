@@ -45,33 +45,45 @@ def _fit_figures(fit: Fit) -> tuple[list[str], Floats, Floats]:
     Names, values (n,), covariance (n, n); a figure of a mode has a name such as `mode1.f`. `M`
     is the mass of the key with its modes; without a spring `weight` takes the place of `rest`.
     """
-    row, columns = fit.row, fit.columns
-    names: list[str] = []
-    values: list[float] = []
+    parameter_row, fitted_columns = fit.row, fit.columns
+    figure_names: list[str] = []
+    figure_values: list[float] = []
     slopes: list[Floats] = []
 
     def add(name: str, value: float, by: dict[int, float]) -> None:
-        names.append(name)
-        values.append(float(value))
-        slopes.append(np.array([by.get(index, 0.0) for index in columns]))
+        figure_names.append(name)
+        figure_values.append(float(value))
+        slopes.append(np.array([by.get(index, 0.0) for index in fitted_columns]))
 
-    add("M", total_mass(row), dict.fromkeys((0, *range(N_KEY, len(row), N_MODE)), 1.0))
+    add(
+        "M",
+        total_mass(parameter_row),
+        dict.fromkeys((0, *range(N_KEY, len(parameter_row), N_MODE)), 1.0),
+    )
     k, w = INDEX["stiffness"], INDEX["weight"]
-    has_spring = row[k] > 3 * fit.deviation(k)
+    has_spring = parameter_row[k] > 3 * fit.deviation(k)
     if has_spring:
-        add("rest", -row[w] / row[k], {k: row[w] / row[k] ** 2, w: -1 / row[k]})
+        add(
+            "rest",
+            -parameter_row[w] / parameter_row[k],
+            {k: parameter_row[w] / parameter_row[k] ** 2, w: -1 / parameter_row[k]},
+        )
     for name, parameter in _KEY_FIELDS:
         index = INDEX[parameter]
-        if index in columns and not (has_spring and index == w):
-            add(name, row[index], {index: 1.0})
-    for mode in range(n_modes(row)):
+        if index in fitted_columns and not (has_spring and index == w):
+            add(name, parameter_row[index], {index: 1.0})
+    for mode in range(n_modes(parameter_row)):
         m, f, z = mode_indices(mode)
-        decay = t60(float(row[f]), float(row[z]))
-        add(f"mode{mode + 1}.M", row[m], {m: 1.0})
-        add(f"mode{mode + 1}.f", row[f], {f: 1.0})
-        add(f"mode{mode + 1}.t60", decay, {f: -decay / row[f], z: -decay / row[z]})
+        decay = t60(float(parameter_row[f]), float(parameter_row[z]))
+        add(f"mode{mode + 1}.M", parameter_row[m], {m: 1.0})
+        add(f"mode{mode + 1}.f", parameter_row[f], {f: 1.0})
+        add(
+            f"mode{mode + 1}.t60",
+            decay,
+            {f: -decay / parameter_row[f], z: -decay / parameter_row[z]},
+        )
     slope = np.array(slopes)
-    return names, np.array(values), slope @ fit.covariance @ slope.T
+    return figure_names, np.array(figure_values), slope @ fit.covariance @ slope.T
 
 
 def text(measured: Measured, takes: Sequence[str], day: str) -> str:
@@ -81,16 +93,18 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     correlations is of a figure with those before it.
     """
     fit = measured.fit
-    names, values, covariance = _fit_figures(fit)
+    figure_names, values, covariance = _fit_figures(fit)
     deviations = np.sqrt(np.diag(covariance))
-    value_and_deviation = dict(zip(names, zip(values, deviations, strict=True), strict=True))
-    lines = ["ergon: 1"]
-    for name, (value, deviation) in value_and_deviation.items():
-        if name in UNITS:
-            unit, scale = UNITS[name]
-            lines.append(f"{name}: {value * scale:.7g}{unit} # ± {deviation * scale:.3g}")
+    value_and_deviation = dict(zip(figure_names, zip(values, deviations, strict=True), strict=True))
+    yaml_lines = ["ergon: 1"]
+    for figure_name, (value, deviation) in value_and_deviation.items():
+        if figure_name in UNITS:
+            unit, scale = UNITS[figure_name]
+            yaml_lines.append(
+                f"{figure_name}: {value * scale:.7g}{unit} # ± {deviation * scale:.3g}"
+            )
     if n_modes(fit.row):
-        lines.append("modes:")
+        yaml_lines.append("modes:")
     for mode in range(1, n_modes(fit.row) + 1):
         mode_figures = [
             (value * MODE_FIELDS[name][1], deviation * MODE_FIELDS[name][1])
@@ -98,21 +112,21 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
             for value, deviation in [value_and_deviation[f"mode{mode}.{name}"]]
         ]
         (m, dm), (f, df), (decay, dt) = mode_figures
-        lines.append(
+        yaml_lines.append(
             f"  - {{M: {m:.6g}g, f: {f:.6g}Hz, t60: {decay:.6g}s}} # ± {dm:.3g} {df:.3g} {dt:.3g}"
         )
     size = np.where(deviations > 0, deviations, 1.0)
-    lines.append("correlations:")
-    for i, name in enumerate(names):
+    yaml_lines.append("correlations:")
+    for i, figure_name in enumerate(figure_names):
         correlations = covariance[i, :i] / (size[i] * size[:i])
-        lines.append(" ".join([f"  - {name}", *(f"{x:.6f}" for x in correlations)]))
+        yaml_lines.append(" ".join([f"  - {figure_name}", *(f"{x:.6f}" for x in correlations)]))
     if measured.noise is not None:
-        lines.append(f"noise: {measured.noise * 1e3:.4g}mm")
-    lines.append(f"residual: {fit.rms * 1e6:.3g} um rms in {fit.n} positions")
-    lines.append(f"date: {day}")
-    lines.append("takes:")
-    lines += [f"  - {digest}" for digest in takes]
-    return "\n".join(lines) + "\n"
+        yaml_lines.append(f"noise: {measured.noise * 1e3:.4g}mm")
+    yaml_lines.append(f"residual: {fit.rms * 1e6:.3g} um rms in {fit.n} positions")
+    yaml_lines.append(f"date: {day}")
+    yaml_lines.append("takes:")
+    yaml_lines += [f"  - {digest}" for digest in takes]
+    return "\n".join(yaml_lines) + "\n"
 
 
 # The figures of a file and of its modes: the unit, and how many of it are one SI unit.
@@ -155,7 +169,7 @@ class Calibration:
 
     def covariance(self, names: Sequence[str]) -> Floats:
         """Covariance of figures with known deviations, (names, names), in SI units."""
-        size = np.array([self.deviations[name] for name in names])
+        deviation_sizes = np.array([self.deviations[name] for name in names])
         correlations = self.correlations
         covariance_rows = [
             [
@@ -164,20 +178,28 @@ class Calibration:
             ]
             for a in names
         ]
-        return np.array(covariance_rows).reshape(len(names), len(names)) * np.outer(size, size)
+        return np.array(covariance_rows).reshape(len(names), len(names)) * np.outer(
+            deviation_sizes, deviation_sizes
+        )
 
     @property
     def row(self) -> Floats:
         """The parameters of the model, as `_core.key_path` takes them; the key starts at rest."""
         figures = self.figures
-        row = np.zeros(N_KEY)
-        row[0] = figures["M"] - sum(mass for mass, _, _ in self.modes)
-        row[1:3] = figures["K"], figures["Z"]
-        row[INDEX["weight"]] = figures.get("weight", -figures.get("rest", 0.0) * figures["K"])
-        row[START] = figures.get("rest", 0.0)
+        parameter_row = np.zeros(N_KEY)
+        parameter_row[0] = figures["M"] - sum(mass for mass, _, _ in self.modes)
+        parameter_row[1:3] = figures["K"], figures["Z"]
+        parameter_row[INDEX["weight"]] = figures.get(
+            "weight", -figures.get("rest", 0.0) * figures["K"]
+        )
+        parameter_row[START] = figures.get("rest", 0.0)
         for name, parameter in _KEY_FIELDS[3:]:
-            row[INDEX[parameter]] = figures.get(name, 0.0)
-        return np.concatenate([row, *map(np.array, self.modes)]) if self.modes else row
+            parameter_row[INDEX[parameter]] = figures.get(name, 0.0)
+        return (
+            np.concatenate([parameter_row, *map(np.array, self.modes)])
+            if self.modes
+            else parameter_row
+        )
 
 
 def read(source: str) -> Calibration:
@@ -186,43 +208,47 @@ def read(source: str) -> Calibration:
     deviations: dict[str, float] = {}
     correlations: dict[tuple[str, str], float] = {}
     lines_before: list[str] = []
-    modes: list[tuple[float, float, float]] = []
-    date = section = ""
-    for line in source.splitlines():
-        if not line.startswith(" "):
-            section = line
-        if match := _MODE.match(line):
-            modes.append(_mode(match, f"mode{len(modes) + 1}", figures, deviations))
-        elif section == "correlations:" and (match := _CORRELATED.match(line)):
-            numbers = map(float, match[2].split())
+    calibration_modes: list[tuple[float, float, float]] = []
+    date = section_name = ""
+    for text_line in source.splitlines():
+        if not text_line.startswith(" "):
+            section_name = text_line
+        if line_match := _MODE.match(text_line):
+            calibration_modes.append(
+                _mode(line_match, f"mode{len(calibration_modes) + 1}", figures, deviations)
+            )
+        elif section_name == "correlations:" and (line_match := _CORRELATED.match(text_line)):
+            numbers = map(float, line_match[2].split())
             # If a row is damaged, the part of it that exists is used.
             correlations |= {
-                (match[1], name): max(-1.0, min(x, 1.0))
+                (line_match[1], name): max(-1.0, min(x, 1.0))
                 for name, x in zip(lines_before, numbers, strict=False)
             }
-            lines_before.append(match[1])
-        elif line.startswith("date: "):
-            date = line.removeprefix("date: ").strip()
-        elif (match := _FIGURE.match(line)) and match[1] in UNITS:
-            name, value, unit, deviation = match.groups()
-            usual, per_unit = UNITS[name]
+            lines_before.append(line_match[1])
+        elif text_line.startswith("date: "):
+            date = text_line.removeprefix("date: ").strip()
+        elif (line_match := _FIGURE.match(text_line)) and line_match[1] in UNITS:
+            figure_name, figure_value, unit, deviation = line_match.groups()
+            usual, per_unit = UNITS[figure_name]
             if unit != usual:
-                raise MeasurementError(f"{name} must be in {usual}, as ergon metrology writes it")
-            figures[name] = float(value) / per_unit
+                raise MeasurementError(
+                    f"{figure_name} must be in {usual}, as ergon metrology writes it"
+                )
+            figures[figure_name] = float(figure_value) / per_unit
             if deviation is not None:
-                deviations[name] = float(deviation) / per_unit
+                deviations[figure_name] = float(deviation) / per_unit
     missing = [name for name in ("M", "K", "Z") if name not in figures]
     if missing:
         raise MeasurementError(
             f"this is not a calibration file of ergon metrology: it lacks {missing[0]}"
         )
-    for name, value in (*figures.items(), *deviations.items()):
-        is_decay = name.endswith(".t60")  # infinite without damping
-        if not (np.isfinite(value) or (is_decay and value > 0.0)):
-            raise MeasurementError(f"{name} is not a finite number")
-    if not figures["M"] > sum(mass for mass, _, _ in modes):
+    for figure_name, figure_value in (*figures.items(), *deviations.items()):
+        is_decay = figure_name.endswith(".t60")  # infinite without damping
+        if not (np.isfinite(figure_value) or (is_decay and figure_value > 0.0)):
+            raise MeasurementError(f"{figure_name} is not a finite number")
+    if not figures["M"] > sum(mass for mass, _, _ in calibration_modes):
         raise MeasurementError("M must be above 0 and above the masses of the modes")
-    return Calibration(figures, deviations, tuple(modes), date, correlations)
+    return Calibration(figures, deviations, tuple(calibration_modes), date, correlations)
 
 
 def _mode(
@@ -232,13 +258,13 @@ def _mode(
     name.
     """
     *number_texts, deviations_text = match.groups()
-    mass, frequency, decay = (float("inf") if x is None else float(x) for x in number_texts)
-    if not (mass > 0.0 and 0.0 < frequency < np.inf and decay > 0.0):
+    mode_mass, frequency, decay = (float("inf") if x is None else float(x) for x in number_texts)
+    if not (mode_mass > 0.0 and 0.0 < frequency < np.inf and decay > 0.0):
         raise MeasurementError(f"{name} must have a mass, a frequency and a decay above 0")
     wobbles = (deviations_text or "").split()
     for i, (figure_name, (_, per_unit)) in enumerate(MODE_FIELDS.items()):
-        figures[f"{name}.{figure_name}"] = (mass, frequency, decay)[i] / per_unit
+        figures[f"{name}.{figure_name}"] = (mode_mass, frequency, decay)[i] / per_unit
         if len(wobbles) == len(MODE_FIELDS) and re.fullmatch(_NUMBER, wobbles[i]):
             deviations[f"{name}.{figure_name}"] = float(wobbles[i]) / per_unit
     ratio = LN_1000 / (2 * np.pi * frequency * decay) if np.isfinite(decay) else 0.0
-    return mass / 1e3, frequency, float(ratio)
+    return mode_mass / 1e3, frequency, float(ratio)

@@ -108,7 +108,7 @@ def differences(calibration: Calibration, second_calibration: Calibration) -> li
     pairs = [(name, name) for name in UNITS if name != "noise"]
     for a, b in _alike(calibration, second_calibration):
         pairs += [(f"mode{a}.{field_name}", f"mode{b}.{field_name}") for field_name in MODE_FIELDS]
-    rows = []
+    difference_rows = []
     for first_name, second_name in pairs:
         x, y = calibration.figures.get(first_name), second_calibration.figures.get(second_name)
         if x is None and y is None:
@@ -120,8 +120,8 @@ def differences(calibration: Calibration, second_calibration: Calibration) -> li
                     calibration.deviations[first_name], second_calibration.deviations[second_name]
                 )
             )
-        rows.append(Difference((first_name, second_name), x, y, sigma))
-    return rows
+        difference_rows.append(Difference((first_name, second_name), x, y, sigma))
+    return difference_rows
 
 
 def _alike(calibration: Calibration, second_calibration: Calibration) -> list[tuple[int, int]]:
@@ -131,14 +131,16 @@ def _alike(calibration: Calibration, second_calibration: Calibration) -> list[tu
         for a, (_, f, _) in enumerate(calibration.modes, 1)
         for b, (_, g, _) in enumerate(second_calibration.modes, 1)
     )
-    pairs: list[tuple[int, int]] = []
+    mode_pairs: list[tuple[int, int]] = []
     for distance, a, b in apart:
-        if distance < _ALIKE and not any(a == x or b == y for x, y in pairs):
-            pairs.append((a, b))
-    first_modes, second_modes = {a for a, _ in pairs}, {b for _, b in pairs}
-    pairs += [(a, 0) for a in range(1, len(calibration.modes) + 1) if a not in first_modes]
-    pairs += [(0, b) for b in range(1, len(second_calibration.modes) + 1) if b not in second_modes]
-    return sorted(pairs)
+        if distance < _ALIKE and not any(a == x or b == y for x, y in mode_pairs):
+            mode_pairs.append((a, b))
+    first_modes, second_modes = {a for a, _ in mode_pairs}, {b for _, b in mode_pairs}
+    mode_pairs += [(a, 0) for a in range(1, len(calibration.modes) + 1) if a not in first_modes]
+    mode_pairs += [
+        (0, b) for b in range(1, len(second_calibration.modes) + 1) if b not in second_modes
+    ]
+    return sorted(mode_pairs)
 
 
 def chi_squared(calibration: Calibration, second_calibration: Calibration) -> tuple[float, int]:
@@ -169,27 +171,27 @@ class Gain:
     deviation: float | None
 
 
-def gains(plain: Calibration, loaded: Calibration, mass: float) -> dict[str, Gain]:
+def gains(plain: Calibration, loaded: Calibration, known_mass: float) -> dict[str, Gain]:
     """The gains of a device for forces and lengths, from a key measured without and with a known
     mass [kg].
 
-    `mass` is the true mass over the measured one, `position` the device's reading per metre and
-    `force` the motor's force per requested newton. The last two are missing if the mass does not
-    sink the key. M [kg], K [N/m] and Z [N·s/m] are the true values of the key. Deviations are to
-    first order in those of the files and their covariances. Raises MeasurementError.
+    `mass` is the true mass over the measured one, `position` the device's reading per metre
+    and `force` the motor's force per requested newton. The last two are missing if the mass does
+    not sink the key. M [kg], K [N/m] and Z [N·s/m] are the true values of the key. Deviations are
+    to first order in those of the files and their covariances. Raises MeasurementError.
     """
     heavier = loaded.figures["M"] - plain.figures["M"]
     if heavier <= 0:
         raise MeasurementError("the key with the mass was found no heavier than without it")
-    gain = mass / heavier
+    force_gain = known_mass / heavier
     # Derivatives of the logarithms with respect to figures of the first file, and of the second.
     grows = {"M": 1.0 / heavier}, {"M": -1.0 / heavier}
-    by_name = {"mass": _gain(gain, plain, loaded, *grows)}
+    by_name = {"mass": _gain(force_gain, plain, loaded, *grows)}
     for name in ("M", "K", "Z"):
         plain_value = plain.figures[name]
         first_gains = dict(grows[0])
         first_gains[name] = first_gains.get(name, 0.0) + (1.0 / plain_value if plain_value else 0.0)
-        by_name[name] = _gain(gain * plain_value, plain, loaded, first_gains, grows[1])
+        by_name[name] = _gain(force_gain * plain_value, plain, loaded, first_gains, grows[1])
     rests = (plain.figures.get("rest"), loaded.figures.get("rest"))
     if rests[0] is None or rests[1] is None:
         return by_name
@@ -198,16 +200,16 @@ def gains(plain: Calibration, loaded: Calibration, mass: float) -> dict[str, Gai
     # Dry friction holds a key anywhere near its rest, and the fit knows only the middle.
     if abs(sinks) <= max(wobble, 1e-9):
         return by_name
-    pushes = mass * _GRAVITY / (abs(sinks) * k)
+    pushes = known_mass * _GRAVITY / (abs(sinks) * k)
     fell = {"K": -1.0 / k, "rest": 1.0 / sinks}, {"rest": -1.0 / sinks}
     read = {name: -x for name, x in fell[0].items()} | grows[0], {"rest": 1.0 / sinks} | grows[1]
-    by_name["position"] = _gain(gain / pushes, plain, loaded, *read)
+    by_name["position"] = _gain(force_gain / pushes, plain, loaded, *read)
     by_name["force"] = _gain(pushes, plain, loaded, *fell)
     return by_name
 
 
 def _gain(
-    value: float,
+    figure_value: float,
     plain: Calibration,
     loaded: Calibration,
     first_gains: Mapping[str, float],
@@ -217,7 +219,7 @@ def _gain(
     variance = 0.0
     for calibration, slopes in ((plain, first_gains), (loaded, second)):
         if not all(name in calibration.deviations for name in slopes):
-            return Gain(value, None)
+            return Gain(figure_value, None)
         slope_values = np.array(list(slopes.values()))
         variance += float(slope_values @ calibration.covariance(list(slopes)) @ slope_values)
-    return Gain(value, abs(value) * float(np.sqrt(variance)))
+    return Gain(figure_value, abs(figure_value) * float(np.sqrt(variance)))

@@ -48,13 +48,16 @@ def jolts(n: int, rate: float, chance: np.random.Generator, length: float = 1.0)
 
     `length` multiplies their duration.
     """
-    force, start = np.zeros(n), 0
+    jolt_forces, start = np.zeros(n), 0
     while start < n:
         half = int(length * chance.uniform(0.006, 0.016) * rate)
         direction = chance.choice([-1.0, 1.0])
-        force[start : start + half], force[start + half : start + 2 * half] = direction, -direction
+        jolt_forces[start : start + half], jolt_forces[start + half : start + 2 * half] = (
+            direction,
+            -direction,
+        )
         start += 2 * half
-    return force
+    return jolt_forces
 
 
 def mixed(n: int, rate: float, chance: np.random.Generator, quick: Floats, share: float) -> Floats:
@@ -69,24 +72,26 @@ def framed(force: Floats, rate: float) -> tuple[Floats, int]:
 
 
 def scaled_to_reach(
-    force: Floats, rate: float, row: Floats, reach: float, least: float = 0.05
+    push_forces: Floats, rate: float, parameter_row: Floats, reach: float, least: float = 0.05
 ) -> Floats:
     """The force, reduced until a key goes no farther than `reach` [m] from its rest.
 
     Quick forces move a key little, so the part of the force below 20 Hz is reduced first.
     """
-    spectrum = np.fft.rfft(force)
-    slow = np.fft.irfft(spectrum * (np.fft.rfftfreq(force.size, 1 / rate) < 20.0), force.size)
-    quick, share, all_of_it = force - slow, 1.0, 1.0
-    row = row.copy()
-    row[START] = row[INDEX["weight"]] = 0.0
+    spectrum = np.fft.rfft(push_forces)
+    slow = np.fft.irfft(
+        spectrum * (np.fft.rfftfreq(push_forces.size, 1 / rate) < 20.0), push_forces.size
+    )
+    quick, quick_share, all_of_it = push_forces - slow, 1.0, 1.0
+    parameter_row = parameter_row.copy()
+    parameter_row[START] = parameter_row[INDEX["weight"]] = 0.0
     while True:
-        weakened: Floats = all_of_it * (share * slow + quick)
-        path = _core.key_path(row, weakened, rate, columns=())[0]
+        weakened: Floats = all_of_it * (quick_share * slow + quick)
+        path = _core.key_path(parameter_row, weakened, rate, columns=())[0]
         if np.abs(path).max() <= reach or all_of_it < least:
             return weakened
-        if share > least:
-            share *= 0.85
+        if quick_share > least:
+            quick_share *= 0.85
         else:
             all_of_it *= 0.85
 
@@ -98,22 +103,22 @@ def knocks(row: Floats, rate: float, seconds: float, reach: float, force_max: fl
     They move a key without dry friction by `reach` [m], or as far as `force_max` [N] can.
     """
     n, chance = round(seconds * rate), np.random.default_rng(99)
-    x, start = np.zeros(n), 0
+    x, push_start = np.zeros(n), 0
 
-    def go(target: float, duration: float, rest_duration: float = 0.0) -> None:
-        nonlocal start
-        steps = min(int(duration * rate), n - 1 - start)
-        if steps <= 0:
+    def go(target_position: float, duration: float, rest_duration: float = 0.0) -> None:
+        nonlocal push_start
+        push_steps = min(int(duration * rate), n - 1 - push_start)
+        if push_steps <= 0:
             return
-        s = np.arange(1, steps + 1) / steps
-        position_before = x[start]
-        x[start : start + steps] = position_before + (target - position_before) * s**3 * (
-            10 - 15 * s + 6 * s * s
-        )
-        x[start + steps :] = target
-        start = min(start + steps + int(rest_duration * rate), n - 1)
+        s = np.arange(1, push_steps + 1) / push_steps
+        position_before = x[push_start]
+        x[push_start : push_start + push_steps] = position_before + (
+            target_position - position_before
+        ) * s**3 * (10 - 15 * s + 6 * s * s)
+        x[push_start + push_steps :] = target_position
+        push_start = min(push_start + push_steps + int(rest_duration * rate), n - 1)
 
-    while start < n - 1:
+    while push_start < n - 1:
         for _ in range(6):
             go(1.0, 0.09)
             go(0.0, 0.12, 0.15)

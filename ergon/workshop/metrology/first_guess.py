@@ -25,35 +25,37 @@ _DELAYS = np.arange(0.0, 8.5, 0.5)  # ticks
 def _derivatives(signal: Floats, rate: float, cut: float) -> tuple[Floats, Floats, Floats]:
     """A signal through a zero-phase low-pass, and its first and second derivative, each (n,)."""
     n = signal.size
-    line = np.linspace(signal[0], signal[-1], n)  # so that its end meets its beginning
-    spectrum = np.fft.rfft(signal - line)
+    end_line = np.linspace(signal[0], signal[-1], n)  # so that its end meets its beginning
+    spectrum = np.fft.rfft(signal - end_line)
     frequency = np.fft.rfftfreq(n, 1 / rate)
     spectrum /= 1 + (frequency / cut) ** 8
     s = 2j * np.pi * frequency
-    slope = (line[-1] - line[0]) / (n - 1) * rate
+    slope = (end_line[-1] - end_line[0]) / (n - 1) * rate
     return (
-        np.fft.irfft(spectrum, n) + line,
+        np.fft.irfft(spectrum, n) + end_line,
         np.fft.irfft(s * spectrum, n) + slope,
         np.fft.irfft(s * s * spectrum, n),
     )
 
 
-def _equations(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floats, Floats]:
+def _equations(
+    gestures: Sequence[Gesture], delay: float, cutoff_hertz: float
+) -> tuple[Floats, Floats]:
     """The regressors of mass, damping, stiffness, weight and dry friction, (n, 5); forces (n,)."""
-    rows, right = [], []
+    equation_rows, equation_forces = [], []
     for gesture in gestures:
-        x, v, a = _derivatives(gesture.position, gesture.rate, cut)
+        x, v, a = _derivatives(gesture.position, gesture.rate, cutoff_hertz)
         # A force is held for one tick, so its middle is half a tick after the position of that
         # tick.
         samples = np.arange(x.size)
         force = np.interp(samples - delay - 0.5, samples, gesture.force)
-        force = _derivatives(force, gesture.rate, cut)[0]
+        force = _derivatives(force, gesture.rate, cutoff_hertz)[0]
         edge = int(_EDGE * gesture.rate)
         inside = slice(edge, -edge if x.size > 4 * edge else None)
-        rows.append(np.stack([a, v, x, np.ones_like(x), np.tanh(v / _MOVES)], 1)[inside])
-        right.append(force[inside])
-    matrix: Floats = np.concatenate(rows)
-    force_of_rows: Floats = np.concatenate(right)
+        equation_rows.append(np.stack([a, v, x, np.ones_like(x), np.tanh(v / _MOVES)], 1)[inside])
+        equation_forces.append(force[inside])
+    matrix: Floats = np.concatenate(equation_rows)
+    force_of_rows: Floats = np.concatenate(equation_forces)
     return matrix, force_of_rows
 
 
@@ -82,13 +84,17 @@ def signed_mass(gesture: Gesture) -> tuple[float, float]:
     The certainty is the mass over its standard deviation.
     """
     delay = min(_DELAYS, key=lambda ticks: _solved([gesture], float(ticks), _WIDER)[1])
-    matrix, force = _equations([gesture], float(delay), _CUT)
-    size = np.sqrt(np.mean(matrix**2, axis=0))
-    size[size == 0] = 1.0
-    unit = matrix / size
+    matrix, equation_forces = _equations([gesture], float(delay), _CUT)
+    column_norms = np.sqrt(np.mean(matrix**2, axis=0))
+    column_norms[column_norms == 0] = 1.0
+    unit = matrix / column_norms
     square = unit.T @ unit + 1e-9 * len(unit) * np.eye(5)
-    solution = np.linalg.solve(square, unit.T @ force)
-    residual = force - unit @ solution
-    independent = max(len(force) * 2 * _CUT / gesture.rate - 5, 1.0)
-    variance = np.linalg.inv(square)[0, 0] * len(force) * np.mean(residual**2) / independent
-    return float(solution[0] / size[0]), float(abs(solution[0]) / np.sqrt(max(variance, 1e-300)))
+    solution = np.linalg.solve(square, unit.T @ equation_forces)
+    residual = equation_forces - unit @ solution
+    independent = max(len(equation_forces) * 2 * _CUT / gesture.rate - 5, 1.0)
+    variance = (
+        np.linalg.inv(square)[0, 0] * len(equation_forces) * np.mean(residual**2) / independent
+    )
+    return float(solution[0] / column_norms[0]), float(
+        abs(solution[0]) / np.sqrt(max(variance, 1e-300))
+    )

@@ -119,22 +119,24 @@ class Gesture:
         )
 
 
-def gesture_from_arrays(force: Floats, position: Floats, rate: float) -> Gesture:
+def gesture_from_arrays(push_forces: Floats, key_positions: Floats, rate: float) -> Gesture:
     """A gesture from forces (n,) [N] and positions (n,) [m]. Raises MeasurementError."""
-    force, position = (np.ascontiguousarray(x, float) for x in (force, position))
-    if force.shape != position.shape or force.ndim != 1:
+    push_forces, key_positions = (
+        np.ascontiguousarray(x, float) for x in (push_forces, key_positions)
+    )
+    if push_forces.shape != key_positions.shape or push_forces.ndim != 1:
         raise MeasurementError("forces and positions must be arrays of the same length")
-    if force.size < TICKS_MIN:
+    if push_forces.size < TICKS_MIN:
         raise MeasurementError(f"a take must have at least {TICKS_MIN} ticks to measure a key by")
-    if not (np.isfinite(force).all() and np.isfinite(position).all()):
+    if not (np.isfinite(push_forces).all() and np.isfinite(key_positions).all()):
         raise MeasurementError("forces and positions must be finite numbers")
-    return Gesture(force, position, np.ones(force.size, bool), rate)
+    return Gesture(push_forces, key_positions, np.ones(push_forces.size, bool), rate)
 
 
 def gesture_from_rows(
     ticks: NDArray[np.integer],
     sent: Floats,
-    position: Floats,
+    key_positions: Floats,
     fresh: NDArray[np.bool_],
     clock: NDArray[np.uint32],
     rate: float,
@@ -160,17 +162,19 @@ def gesture_from_rows(
     tick_numbers = np.maximum.accumulate(np.round(exact).astype(np.int64))
     n = int(tick_numbers[-1]) + 1
     which = np.searchsorted(tick_numbers, np.arange(1, n + 1), side="right") - 1
-    force, positions = sent[which], np.zeros(n)
-    positions[tick_numbers], counts = position, np.zeros(n, bool)
+    force, even_positions = sent[which], np.zeros(n)
+    even_positions[tick_numbers], counts = key_positions, np.zeros(n, bool)
     counts[tick_numbers] = fresh
     last_read_tick = np.maximum.accumulate(
         np.where(np.isin(np.arange(n), tick_numbers), np.arange(n), 0)
     )
-    retimed = replace(gesture_from_arrays(force, positions[last_read_tick], rate), counts=counts)
+    retimed = replace(
+        gesture_from_arrays(force, even_positions[last_read_tick], rate), counts=counts
+    )
     tick_offsets = (exact - tick_numbers)[fresh]
     if np.sqrt(np.mean(tick_offsets**2)) >= _JITTER:
         tick_numbers = np.maximum.accumulate(exact)
-        retimed = _retimed(retimed, tick_numbers, sent, np.asarray(position), fresh)
+        retimed = _retimed(retimed, tick_numbers, sent, np.asarray(key_positions), fresh)
     least, latest = sent.copy(), sent.copy()
     if is_told is not None and is_told.any():
         least[~is_told], latest[~is_told] = sent[is_told].min(), sent[is_told].max()
@@ -184,17 +188,19 @@ def _retimed(
     """The gesture resampled from replies at instants `reply_ticks` (k,) [ticks] between its "
     "ticks."""
     n = gesture.force.size
-    edges = np.arange(n + 1.0)
+    tick_edges = np.arange(n + 1.0)
     replies, x = reply_ticks[fresh], position[fresh]
     # Two replies at the same instant give no speed.
     apart = np.concatenate([[True], np.diff(replies) > 0])
     replies, x = replies[apart], x[apart]
     speed = np.gradient(x, replies)
-    nearest = np.round(np.interp(edges[:-1], replies, np.arange(replies.size))).astype(np.int64)
-    reply_offsets = edges[:-1] - replies[nearest]
+    nearest = np.round(np.interp(tick_edges[:-1], replies, np.arange(replies.size))).astype(
+        np.int64
+    )
+    reply_offsets = tick_edges[:-1] - replies[nearest]
     return replace(
         gesture,
-        force=_means(reply_ticks - 1.0, sent, edges),
+        force=_means(reply_ticks - 1.0, sent, tick_edges),
         position=x[nearest] + speed[nearest] * reply_offsets,
         counts=gesture.counts & (np.abs(reply_offsets) < _NEAR),
         read=x,
@@ -257,7 +263,7 @@ def _instants(
 
 
 def gesture_from_recording(
-    recording: Recording, axis: int, *, loses_requests: bool = True, force_step: float = 0.0
+    recording: Recording, device_axis: int, *, loses_requests: bool = True, force_step: float = 0.0
 ) -> Gesture:
     """The gesture of one axis of a recording; a position repeated from the tick before does not
     count.
@@ -267,7 +273,7 @@ def gesture_from_recording(
     is the step to which the motor rounds the forces of the wire; 0: it does not round. Raises
     MeasurementError if the recording is too short, lacks many ticks or holds no force.
     """
-    sent = recording.sent()[:, axis].astype(float)
+    sent = recording.sent()[:, device_axis].astype(float)
     strongest = float(np.abs(sent).max(initial=0.0))
     if force_step > 0.0:
         sent = np.round(sent / force_step) * force_step
@@ -282,7 +288,7 @@ def gesture_from_recording(
             "use a take of `ergon metrology DEVICE`"
         )
     ticks = recording.ticks()
-    fresh = recording.flags()[:, axis] & _FRESH != 0
+    fresh = recording.flags()[:, device_axis] & _FRESH != 0
     # A tick without a row is also a tick without a reply.
     all_ticks = np.arange(ticks[0], ticks[-1] + 1)
     if all_ticks.size - ticks.size > LATE * all_ticks.size:
@@ -291,15 +297,15 @@ def gesture_from_recording(
             "many to "
             "find the forces that nobody knows"
         )
-    row = np.searchsorted(ticks, all_ticks, side="right") - 1
-    has_row = ticks[row] == all_ticks
-    replied = (fresh if fresh.any() else np.ones_like(fresh))[row] & has_row
+    reply_rows = np.searchsorted(ticks, all_ticks, side="right") - 1
+    has_row = ticks[reply_rows] == all_ticks
+    replied = (fresh if fresh.any() else np.ones_like(fresh))[reply_rows] & has_row
     return gesture_from_rows(
         all_ticks,
-        sent[row],
-        recording.positions()[row, axis],
+        sent[reply_rows],
+        recording.positions()[reply_rows, device_axis],
         replied,
-        np.where(has_row, recording.clocks()[row, axis], 0).astype(np.uint32),
+        np.where(has_row, recording.clocks()[reply_rows, device_axis], 0).astype(np.uint32),
         recording.rate / recording.frames,
         replied if loses_requests else has_row,
         has_row,
@@ -323,12 +329,12 @@ def sensor_noise(gestures: Sequence[Gesture]) -> float | None:
 def sensor_step(gestures: Sequence[Gesture]) -> float | None:
     """Step [m] of the sensor: the grid on which positions lie; None if there is no grid."""
     reads = [g.position[g.counts] if g.read is None else g.read for g in gestures]
-    places = np.unique(np.concatenate(reads))
-    apart = np.diff(places)
-    apart = apart[apart > 1e-6 * np.ptp(places)]  # else the same, but for rounding
+    read_places = np.unique(np.concatenate(reads))
+    apart = np.diff(read_places)
+    apart = apart[apart > 1e-6 * np.ptp(read_places)]  # else the same, but for rounding
     if not apart.size:
         return None
-    count = np.round((places - places[0]) / apart.min())
-    if np.abs((places - places[0]) / apart.min() - count).max() > _OFF_GRID:
+    count = np.round((read_places - read_places[0]) / apart.min())
+    if np.abs((read_places - read_places[0]) / apart.min() - count).max() > _OFF_GRID:
         return None
-    return float((places - places[0]) @ count / (count @ count))
+    return float((read_places - read_places[0]) @ count / (count @ count))

@@ -83,13 +83,13 @@ class Judge:
         fit = output_error.fit(
             trial.recovered(self.gestures), trial.row, columns, trial.starts, further_iterations
         )
-        replay = self._replay(fit)
+        model_replay = self._replay(fit)
         is_worth = stage_before is None or (
             fit.bic < stage_before.fit.bic - _WORTH
             and knows(fit, set(columns) - set(stage_before.fit.columns))
         )
-        is_accepted = is_worth and (stage_before is None or replay < stage_before.replay)
-        return Stage(name, fit, replay, is_accepted, score, is_worth=is_worth)
+        is_accepted = is_worth and (stage_before is None or model_replay < stage_before.replay)
+        return Stage(name, fit, model_replay, is_accepted, score, is_worth=is_worth)
 
     def _replay(self, fit: Fit) -> float:
         """Rms of the difference from the held-out positions [m]."""
@@ -113,9 +113,9 @@ class Judge:
 
     def best_of(
         self,
-        name: str,
+        stage_name: str,
         rows: list[Floats],
-        columns: tuple[int, ...],
+        fitted_columns: tuple[int, ...],
         stage_before: Stage,
         score: float | None = None,
     ) -> Stage:
@@ -126,14 +126,16 @@ class Judge:
         """
         first_gesture, starts = self.recovered(stage_before)[:1], stage_before.fit.starts[:1]
         fits = [
-            output_error.fit(first_gesture, row, columns, starts, _ROUGH_ITERATIONS, is_rough=True)
+            output_error.fit(
+                first_gesture, row, fitted_columns, starts, _ROUGH_ITERATIONS, is_rough=True
+            )
             for row in rows
         ]
         rough = min(fits, key=lambda fit: fit.rms)
         residual = output_error.errors(stage_before.fit.row, first_gesture[0], starts[0])
         if rough.rms**2 < np.mean(residual**2):
-            return self.stage(name, rough.row, columns, stage_before, score)
-        stage = self.stage(name, rough.row, columns, stage_before, score, iterations=0)
+            return self.stage(stage_name, rough.row, fitted_columns, stage_before, score)
+        stage = self.stage(stage_name, rough.row, fitted_columns, stage_before, score, iterations=0)
         return replace(stage, is_accepted=False, is_worth=False)
 
 

@@ -173,7 +173,7 @@ DOUBTS = (
 
 
 def push(
-    axis: Axis,
+    device_axis: Axis,
     force: Floats,
     guide: Guide,
     still: int = 0,
@@ -187,17 +187,17 @@ def push(
     disagreed.
     """
     excited = _core.excite(
-        axis.device,
-        axis.number,
+        device_axis.device,
+        device_axis.number,
         np.ascontiguousarray(force, float),
         RATE,
         FRAMES,
         guide.for_core(),
-        sign=axis.sign,
+        sign=device_axis.sign,
         still=still,
-        force_step=axis.force_step,
-        tells_touch=axis.tells_touch,
-        is_gated=axis.is_gated,
+        force_step=device_axis.force_step,
+        tells_touch=device_axis.tells_touch,
+        is_gated=device_axis.is_gated,
         record=record,
     )
     if excited.end != "done" and not (forgiven and excited.end in DOUBTS):
@@ -207,15 +207,15 @@ def push(
     return excited
 
 
-def settle(axis: Axis, guide: Guide) -> None:
+def settle(device_axis: Axis, guide: Guide) -> None:
     """Let the guide bring the key to rest. Raises TakeEnded."""
     n = round(0.3 * TICK_RATE)
-    moves = max(4 * axis.device.resolution, 1e-2 * guide.half)
+    moves = max(4 * device_axis.device.resolution, 1e-2 * guide.half)
     for _ in range(round(_RESTS / 0.3)):
-        read = push(axis, np.zeros(n), guide, forgiven=True).positions()
+        read = push(device_axis, np.zeros(n), guide, forgiven=True).positions()
         if read.size == n and np.ptp(read[n // 2 :]) <= moves:
             break
-    push(axis, np.zeros(n // 3), guide, n, forgiven=True)
+    push(device_axis, np.zeros(n // 3), guide, n, forgiven=True)
 
 
 def gesture(excited: Excited) -> Gesture:
@@ -231,46 +231,51 @@ def gesture(excited: Excited) -> Gesture:
     )
 
 
-def climb(axis: Axis, seed: int = 0, tell: Callable[[Rung], object] = lambda rung: None) -> Ladder:
+def climb(
+    device_axis: Axis, seed: int = 0, tell: Callable[[Rung], object] = lambda rung: None
+) -> Ladder:
     """Find the motor's direction and the greatest force that keeps a key away from its ends.
 
     Raises TakeEnded, or MeasurementError if the key does not move or has no room.
     """
     chance = np.random.default_rng(seed)
-    hand_place = _Place(axis, chance)
-    sign, mass = hand_place.pushed()
-    axis, greatest = replace(axis, sign=axis.sign * sign), axis.request_max
-    guide = hand_place.guide(mass)
-    settle(axis, guide)
-    force, gestures = _FIRST * greatest, []
+    hand_place = _Place(device_axis, chance)
+    sign, moving_mass = hand_place.pushed()
+    device_axis, greatest = (
+        replace(device_axis, sign=device_axis.sign * sign),
+        device_axis.request_max,
+    )
+    guide = hand_place.guide(moving_mass)
+    settle(device_axis, guide)
+    push_force, gestures = _FIRST * greatest, []
     rungs: list[Rung] = []
     while len(rungs) < _RUNGS_MAX:
         n = round(RUNG * TICK_RATE)
         stream = excitation.mixed(n, TICK_RATE, chance, excitation.rain(n, chance), _RAIN)
-        framed, still = excitation.framed(force * stream, TICK_RATE)
-        excited = push(axis, framed, guide, still, forgiven=True)
-        settle(axis, guide)
+        framed, still = excitation.framed(push_force * stream, TICK_RATE)
+        excited = push(device_axis, framed, guide, still, forgiven=True)
+        settle(device_axis, guide)
         excursion = float(np.abs(excited.positions() - guide.centre).max())
         braked = excited.end != "done" or bool(excited.braked().any())
-        rungs.append(Rung(force, excursion, braked))
+        rungs.append(Rung(push_force, excursion, braked))
         tell(rungs[-1])
         if excited.end == "done":
             gestures.append(gesture(excited))
-        share = excursion / guide.half
+        excursion_share = excursion / guide.half
         if not braked:
-            mass = hand_place.better(mass, gestures[-1])
-            guide = hand_place.guide(mass)
-            if share >= _ENOUGH or force >= _LAST * greatest:
+            moving_mass = hand_place.better(moving_mass, gestures[-1])
+            guide = hand_place.guide(moving_mass)
+            if excursion_share >= _ENOUGH or push_force >= _LAST * greatest:
                 break
         elif sum(rung.braked for rung in rungs) >= _BRAKED:
             break
-        factor = 0.7 if braked else min(2.0, _TARGET / max(share, 1e-6))
-        force = min(_LAST * greatest, force * factor)
+        factor = 0.7 if braked else min(2.0, _TARGET / max(excursion_share, 1e-6))
+        push_force = min(_LAST * greatest, push_force * factor)
     if not gestures:
         raise TakeEnded(excited.end)
     rough = _rough(gestures[-2:])
     needs_guide = bool(rough[INDEX["stiffness"]] <= _SPRING * rough[0])
-    return Ladder(axis, guide, needs_guide, rough, rungs)
+    return Ladder(device_axis, guide, needs_guide, rough, rungs)
 
 
 def _rough(gestures: list[Gesture]) -> Floats:
@@ -286,21 +291,24 @@ def _rough(gestures: list[Gesture]) -> Floats:
 class _Place:
     """The position where a key rests, its sensor's noise, and its response to a push."""
 
-    def __init__(self, axis: Axis, chance: np.random.Generator) -> None:
-        self.axis, self.chance = axis, chance
-        low, high = axis.device.range
-        free = Guide(0.5 * (low + high), high - low, (0.0, 0.0), (0.0, 0.0), 1.0)
-        read = push(axis, np.zeros(round(0.2 * TICK_RATE)), free).positions()
-        self.centre = float(np.median(read))
-        self.half = min(self.centre - low, high - self.centre)
-        if self.half < _NEAR * 0.5 * (high - low):
+    def __init__(self, device_axis: Axis, chance: np.random.Generator) -> None:
+        self.axis, self.chance = device_axis, chance
+        low_end, high_end = device_axis.device.range
+        free = Guide(0.5 * (low_end + high_end), high_end - low_end, (0.0, 0.0), (0.0, 0.0), 1.0)
+        read_positions = push(device_axis, np.zeros(round(0.2 * TICK_RATE)), free).positions()
+        self.centre = float(np.median(read_positions))
+        self.half = min(self.centre - low_end, high_end - self.centre)
+        if self.half < _NEAR * 0.5 * (high_end - low_end):
             raise MeasurementError(
                 f"the key rests at {self.centre * 1e3:.3g} mm, {max(self.half, 0.0) * 1e3:.2g} mm "
-                f"from an end of its travel ({low * 1e3:.3g} to {high * 1e3:.3g} mm), and has no "
+                f"from an end of its travel ({low_end * 1e3:.3g} to {high_end * 1e3:.3g} mm), and "
+                "has no "
                 "room to be pushed; put it near the middle"
             )
-        trembles = float(np.std(np.diff(read))) / np.sqrt(2)
-        self.shows = max(8 * trembles, 3 * axis.device.resolution, 2e-4 * (high - low))
+        trembles = float(np.std(np.diff(read_positions))) / np.sqrt(2)
+        self.shows = max(
+            8 * trembles, 3 * device_axis.device.resolution, 2e-4 * (high_end - low_end)
+        )
         self.free = Guide(self.centre, self.half, (0.0, 0.0), (0.0, 0.0), 1.0)
 
     def pushed(self) -> tuple[int, float]:
@@ -308,10 +316,14 @@ class _Place:
 
         Raises MeasurementError if the key does not move.
         """
-        greatest, force, length = self.axis.request_max, _FIRST_JOLT * self.axis.request_max, 1.0
-        while length < _LONGEST:
+        greatest, jolt_force, jolt_length = (
+            self.axis.request_max,
+            _FIRST_JOLT * self.axis.request_max,
+            1.0,
+        )
+        while jolt_length < _LONGEST:
             n = round(_JOLTS * TICK_RATE)
-            stream = force * excitation.jolts(n, TICK_RATE, self.chance, length)
+            stream = jolt_force * excitation.jolts(n, TICK_RATE, self.chance, jolt_length)
             framed, still = excitation.framed(stream, TICK_RATE)
             excited = push(self.axis, framed, self.free, still)
             took = gesture(excited)
@@ -321,12 +333,12 @@ class _Place:
                 return (1 if mass > 0 else -1), abs(mass)
             if went > _JOLTED * self.half:
                 break
-            if force < _JOLT_MAX * greatest:
-                force = min(1.5 * force, _JOLT_MAX * greatest)
+            if jolt_force < _JOLT_MAX * greatest:
+                jolt_force = min(1.5 * jolt_force, _JOLT_MAX * greatest)
             else:
-                length *= 1.5
+                jolt_length *= 1.5
         raise MeasurementError(
-            f"the motion of the key could not be measured under {force:.2g} "
+            f"the motion of the key could not be measured under {jolt_force:.2g} "
             "N: check the power of its "
             "motor, and let go of the key"
         )

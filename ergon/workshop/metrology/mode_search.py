@@ -37,19 +37,19 @@ class Peak:
     score: float
 
 
-def _background(power: NDArray[np.floating], frequency: NDArray[np.floating]) -> Floats:
+def _background(power_values: NDArray[np.floating], frequency: NDArray[np.floating]) -> Floats:
     """Median of a periodogram over half an octave, which a narrow peak does not lift, (n,)."""
-    n = power.size
+    n = power_values.size
     lines_tested = np.unique(
         np.concatenate([np.arange(min(n, 64)), np.geomspace(64, n - 1, 300).astype(int)])
     )
-    low = np.searchsorted(frequency, frequency[lines_tested] * 2**-0.25)
+    low_lines = np.searchsorted(frequency, frequency[lines_tested] * 2**-0.25)
     high = np.searchsorted(frequency, frequency[lines_tested] * 2**0.25) + 1
-    low, high = (
-        np.minimum(low, np.maximum(lines_tested - 8, 0)),
+    low_lines, high = (
+        np.minimum(low_lines, np.maximum(lines_tested - 8, 0)),
         np.maximum(high, np.minimum(lines_tested + 9, n)),
     )
-    median = [np.median(power[i:j]) for i, j in zip(low, high, strict=True)]
+    median = [np.median(power_values[i:j]) for i, j in zip(low_lines, high, strict=True)]
     floor = np.maximum(np.array(median) / np.log(2), np.finfo(float).tiny)
     smooth: Floats = np.exp(np.interp(np.arange(n), lines_tested, np.log(floor)))
     return smooth
@@ -64,28 +64,35 @@ def _taper(n: int) -> Floats:
 
 def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
     """The mode that explains most of the residual of a fit, to first order in its mass."""
-    row, rate = fit.row, gestures[0].rate
+    parameter_row, rate = fit.row, gestures[0].rate
     pitches = np.geomspace(_LOW, _HIGH * rate, _PITCHES)
     omega = 2 * np.pi * pitches[:, None]
     along, square = np.zeros((_PITCHES, _RATIOS.size)), np.zeros((_PITCHES, _RATIOS.size))
     for gesture, start in zip(gestures, fit.starts, strict=True):
         error = np.zeros(gesture.force.size)
-        error[gesture.counts] = errors(row, gesture, start)
+        error[gesture.counts] = errors(parameter_row, gesture, start)
         taper = _taper(error.size)
         frequency = np.fft.rfftfreq(error.size, 1 / rate)
         band = (frequency > _LOW) & (frequency < _HIGH * rate)
         s = 2j * np.pi * frequency[band]
         residual_spectrum = np.fft.rfft(error * taper)
-        force = np.fft.rfft(gesture.force * taper)[band]
+        force_spectrum = np.fft.rfft(gesture.force * taper)[band]
         # The force is held for a tick, and delayed.
-        force = (
-            force
+        force_spectrum = (
+            force_spectrum
             * np.sinc(frequency[band] / rate)
-            * np.exp(-s * (row[INDEX["delay"]] + 0.5 / rate))
+            * np.exp(-s * (parameter_row[INDEX["delay"]] + 0.5 / rate))
         )
-        answer = 1 / (total_mass(row) * s * s + row[INDEX["damping"]] * s + row[INDEX["stiffness"]])
+        answer = 1 / (
+            total_mass(parameter_row) * s * s
+            + parameter_row[INDEX["damping"]] * s
+            + parameter_row[INDEX["stiffness"]]
+        )
         white = 1 / np.sqrt(_background(np.abs(residual_spectrum) ** 2, frequency)[band])
-        base, residual_spectrum = force * answer**2 * s**4 * white, residual_spectrum[band] * white
+        base, residual_spectrum = (
+            force_spectrum * answer**2 * s**4 * white,
+            residual_spectrum[band] * white,
+        )
         for column, ratio in enumerate(_RATIOS):
             for part in np.array_split(np.arange(_PITCHES), 12):
                 w = omega[part]
@@ -94,5 +101,5 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
                 square[part, column] += np.einsum("ij,ij->i", template, template.conj()).real
     score = np.where(along > 0, 2 * along**2 / square, 0.0)
     i, j = divmod(int(np.argmax(score)), _RATIOS.size)
-    mass = float(np.clip(along[i, j] / square[i, j], 1e-4, _SHARE_MAX * row[0]))
+    mass = float(np.clip(along[i, j] / square[i, j], 1e-4, _SHARE_MAX * parameter_row[0]))
     return Peak(mass, float(pitches[i]), float(_RATIOS[j]), float(score[i, j]))

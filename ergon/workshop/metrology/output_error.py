@@ -95,80 +95,86 @@ def _off(gesture: Gesture) -> Floats:
     return (gesture.force[unknown.ticks] - unknown.middle) / unknown.spread
 
 
-def _force_derivatives(row: Floats, gesture: Gesture, start: float) -> Floats:
+def _force_derivatives(parameter_row: Floats, gesture: Gesture, start: float) -> Floats:
     """Derivatives of the positions that count with respect to the unknown forces, (n, q)."""
     ticks = gesture.unknown.ticks
     if not ticks.size:
         return np.zeros((int(gesture.counts.sum()), 0))
-    row = row.copy()
-    row[START] = start
-    derivatives = _core.key_force_derivatives(row, gesture.force, gesture.rate, ticks.tolist())
+    parameter_row = parameter_row.copy()
+    parameter_row[START] = start
+    derivatives = _core.key_force_derivatives(
+        parameter_row, gesture.force, gesture.rate, ticks.tolist()
+    )
     return derivatives[gesture.counts]
 
 
-def recovered(row: Floats, gesture: Gesture, start: float) -> Gesture:
+def recovered(parameter_row: Floats, gesture: Gesture, start_position: float) -> Gesture:
     """The gesture with the unknown forces for which the model comes nearest to the positions
     read.
     """
     ticks, spread = gesture.unknown.ticks, gesture.unknown.spread
     if not ticks.size:
         return gesture
-    n, share = int(gesture.counts.sum()), 1.0
-    error_squares, force_squares = _squares(row, [gesture], np.array([start]))
+    n, step_share = int(gesture.counts.sum()), 1.0
+    error_squares, force_squares = _squares(parameter_row, [gesture], np.array([start_position]))
     for _ in range(_RECOVERIES):
-        by_force = _force_derivatives(row, gesture, start) * spread
+        by_force = _force_derivatives(parameter_row, gesture, start_position) * spread
         variance = error_squares / n
         square = by_force.T @ by_force + variance * np.eye(ticks.size)
-        slope = by_force.T @ errors(row, gesture, start) - variance * _off(gesture)
+        slope = by_force.T @ errors(parameter_row, gesture, start_position) - variance * _off(
+            gesture
+        )
         step = spread * np.linalg.solve(square, slope)
-        while share > _LEAST_SHARE:
-            nearer = gesture.with_forces(gesture.force[ticks] + share * step)
-            new_error_squares, new_force_squares = _squares(row, [nearer], np.array([start]))
+        while step_share > _LEAST_SHARE:
+            nearer = gesture.with_forces(gesture.force[ticks] + step_share * step)
+            new_error_squares, new_force_squares = _squares(
+                parameter_row, [nearer], np.array([start_position])
+            )
             fall = 1.0 - (new_error_squares + variance * new_force_squares) / (
                 error_squares + variance * force_squares
             )
             if fall > 0:
                 break
-            share *= 0.5
+            step_share *= 0.5
         else:
             break
         gesture, error_squares, force_squares = nearer, new_error_squares, new_force_squares
-        share = min(2 * share, 1.0)
+        step_share = min(2 * step_share, 1.0)
         if fall < _SETTLED:
             break
     return gesture
 
 
-def _columns(p: int, starts: Floats, gestures: Sequence[Gesture]) -> list[NDArray[np.int64]]:
+def _columns(n_fitted: int, starts: Floats, gestures: Sequence[Gesture]) -> list[NDArray[np.int64]]:
     """The variables of the fit on which each gesture depends.
 
     The fit has these variables: parameters, starts of all gestures, unknown forces.
     """
-    variables_by_gesture, first_force = [], p + len(starts)
+    variables_by_gesture, first_force = [], n_fitted + len(starts)
     for i, gesture in enumerate(gestures):
         forces = np.arange(first_force, first_force + gesture.unknown.ticks.size)
         first_force += forces.size
-        variables_by_gesture.append(np.concatenate([np.arange(p), [p + i], forces]))
+        variables_by_gesture.append(np.concatenate([np.arange(n_fitted), [n_fitted + i], forces]))
     return variables_by_gesture
 
 
 def _linear(
-    row: Floats, columns: Sequence[int], gesture: Gesture, start: float, by_force: Floats
+    parameter_row: Floats, columns: Sequence[int], gesture: Gesture, start: float, by_force: Floats
 ) -> tuple[Floats, Floats]:
     """Derivatives of the positions that count by the scaled variables of a gesture (n, variables),
     and the errors (n,).
     """
-    fitted, row = [*columns, START], row.copy()
-    row[START] = start
-    x, jacobian = _core.key_path(row, gesture.force, gesture.rate, columns=fitted)
+    fitted, parameter_row = [*columns, START], parameter_row.copy()
+    parameter_row[START] = start
+    x, jacobian = _core.key_path(parameter_row, gesture.force, gesture.rate, columns=fitted)
     counts = gesture.counts
-    scaled = jacobian[counts] * scale(row, fitted)
+    scaled = jacobian[counts] * scale(parameter_row, fitted)
     return np.concatenate([scaled, by_force], 1), (gesture.position - x)[counts]
 
 
 def _normal(
     row: Floats,
-    columns: Sequence[int],
+    fitted_columns: Sequence[int],
     gestures: Sequence[Gesture],
     starts: Floats,
     by_force: Sequence[Floats],
@@ -178,14 +184,14 @@ def _normal(
 
     Each unknown force counts as a measurement of its middle, with its spread as uncertainty.
     """
-    variables_by_gesture = _columns(len(columns), starts, gestures)
+    variables_by_gesture = _columns(len(fitted_columns), starts, gestures)
     size = max(int(variables.max()) for variables in variables_by_gesture) + 1
     square, slope = np.zeros((size, size)), np.zeros(size)
     for i, (gesture, variables) in enumerate(zip(gestures, variables_by_gesture, strict=True)):
-        jacobian, error = _linear(row, columns, gesture, starts[i], by_force[i])
+        jacobian, error = _linear(row, fitted_columns, gesture, starts[i], by_force[i])
         square[np.ix_(variables, variables)] += jacobian.T @ jacobian
         slope[variables] += jacobian.T @ error
-        forces = variables[len(columns) + 1 :]
+        forces = variables[len(fitted_columns) + 1 :]
         square[forces, forces] += variance / gesture.unknown.spread**2
         slope[forces] -= variance * _off(gesture) / gesture.unknown.spread
     return square, slope
@@ -193,79 +199,87 @@ def _normal(
 
 def _forced(gestures: Sequence[Gesture], step: Floats) -> list[Gesture]:
     """The gestures after a step of their unknown forces, (q,)."""
-    pushed_gestures, offset = [], 0
+    pushed_gestures, force_offset = [], 0
     for gesture in gestures:
         ticks = gesture.unknown.ticks
         pushed_gestures.append(
-            gesture.with_forces(gesture.force[ticks] + step[offset : offset + ticks.size])
+            gesture.with_forces(
+                gesture.force[ticks] + step[force_offset : force_offset + ticks.size]
+            )
         )
-        offset += ticks.size
+        force_offset += ticks.size
     return pushed_gestures
 
 
 def _damped_step(
-    row: Floats, columns: Sequence[int], square: Floats, slope: Floats, damping: float
+    row: Floats, fitted_columns: Sequence[int], square: Floats, slope: Floats, damping: float
 ) -> Floats:
     """The step of all variables; a parameter at its bound stays there if the step leads beyond."""
-    size = np.sqrt(np.diag(square))
-    size[size == 0] = 1.0
-    lifted = square / np.outer(size, size) + damping * np.eye(len(slope))
-    p, free = len(columns), np.ones(len(slope), bool)
+    variable_sizes = np.sqrt(np.diag(square))
+    variable_sizes[variable_sizes == 0] = 1.0
+    lifted = square / np.outer(variable_sizes, variable_sizes) + damping * np.eye(len(slope))
+    n_fitted, free = len(fitted_columns), np.ones(len(slope), bool)
     while True:
         step = np.zeros(len(slope))
-        step[free] = np.linalg.solve(lifted[np.ix_(free, free)], (slope / size)[free]) / size[free]
-        beyond = free[:p] & leads_beyond(row, columns, step[:p])
+        step[free] = (
+            np.linalg.solve(lifted[np.ix_(free, free)], (slope / variable_sizes)[free])
+            / variable_sizes[free]
+        )
+        beyond = free[:n_fitted] & leads_beyond(row, fitted_columns, step[:n_fitted])
         if not beyond.any():
             return step
-        free[:p] &= ~beyond
+        free[:n_fitted] &= ~beyond
 
 
 def _covariance(
-    row: Floats,
-    columns: Sequence[int],
+    parameter_row: Floats,
+    fitted_columns: Sequence[int],
     gestures: Sequence[Gesture],
     starts: Floats,
     by_force: Sequence[Floats],
     error_squares: float,
 ) -> Floats:
     """Covariance of the parameters in SI units, (p, p), at a sum of squares of the errors."""
-    p, n = len(columns), sum(int(g.counts.sum()) for g in gestures)
-    variance = error_squares / max(n - p - len(starts), 1)
-    variables_by_gesture = _columns(p, starts, gestures)
+    n_fitted, n = len(fitted_columns), sum(int(g.counts.sum()) for g in gestures)
+    variance = error_squares / max(n - n_fitted - len(starts), 1)
+    variables_by_gesture = _columns(n_fitted, starts, gestures)
     size = max(int(indices.max()) for indices in variables_by_gesture) + 1
     square, scores = np.zeros((size, size)), np.zeros((coloured.N_WINDOWS, size, size))
-    for i, (gesture, indices) in enumerate(zip(gestures, variables_by_gesture, strict=True)):
-        jacobian, error = _linear(row, columns, gesture, starts[i], by_force[i])
-        square[np.ix_(indices, indices)] += jacobian.T @ jacobian
-        scores[:, indices[:, None], indices] += coloured.long_run(
+    for i, (gesture, variable_indices) in enumerate(
+        zip(gestures, variables_by_gesture, strict=True)
+    ):
+        jacobian, error = _linear(parameter_row, fitted_columns, gesture, starts[i], by_force[i])
+        square[np.ix_(variable_indices, variable_indices)] += jacobian.T @ jacobian
+        scores[:, variable_indices[:, None], variable_indices] += coloured.long_run(
             jacobian * error[:, None], gesture.rate, n
         )
-        forces, spread = indices[p + 1 :], gesture.unknown.spread
+        forces, spread = variable_indices[n_fitted + 1 :], gesture.unknown.spread
         square[forces, forces] += variance / spread**2
         scores[:, forces, forces] += variance**2 / spread**2
-    in_si = scale(row, columns)
-    return coloured.covariance(square, scores)[:p, :p] * np.outer(in_si, in_si)
+    in_si = scale(parameter_row, fitted_columns)
+    return coloured.covariance(square, scores)[:n_fitted, :n_fitted] * np.outer(in_si, in_si)
 
 
 def fit(
     gestures: Sequence[Gesture],
-    row: Floats,
-    columns: Sequence[int],
+    parameter_row: Floats,
+    fitted_columns: Sequence[int],
     starts: Sequence[float] | None = None,
     iterations: int = 30,
     *,
     is_rough: bool = False,
 ) -> Fit:
-    """Fit the parameters of these indices by the Levenberg-Marquardt method, starting at `row`.
+    """Fit the parameters of these indices by the Levenberg-Marquardt method, starting at
+    `parameter_row`.
 
-    Unknown forces are fitted with them. A rough fit has no covariance. Raises EngineError if `row`
-    is not a valid key.
+    Unknown forces are fitted with them. A rough fit has no covariance. Raises EngineError if
+    `parameter_row` is not a valid key.
     """
     start_positions = np.array([g.start for g in gestures] if starts is None else starts)
-    p, damping, least = len(columns), *_DAMPING
-    first_force = p + len(start_positions)
+    n_fitted, damping, least = len(fitted_columns), *_DAMPING
+    first_force = n_fitted + len(start_positions)
     n = sum(int(g.counts.sum()) for g in gestures)
-    error_squares, force_squares = _squares(row, gestures, start_positions)
+    error_squares, force_squares = _squares(parameter_row, gestures, start_positions)
     by_force: list[Floats] = []
     n_slow_steps = 0
     for iteration in range(iterations):
@@ -273,14 +287,16 @@ def fit(
         # The effect of a force changes little from step to step.
         if iteration % _EVERY == 0 or not by_force:
             gestures_and_starts = zip(gestures, start_positions, strict=True)
-            by_force = [_force_derivatives(row, g, x) for g, x in gestures_and_starts]
+            by_force = [_force_derivatives(parameter_row, g, x) for g, x in gestures_and_starts]
         variance = error_squares / n
-        square, slope = _normal(row, columns, gestures, start_positions, by_force, variance)
+        square, slope = _normal(
+            parameter_row, fitted_columns, gestures, start_positions, by_force, variance
+        )
         for _ in range(_TRIALS):
-            step = _damped_step(row, columns, square, slope, damping)
+            step = _damped_step(parameter_row, fitted_columns, square, slope, damping)
             stepped_row, stepped_starts = (
-                step_parameters(row, columns, step[:p]),
-                start_positions + step[p:first_force],
+                step_parameters(parameter_row, fitted_columns, step[:n_fitted]),
+                start_positions + step[n_fitted:first_force],
             )
             pushed = _forced(gestures, step[first_force:])
             new_error_squares, new_force_squares = _squares(stepped_row, pushed, stepped_starts)
@@ -292,7 +308,7 @@ def fit(
             damping *= 10
         else:
             break
-        row, start_positions, error_squares, force_squares, gestures = (
+        parameter_row, start_positions, error_squares, force_squares, gestures = (
             stepped_row,
             stepped_starts,
             new_error_squares,
@@ -308,15 +324,17 @@ def fit(
             by_force = []
         damping = max(damping, least)
     if is_rough:
-        covariance = np.full((p, p), np.nan)
+        covariance = np.full((n_fitted, n_fitted), np.nan)
     else:
         if not by_force:
             gestures_and_starts = zip(gestures, start_positions, strict=True)
-            by_force = [_force_derivatives(row, g, x) for g, x in gestures_and_starts]
-        covariance = _covariance(row, columns, gestures, start_positions, by_force, error_squares)
+            by_force = [_force_derivatives(parameter_row, g, x) for g, x in gestures_and_starts]
+        covariance = _covariance(
+            parameter_row, fitted_columns, gestures, start_positions, by_force, error_squares
+        )
     return Fit(
-        row,
-        tuple(columns),
+        parameter_row,
+        tuple(fitted_columns),
         tuple(map(float, start_positions)),
         covariance,
         float(np.sqrt(error_squares / n)),

@@ -74,22 +74,24 @@ def _is_mass(index: int) -> bool:
     return index == 0 or (index >= N_KEY and (index - N_KEY) % N_MODE == 0)
 
 
-def step_parameters(row: Floats, columns: Sequence[int], step: Floats) -> Floats:
+def step_parameters(parameter_row: Floats, columns: Sequence[int], step: Floats) -> Floats:
     """The row after a step of the fitted variables, (columns,), within the bounds of each
     parameter.
     """
-    stepped_row = row.copy()
-    for index, parameter_step in zip(columns, step, strict=True):
-        value_before = row[index]
-        if index in _PLAIN:
-            stepped_row[index] = np.clip(value_before + parameter_step, *_PLAIN[index])
-        elif _is_mass(index):
-            stepped_row[index] = np.clip(
+    stepped_row = parameter_row.copy()
+    for parameter_index, parameter_step in zip(columns, step, strict=True):
+        value_before = parameter_row[parameter_index]
+        if parameter_index in _PLAIN:
+            stepped_row[parameter_index] = np.clip(
+                value_before + parameter_step, *_PLAIN[parameter_index]
+            )
+        elif _is_mass(parameter_index):
+            stepped_row[parameter_index] = np.clip(
                 value_before + parameter_step, value_before / _FACTOR, value_before * _FACTOR
             )
         else:
-            upper = _STIFFEST.get(index, np.inf)
-            stepped_row[index] = min(
+            upper = _STIFFEST.get(parameter_index, np.inf)
+            stepped_row[parameter_index] = min(
                 value_before * np.exp(np.clip(parameter_step, -1.0, 1.0)), upper
             )
     return stepped_row

@@ -30,26 +30,34 @@ def picture(fitted_replay: Replay, title: str, first_replay: Replay | None = Non
     return panels(drawn, title=title)
 
 
-def rows(result: Replay) -> list[tuple[str, list[Curve]]]:
+def rows(motion_comparison: Replay) -> list[tuple[str, list[Curve]]]:
     """The panels of a replay: the label of each, and its curves."""
-    rate = result.gesture.rate
-    t = np.arange(result.gesture.force.size) / rate
-    measured_position = np.where(result.gesture.counts, result.gesture.position, np.nan)
+    rate = motion_comparison.gesture.rate
+    t = np.arange(motion_comparison.gesture.force.size) / rate
+    measured_position = np.where(
+        motion_comparison.gesture.counts, motion_comparison.gesture.position, np.nan
+    )
     return [
-        ("force [N]", [_curve("asked", t, result.gesture.force)]),
+        ("force [N]", [_curve("asked", t, motion_comparison.gesture.force)]),
         (
             "position [mm]",
-            [_curve("real", t, measured_position * 1e3), _curve("model", t, result.model * 1e3)],
+            [
+                _curve("real", t, measured_position * 1e3),
+                _curve("model", t, motion_comparison.model * 1e3),
+            ],
         ),
-        ("residual [um]", [_curve("residual", result.t, result.residual * 1e6)]),
+        (
+            "residual [um]",
+            [_curve("residual", motion_comparison.t, motion_comparison.residual * 1e6)],
+        ),
     ]
 
 
-def _curve(name: str, t: Floats, x: Floats) -> Curve:
+def _curve(curve_name: str, t: Floats, x: Floats) -> Curve:
     """A curve with its least and greatest value in each column of a picture."""
     step = max(1, len(t) // _COLUMNS)
     if step == 1:
-        return Curve(name, t.tolist(), x.tolist())
+        return Curve(curve_name, t.tolist(), x.tolist())
     n = len(t) // step
     parts, starts = x[: n * step].reshape(n, step), np.arange(n) * step
     low, high = (
@@ -57,4 +65,4 @@ def _curve(name: str, t: Floats, x: Floats) -> Curve:
         starts + np.argmax(np.nan_to_num(parts, nan=-np.inf), axis=1),
     )
     points = np.sort(np.stack([low, high], 1), axis=1).ravel()
-    return Curve(name, t[points].tolist(), x[points].tolist())
+    return Curve(curve_name, t[points].tolist(), x[points].tolist())

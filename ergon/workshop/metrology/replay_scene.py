@@ -32,32 +32,43 @@ class _Curve:
     behind: float = 0.0
 
 
-def write_scene(result: Replay, folder: Path) -> Path:
+def write_scene(motion_comparison: Replay, folder: Path) -> Path:
     """Write a score of a replay into a folder, with its take; returns the path of the score."""
-    gesture = result.gesture
+    gesture = motion_comparison.gesture
     t = np.arange(gesture.force.size) / gesture.rate
-    measured_position = np.interp(t, result.t, gesture.position[gesture.counts]) - gesture.start
+    measured_position = (
+        np.interp(t, motion_comparison.t, gesture.position[gesture.counts]) - gesture.start
+    )
     curves = (
         [_Curve("asked", gesture.force, ("N", 1.0), 0.5)],
         [
             _Curve("real", measured_position, ("mm", 1e-3), 0.25),
-            _Curve("model", result.model - gesture.start, ("mm", 1e-3), 0.25, 0.05),
+            _Curve("model", motion_comparison.model - gesture.start, ("mm", 1e-3), 0.25, 0.05),
         ],
-        [_Curve("residual", np.interp(t, result.t, result.residual), ("um", 1e-6), 0.0)],
+        [
+            _Curve(
+                "residual",
+                np.interp(t, motion_comparison.t, motion_comparison.residual),
+                ("um", 1e-6),
+                0.0,
+            )
+        ],
     )
-    columns, chains, comments = {}, "", []
+    take_columns, chains, comments = {}, "", []
     for together in curves:
-        unit, size = together[0].unit
+        unit, curve_size = together[0].unit
         a_centimetre = _rounded_scale(
-            max(float(np.abs(curve.values).max()) for curve in together) / size
+            max(float(np.abs(curve.values).max()) for curve in together) / curve_size
         )
         names = " and ".join(curve.name for curve in together)
         comments.append(f"{names} {a_centimetre:g} {unit} a cm")
         for curve in together:
-            columns[curve.name] = curve.above + 0.01 / (a_centimetre * size) * curve.values
+            take_columns[curve.name] = (
+                curve.above + 0.01 / (a_centimetre * curve_size) * curve.values
+            )
             chains += _chain(curve)
-    np.savez(folder / "replay.npz", allow_pickle=False, t=t, **columns)
-    takes = "".join(f"  {name}: {{file: replay.npz, channel: {name}}}\n" for name in columns)
+    np.savez(folder / "replay.npz", allow_pickle=False, t=t, **take_columns)
+    takes = "".join(f"  {name}: {{file: replay.npz, channel: {name}}}\n" for name in take_columns)
     score = folder / "replay.yaml"
     # A piece ends with its last event. This one has no event, so all of it is its tail.
     score.write_text(
@@ -78,16 +89,17 @@ def _rounded_scale(largest: float) -> float:
     return float(next(step * decade for step in (1, 2, 5, 10) if step * decade >= least))
 
 
-def _chain(curve: _Curve) -> str:
+def _chain(scene_curve: _Curve) -> str:
     """Modules: points that follow a take, each later than the one before."""
-    place = f"{curve.behind}m, {curve.above}m"
+    curve_place = f"{scene_curve.behind}m, {scene_curve.above}m"
     leads = "".join(
-        f"      {curve.name}_{i}: {{ENX: {{to: {curve.name}.{i}.z, from: {curve.name}, "
+        f"      {scene_curve.name}_{i}: "
+        f"{{ENX: {{to: {scene_curve.name}.{i}.z, from: {scene_curve.name}, "
         f"at: {i * _LASTS / (_POINTS - 1):.5f}s}}}}\n"
         for i in range(_POINTS)
     )
     # The springs are drawn; they are too weak to pull the heavy points sideways.
     return (
-        f"      {curve.name}: {{CHAIN: {{masses: {_POINTS}, ends: free, M: {_POINTS}kg, "
-        f"K: 1e-9N/m, from: [0m, {place}], to: [-{_LENGTH}m, {place}]}}}}\n{leads}"
+        f"      {scene_curve.name}: {{CHAIN: {{masses: {_POINTS}, ends: free, M: {_POINTS}kg, "
+        f"K: 1e-9N/m, from: [0m, {curve_place}], to: [-{_LENGTH}m, {curve_place}]}}}}\n{leads}"
     )

@@ -165,20 +165,26 @@ class _Search:
         quickest motions.
         """
         best_before = self.best
-        number = n_modes(best_before.fit.row)
-        name = "mode" if number == 0 else f"mode {number + 1}"
-        if number == MODES_MAX or self._was_refused(name):
+        mode_number = n_modes(best_before.fit.row)
+        stage_name = "mode" if mode_number == 0 else f"mode {mode_number + 1}"
+        if mode_number == MODES_MAX or self._was_refused(stage_name):
             return False
         peak = highest_peak(self.judge.recovered(best_before), best_before.fit)
         if peak.score < SCORE_MIN:
-            return self._decide(Stage(name, best_before.fit, best_before.replay, False, peak.score))
-        rows = []
+            return self._decide(
+                Stage(stage_name, best_before.fit, best_before.replay, False, peak.score)
+            )
+        parameter_rows = []
         for frequency, ratio in ((1, 0.01), (1, 0.03), (1 / 1.025, 0.02), (1.025, 0.02)):
             row = np.append(best_before.fit.row, [peak.mass, frequency * peak.frequency, ratio])
             row[0] -= peak.mass
-            rows.append(row)
-        columns = dict.fromkeys((*best_before.fit.columns, INDEX["delay"], *mode_indices(number)))
-        return self._decide(self.judge.best_of(name, rows, tuple(columns), best_before, peak.score))
+            parameter_rows.append(row)
+        columns = dict.fromkeys(
+            (*best_before.fit.columns, INDEX["delay"], *mode_indices(mode_number))
+        )
+        return self._decide(
+            self.judge.best_of(stage_name, parameter_rows, tuple(columns), best_before, peak.score)
+        )
 
     def add_against_held_out(self) -> bool:
         """Whether parts were kept after one that was refused, though it explains the takes.

@@ -59,22 +59,22 @@ def record(
     follows.
     Raises TakeEnded.
     """
-    axis, takes, seconds_left = ladder.axis, [], seconds
+    device_axis, takes, seconds_left = ladder.axis, [], seconds
     guide = ladder.guide if ladder.needs_guide else ladder.guide.off
-    force = _bearable_force(ladder, kind, guide, seed, path)
-    for part in range(1, _PARTS_MAX + 1):
-        stream = _stream(ladder, kind, seconds_left, force, seed + part, path)
+    push_force = _bearable_force(ladder, kind, guide, seed, path)
+    for part_number in range(1, _PARTS_MAX + 1):
+        stream = _stream(ladder, kind, seconds_left, push_force, seed + part_number, path)
         framed, still = excitation.framed(stream, TICK_RATE)
-        settle(axis, ladder.guide)
-        excited = push(axis, framed, guide, still, target(kind, part), forgiven=True)
+        settle(device_axis, ladder.guide)
+        excited = push(device_axis, framed, guide, still, target(kind, part_number), forgiven=True)
         n = excited.sent().size
         if n >= max(TICKS_MIN, still + TICK_RATE) or excited.end == "done":
-            takes.append(Take(kind, part, gesture(excited)))
+            takes.append(Take(kind, part_number, gesture(excited)))
             seconds_left -= (n - still) / TICK_RATE
         if excited.end not in DOUBTS or seconds_left < 1.0:
             break
-        force *= _FORCE_REDUCTION
-    settle(axis, ladder.guide)
+        push_force *= _FORCE_REDUCTION
+    settle(device_axis, ladder.guide)
     if not takes:
         raise TakeEnded(excited.end)
     return takes
@@ -85,41 +85,46 @@ def _bearable_force(
 ) -> float:
     """The force of such a take that the key can take [N], found by rungs as on the ladder."""
     axis, force_limit = ladder.axis, _FORCE_SHARE * ladder.axis.request_max
-    force = min(force_limit, 0.5 * ladder.force)
+    push_force = min(force_limit, 0.5 * ladder.force)
     for rung in range(_RUNGS_MAX):
-        stream = _stream(ladder, kind, _RUNG, force, seed + 100 + rung, path)
+        stream = _stream(ladder, kind, _RUNG, push_force, seed + 100 + rung, path)
         settle(axis, ladder.guide)
         excited = push(axis, stream, guide, forgiven=True)
         if excited.end != "done" or excited.braked().any():
-            return _FORCE_REDUCTION * force
+            return _FORCE_REDUCTION * push_force
         share = float(np.abs(excited.positions() - guide.centre).max()) / guide.half
-        if share >= _REACH or force >= force_limit:
+        if share >= _REACH or push_force >= force_limit:
             break
-        force = min(force_limit, force * min(2.0, _TARGET / max(share, 1e-6)))
-    return force
+        push_force = min(force_limit, push_force * min(2.0, _TARGET / max(share, 1e-6)))
+    return push_force
 
 
 def _stream(
-    ladder: Ladder, kind: str, seconds: float, force: float, seed: int, path: Floats | None
+    ladder: Ladder,
+    take_kind: str,
+    take_seconds: float,
+    push_force: float,
+    seed: int,
+    path: Floats | None,
 ) -> Floats:
     """Forces of a take (n,) [N]."""
-    n, chance, rough = round(seconds * TICK_RATE), np.random.default_rng(seed), ladder.rough
-    reach = _REACH * ladder.guide.half
+    n, chance, rough = round(take_seconds * TICK_RATE), np.random.default_rng(seed), ladder.rough
+    reach_metres = _REACH * ladder.guide.half
     guided = rough.copy()
     if ladder.needs_guide:
         stiffness, damping = ladder.guide.guide
         guided[INDEX["stiffness"]] += stiffness
         guided[INDEX["damping"]] += damping
-    if kind == "held-out" and path is not None:
+    if take_kind == "held-out" and path is not None:
         stretch = np.concatenate([path, np.full(max(0, n - len(path)), path[-1])])[:n]
-        stream = excitation.forces_along_path(stretch, rough, TICK_RATE, reach, force)
-    elif kind == "held-out":
-        stream = excitation.knocks(rough, TICK_RATE, seconds, reach, force)
+        stream = excitation.forces_along_path(stretch, rough, TICK_RATE, reach_metres, push_force)
+    elif take_kind == "held-out":
+        stream = excitation.knocks(rough, TICK_RATE, take_seconds, reach_metres, push_force)
     else:
         quick = (
             excitation.rain(n, chance)
-            if kind == "rain"
+            if take_kind == "rain"
             else excitation.strikes(n, TICK_RATE, chance)
         )
-        stream = force * excitation.mixed(n, TICK_RATE, chance, quick, _SHARES[kind])
-    return excitation.scaled_to_reach(stream, TICK_RATE, guided, reach)
+        stream = push_force * excitation.mixed(n, TICK_RATE, chance, quick, _SHARES[take_kind])
+    return excitation.scaled_to_reach(stream, TICK_RATE, guided, reach_metres)

@@ -154,15 +154,15 @@ class Browser:
         """Start it; `folder` holds its profile. Raises BrowserError."""
         ours_in, theirs_out = _pipe()
         theirs_in, ours_out = _pipe()
-        arguments = [program, *_FLAGS, *flags, f"--user-data-dir={folder}", "about:blank"]
+        browser_arguments = [program, *_FLAGS, *flags, f"--user-data-dir={folder}", "about:blank"]
         if os.geteuid() == 0:
-            arguments.insert(1, "--no-sandbox")  # Chromium's sandbox does not run as root
+            browser_arguments.insert(1, "--no-sandbox")  # Chromium's sandbox does not run as root
         nothing = os.open(os.devnull, os.O_RDWR)
         descriptors = {0: nothing, 1: nothing, 2: nothing, _READS: theirs_in, _WRITES: theirs_out}
         try:
             self._pid = os.posix_spawn(
                 program,
-                arguments,
+                browser_arguments,
                 os.environ | {"HOME": folder},
                 file_actions=[
                     (os.POSIX_SPAWN_DUP2, ours, theirs) for theirs, ours in descriptors.items()
@@ -191,14 +191,14 @@ class Browser:
         request: dict[str, object] = {"id": self._last, "method": method, "params": parameters}
         if session is not None:
             request["sessionId"] = session
-        number = self._last
+        call_number = self._last
         try:
             _write_all(self._out, json.dumps(request).encode() + b"\0")
         except OSError:
             raise BrowserError("the browser has ended") from None
-        while number not in self._answers:
+        while call_number not in self._answers:
             self.listen()
-        answer = self._answers.pop(number)
+        answer = self._answers.pop(call_number)
         if "error" in answer:
             raise BrowserError(f"the browser refuses {method}: {answer['error'].get('message')}")
         result: dict[str, Any] = answer["result"]
@@ -223,8 +223,10 @@ class Browser:
     @contextlib.contextmanager
     def page(self, width: int = 640, height: int = 360) -> Iterator[Page]:
         """Open a page, and close it when the context ends. Raises BrowserError."""
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        page_target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        session = self.call("Target.attachToTarget", targetId=page_target, flatten=True)[
+            "sessionId"
+        ]
         self._pages[session] = page = Page(self, session)
         try:
             for domain in ("Page", "Runtime", "Network", "Log"):
@@ -234,7 +236,7 @@ class Browser:
         finally:
             del self._pages[session]
             with contextlib.suppress(BrowserError):
-                self.call("Target.closeTarget", targetId=target)
+                self.call("Target.closeTarget", targetId=page_target)
 
     def close(self) -> None:
         """End the browser."""

@@ -118,14 +118,14 @@ class VideoFile:
 class _SoundStream:
     """The sound of a film, encoded as far as its pictures are."""
 
-    def __init__(self, av: Any, container: Any, codec: str, sound: Sound) -> None:
-        self._av, self._container, self._sound = av, container, sound
-        layout = "mono" if sound.n_out == 1 else "stereo"
+    def __init__(self, av: Any, container: Any, codec: str, movie_sound: Sound) -> None:
+        self._av, self._container, self._sound = av, container, movie_sound
+        layout = "mono" if movie_sound.n_out == 1 else "stereo"
         self._stream = container.add_stream(codec, rate=_SOUND_RATE, layout=layout)
         self._stream.bit_rate = _SOUND_BITS
         self._to = av.AudioResampler(format=self._stream.format, layout=layout, rate=_SOUND_RATE)
         self._layout = layout
-        self._blocks: Iterator[NDArray[np.float64]] = iter(sound.blocks)
+        self._blocks: Iterator[NDArray[np.float64]] = iter(movie_sound.blocks)
         self._frame = 0  # frames that were encoded
 
     def up_to(self, seconds: float) -> None:

@@ -76,49 +76,51 @@ def value(text: str, names: Mapping[str, Amount], expected: str) -> Amount:
     return _value(text, {**constants, **names}, expected, 0)
 
 
-def _value(text: str, names: Mapping[str, Amount], expected: str, depth: int) -> Amount:
+def _value(
+    expression_text: str, model_names: Mapping[str, Amount], expected: str, depth: int
+) -> Amount:
     if depth > MAX_DEPTH:
         raise TextError(f"functions are nested at most {MAX_DEPTH} deep")
-    known_names, unread_from, plain = dict(names), 0, ""
-    while (call := _CALL.search(text, unread_from)) is not None:
-        arguments, end = _arguments(text, call.end())
+    known_names, unread_from, plain = dict(model_names), 0, ""
+    while (call := _CALL.search(expression_text, unread_from)) is not None:
+        arguments, end = _arguments(expression_text, call.end())
         name = f"call_{depth}_{end}"
-        values = [_value(part, names, expected, depth + 1) for part in arguments]
+        values = [_value(part, model_names, expected, depth + 1) for part in arguments]
         known_names[name] = Amount(Fraction(_computed(call[1], values)), "")
-        plain += f"{text[unread_from : call.start()]} {name} "
+        plain += f"{expression_text[unread_from : call.start()]} {name} "
         unread_from = end
-    return evaluate(plain + text[unread_from:], known_names, expected=expected)
+    return evaluate(plain + expression_text[unread_from:], known_names, expected=expected)
 
 
-def _arguments(text: str, start: int) -> tuple[list[str], int]:
+def _arguments(expression_text: str, start: int) -> tuple[list[str], int]:
     """The arguments between parentheses, and where what follows them begins."""
-    arguments, depth, begin = [], 0, start
-    for place in range(start, len(text)):
-        sign = text[place]
-        if depth == 0 and sign in ",)":
-            arguments.append(text[begin:place])
-            begin = place + 1
-            if sign == ")":
-                return arguments, begin
-        depth += (sign == "(") - (sign == ")")
-    raise TextError(f"a parenthesis is never closed in {quote(text)}")
+    call_arguments, depth, argument_begin = [], 0, start
+    for place in range(start, len(expression_text)):
+        next_sign = expression_text[place]
+        if depth == 0 and next_sign in ",)":
+            call_arguments.append(expression_text[argument_begin:place])
+            argument_begin = place + 1
+            if next_sign == ")":
+                return call_arguments, argument_begin
+        depth += (next_sign == "(") - (next_sign == ")")
+    raise TextError(f"a parenthesis is never closed in {quote(expression_text)}")
 
 
-def _computed(name: str, values: list[Amount]) -> float:
-    if name not in _FUNCTIONS:
-        message = f"{quote(name)} is not a function of gen~ that is read here"
-        raise TextError(message, suggestion=nearest(name, _FUNCTIONS))
-    count, function = _FUNCTIONS[name]
-    if len(values) != count:
-        message = f"{name} has {count} arguments, and here {len(values)}"
+def _computed(function_name: str, operand_amounts: list[Amount]) -> float:
+    if function_name not in _FUNCTIONS:
+        message = f"{quote(function_name)} is not a function of gen~ that is read here"
+        raise TextError(message, suggestion=nearest(function_name, _FUNCTIONS))
+    count, function = _FUNCTIONS[function_name]
+    if len(operand_amounts) != count:
+        message = f"{function_name} has {count} arguments, and here {len(operand_amounts)}"
         raise TextError(message if count > 1 else message.replace("arguments", "argument"))
-    if any(operand.unit for operand in values):
-        raise TextError(f"{name} takes plain numbers")
+    if any(operand.unit for operand in operand_amounts):
+        raise TextError(f"{function_name} takes plain numbers")
     try:
-        result = float(function(*(float(operand.number) for operand in values)))
+        function_value = float(function(*(float(operand.number) for operand in operand_amounts)))
     except (ArithmeticError, ValueError):
-        result = math.nan
-    if not math.isfinite(result):
-        shown = ", ".join(f"{float(operand.number):g}" for operand in values)
-        raise TextError(f"{name}({shown}) has no value")
-    return result
+        function_value = math.nan
+    if not math.isfinite(function_value):
+        shown = ", ".join(f"{float(operand.number):g}" for operand in operand_amounts)
+        raise TextError(f"{function_name}({shown}) has no value")
+    return function_value

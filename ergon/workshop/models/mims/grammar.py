@@ -35,21 +35,21 @@ class Form:
 _POINTS: Mapping[Family, int] = {"link": 2, "output": 1}
 
 
-def _forms(family: Family, text: str, points: int | None = None) -> dict[str, Form]:
-    forms = {}
+def _forms(family: Family, text: str, point_count: int | None = None) -> dict[str, Form]:
+    forms_by_word = {}
     for line in text.strip().splitlines():
-        keyword, *values = line.split()
-        optional = [index for index, name in enumerate(values) if name.startswith("[")]
-        first_optional = optional[0] if optional else len(values)
-        stop_optional = optional[-1] + 1 if optional else len(values)
-        forms[keyword] = Form(
+        keyword, *value_names = line.split()
+        optional = [index for index, name in enumerate(value_names) if name.startswith("[")]
+        first_optional = optional[0] if optional else len(value_names)
+        stop_optional = optional[-1] + 1 if optional else len(value_names)
+        forms_by_word[keyword] = Form(
             family,
-            _POINTS.get(family, 0) if points is None else points,
-            tuple(values[:first_optional]),
-            tuple(name.strip("[]") for name in values[first_optional:stop_optional]),
-            tuple(values[stop_optional:]),
+            _POINTS.get(family, 0) if point_count is None else point_count,
+            tuple(value_names[:first_optional]),
+            tuple(name.strip("[]") for name in value_names[first_optional:stop_optional]),
+            tuple(value_names[stop_optional:]),
         )
-    return forms
+    return forms_by_word
 
 
 _PORTS = {

@@ -25,18 +25,26 @@ class Begin:
     jump: float = 0.0
 
 
-def kick(law: Link, values: Mapping[str, float], a: Begin, b: Begin) -> float:
+def kick(
+    link_law: Link, model_values: Mapping[str, float], first_begin: Begin, second_begin: Begin
+) -> float:
     """The force of the jump on the first end of a link, which the score lacks; the second end has
     its opposite.
 
-    `values` are those of the statement.
+    `model_values` are those of the statement.
     """
-    d = b.x - a.x - (0.0 if "thresh" in law.fields else values.get("thresh", 0.0))
-    step, jump = b.step - a.step, b.jump - a.jump
-    if law.kind == "LNL":
-        constants = {letter: values.get(name, 0.0) for letter, name in law.fields.items()}
-        compiled_law = _core.Law(law.law or None, law.damping or None, constants)
+    d = (
+        second_begin.x
+        - first_begin.x
+        - (0.0 if "thresh" in link_law.fields else model_values.get("thresh", 0.0))
+    )
+    step, jump = second_begin.step - first_begin.step, second_begin.jump - first_begin.jump
+    if link_law.kind == "LNL":
+        constants = {
+            letter: model_values.get(name, 0.0) for letter, name in link_law.fields.items()
+        }
+        compiled_law = _core.Law(link_law.law or None, link_law.damping or None, constants)
         return compiled_law.force(d, step + jump) - compiled_law.force(d, step)
-    if law.kind == "BUT" and d >= 0.0:
+    if link_law.kind == "BUT" and d >= 0.0:
         return 0.0
-    return values.get("Z", 0.0) * jump
+    return model_values.get("Z", 0.0) * jump

@@ -121,22 +121,24 @@ _CHANGING = {
 _D = re.compile(r"\bd\b")
 
 
-def followable(keyword: str, law: Link, led: Collection[str]) -> Link:
+def followable(keyword: str, link_law: Link, led: Collection[str]) -> Link:
     """The same link, with a law whose values named in `led` may follow a signal."""
-    law = _FOLLOWABLE.get(law.kind, law)
+    link_law = _FOLLOWABLE.get(link_law.kind, link_law)
     if keyword in _CHANGING and not {"K", "Q", "lim"}.isdisjoint(led):
-        law = _CHANGING[keyword]
-    if law.rest in led:
-        fields = {**law.fields, law.rest: law.rest}
-        law_text, damping = (_D.sub(f"(d - {law.rest})", text) for text in (law.law, law.damping))
-        law = replace(law, fields=fields, law=law_text, damping=damping, rest="")
-    return law
+        link_law = _CHANGING[keyword]
+    if link_law.rest in led:
+        fields = {**link_law.fields, link_law.rest: link_law.rest}
+        law_text, damping = (
+            _D.sub(f"(d - {link_law.rest})", text) for text in (link_law.law, link_law.damping)
+        )
+        link_law = replace(link_law, fields=fields, law=law_text, damping=damping, rest="")
+    return link_law
 
 
-def which(keyword: str, values: Mapping[str, float]) -> str:
+def which(keyword: str, law_values: Mapping[str, float]) -> str:
     """Which law of a word holds for these values."""
-    cubic, k, lim = values.get("Q", 0.0), values.get("K", 0.0), values.get("lim", 0.0)
-    if keyword == "spring" and "Z" in values:
+    cubic, k, lim = law_values.get("Q", 0.0), law_values.get("K", 0.0), law_values.get("lim", 0.0)
+    if keyword == "spring" and "Z" in law_values:
         return "damped spring"
     if keyword == "detent":  # what mi_faust called a contact
         return "contact"
@@ -146,8 +148,8 @@ def which(keyword: str, values: Mapping[str, float]) -> str:
         return "linear nlSpringDamper" if cubic == 0.0 else "stiff nlSpringDamper"
     if keyword == "nlContact" and (cubic == 0.0 or k >= lim):
         return "linear nlContact"
-    if keyword == "nlPluck" and values.get("Z"):
+    if keyword == "nlPluck" and law_values.get("Z"):
         return "damped nlPluck"
-    if keyword == "nlBow" and values.get("smooth", 0.0) >= 1.0:
+    if keyword == "nlBow" and law_values.get("smooth", 0.0) >= 1.0:
         return "smooth nlBow"
     return keyword

@@ -21,100 +21,116 @@ from ergon.workshop.models.refused import REFUSED
 _NONE = Value("0", 0.0, 0.0, 0.0)
 
 
-def link(writing: Writing, statement: Statement, listened: Mapping[int, str]) -> None:
+def link(writing: Writing, model_statement: Statement, listened: Mapping[int, str]) -> None:
     """Add a link; `listened` gives the links whose force is heard, with the mass on which it is
     heard.
     """
-    values = {name: value_of(writing, statement, name) for name in statement.values}
-    law = _law(writing, statement, values)
-    ends_of = [points(writing, statement, point) for point in statement.points]
-    signed = ["K", "Z"] if law.kind != "LNL" else ["Q"] if "q*d*d" in law.law else []
-    signed += [name for name in ("K", "Z", "lim") if name in values and values[name].along]
-    for name in signed:
-        not_negative(values.get(name, _NONE), name, statement.line)
-    if "scale" in values and values["scale"].least <= 0.0:
-        raise ModelError(REFUSED["scale"].format(value=values["scale"].least), statement.line)
-    twice = writing.model.dialect == "v1" and statement.keyword == "nlSpring3"
-    firsts = {name: value.first for name, value in values.items()}
-    if law.damping or firsts.get("Z"):
-        end_shares = [shares(writing, statement, point) for point in statement.points]
-        a, b = (_begin(writing, *end) for end in zip(statement.points, end_shares, strict=True))
-        force = kick(law, firsts, a, b)
+    model_values = {
+        name: value_of(writing, model_statement, name) for name in model_statement.values
+    }
+    link_law = _law(writing, model_statement, model_values)
+    ends_of = [points(writing, model_statement, point) for point in model_statement.points]
+    signed = ["K", "Z"] if link_law.kind != "LNL" else ["Q"] if "q*d*d" in link_law.law else []
+    signed += [
+        name for name in ("K", "Z", "lim") if name in model_values and model_values[name].along
+    ]
+    for link_name in signed:
+        not_negative(model_values.get(link_name, _NONE), link_name, model_statement.line)
+    if "scale" in model_values and model_values["scale"].least <= 0.0:
+        raise ModelError(
+            REFUSED["scale"].format(value=model_values["scale"].least), model_statement.line
+        )
+    twice = writing.model.dialect == "v1" and model_statement.keyword == "nlSpring3"
+    firsts = {name: value.first for name, value in model_values.items()}
+    if link_law.damping or firsts.get("Z"):
+        end_shares = [shares(writing, model_statement, point) for point in model_statement.points]
+        a, b = (
+            _begin(writing, *end) for end in zip(model_statement.points, end_shares, strict=True)
+        )
+        force = kick(link_law, firsts, a, b)
         _strike(writing, end_shares, 2.0 * force if twice else force)
-    if law.kind in ("LNL", "BUT"):
-        both = zip(statement.points, ends_of, strict=True)
+    if link_law.kind in ("LNL", "BUT"):
+        both = zip(model_statement.points, ends_of, strict=True)
         ends_of = [
             [(1.0, still(writing, point, shared))] if len(shared) > 1 else shared
             for point, shared in both
         ]
     if max(map(len, ends_of)) > 1:
-        _between(writing, statement, law, ends_of, listened.get(id(statement), ""))
+        _between(writing, model_statement, link_law, ends_of, listened.get(id(model_statement), ""))
         return
     end_points = [targets[0][1] for targets in ends_of]
-    side = ""
+    side_text = ""
     if (
-        listened.get(id(statement)) == statement.points[0].name
+        listened.get(id(model_statement)) == model_statement.points[0].name
     ):  # its force on the first end is heard
         end_points.reverse()
-        side = ", side: above" if law.kind == "BUT" else ""
-        if not law.turns and law.kind != "BUT":
-            message = REFUSED["both ends"].format(link=quote(statement.name))
-            raise ModelError(message, statement.line)
+        side_text = ", side: above" if link_law.kind == "BUT" else ""
+        if not link_law.turns and link_law.kind != "BUT":
+            message = REFUSED["both ends"].format(link=quote(model_statement.name))
+            raise ModelError(message, model_statement.line)
     written_fields = [f"between: [{', '.join(end_points)}]"]
-    for word, text in (("law", law.law), ("damping", law.damping)):
+    for word, text in (("law", link_law.law), ("damping", link_law.damping)):
         written_fields += [f'{word}: "{text}"'] if text else []
-    written_fields += _fields(writing, law, values, "2*" if twice else "")
-    if law.rest:
+    written_fields += _fields(writing, link_law, model_values, "2*" if twice else "")
+    if link_law.rest:
         written_fields += (
-            [f"rest: {metres(writing.text(statement, law.rest))}"] if law.rest in values else []
+            [f"rest: {metres(writing.text(model_statement, link_law.rest))}"]
+            if link_law.rest in model_values
+            else []
         )
-    if law.kind == "BUT" and firsts.get("thresh"):
-        written_fields.append("gap: " + metres(f"-({writing.text(statement, 'thresh')})"))
-    name = writing.names.new(statement.name)
-    writing.links.append((statement, name))
+    if link_law.kind == "BUT" and firsts.get("thresh"):
+        written_fields.append("gap: " + metres(f"-({writing.text(model_statement, 'thresh')})"))
+    link_name = writing.names.new(model_statement.name)
+    writing.links.append((model_statement, link_name))
     comment = "MIMS adds the force of its nlSpring3 twice" if twice else ""
-    writing.add(name, f"{law.kind}: {{{', '.join(written_fields)}{side}}}", comment)
+    writing.add(link_name, f"{link_law.kind}: {{{', '.join(written_fields)}{side_text}}}", comment)
 
 
-def _law(writing: Writing, statement: Statement, values: Mapping[str, Value]) -> Link:
+def _law(writing: Writing, model_statement: Statement, model_values: Mapping[str, Value]) -> Link:
     """The law of a link; if signals lead its values, a law that can follow them. Raises
     ModelError.
     """
-    led = [name for name, value in values.items() if value.along]
+    led = [name for name, value in model_values.items() if value.along]
     if not led:
-        firsts = {name: value.first for name, value in values.items()}
-        return LINKS[writing.laws][which(statement.keyword, firsts)]
+        firsts = {name: value.first for name, value in model_values.items()}
+        return LINKS[writing.laws][which(model_statement.keyword, firsts)]
     # The law is chosen by the highest values: a value that follows a signal is above 0 somewhere.
-    upper_values = {name: value.greatest for name, value in values.items()}
+    upper_values = {name: value.greatest for name, value in model_values.items()}
     if "smooth" in led:  # which law holds would change too
-        message = REFUSED["signal"].format(name=quote(statement.values["smooth"]), value="smooth")
-        raise ModelError(message, statement.line)
+        message = REFUSED["signal"].format(
+            name=quote(model_statement.values["smooth"]), value="smooth"
+        )
+        raise ModelError(message, model_statement.line)
     if len(led) > CONSTANTS_MAX:
         message = REFUSED["many signals"].format(count=len(led), most=CONSTANTS_MAX)
-        raise ModelError(message, statement.line)
+        raise ModelError(message, model_statement.line)
     return followable(
-        statement.keyword, LINKS[writing.laws][which(statement.keyword, upper_values)], led
+        model_statement.keyword,
+        LINKS[writing.laws][which(model_statement.keyword, upper_values)],
+        led,
     )
 
 
-def _fields(writing: Writing, law: Link, values: Mapping[str, Value], share: str) -> list[str]:
+def _fields(writing: Writing, law: Link, values: Mapping[str, Value], share_text: str) -> list[str]:
     """The values of a link as fields: constants, and those that follow a signal."""
     written_fields, follows = [], []
-    for letter, name in law.fields.items():
+    for field_letter, name in law.fields.items():
         value = values.get(name, _NONE)
         if value.along:
-            follows.append(f"{letter}: {following(writing, value)}")
+            follows.append(f"{field_letter}: {following(writing, value)}")
         else:
             written_fields.append(
-                f"{letter}: {share}({value.text})" if share else f"{letter}: {value.text}"
+                f"{field_letter}: {share_text}({value.text})"
+                if share_text
+                else f"{field_letter}: {value.text}"
             )
     return [*written_fields, f"follows: {{{', '.join(follows)}}}"] if follows else written_fields
 
 
 def _between(
     writing: Writing,
-    statement: Statement,
-    law: Link,
+    model_statement: Statement,
+    link_law: Link,
     points: list[list[tuple[float, str]]],
     listened: str,
 ) -> None:
@@ -125,43 +141,52 @@ def _between(
     is distributed by the same shares: -c_i·K·Σcx is the sum of springs -c_i·c_j·K, because the c
     add up to 0.
     """
-    shares: dict[str, float] = {}
+    shares_by_mass: dict[str, float] = {}
     for sign, targets in zip((1.0, -1.0), points, strict=True):
         for share, target in targets:
-            shares[target] = shares.get(target, 0.0) + sign * share
+            shares_by_mass[target] = shares_by_mass.get(target, 0.0) + sign * share
     whose = writing.targets.get(listened)
-    comment = f"{statement.keyword} of {quote(statement.name)}, between masses"
-    for (p, a), (q, b) in combinations(shares.items(), 2):
+    comment = f"{model_statement.keyword} of {quote(model_statement.name)}, between masses"
+    for (p, first_share), (q, second_share) in combinations(shares_by_mass.items(), 2):
         end_points = [q, p] if p == whose else [p, q]  # a force is heard at the second end
-        name = writing.names.new(statement.name)
+        module_name = writing.names.new(model_statement.name)
         if not listened or whose in (p, q):
-            writing.links.append((statement, name))
-        fields = {tie: f"{-a * b!r}*({writing.text(statement, tie)})" for tie in law.fields}
-        tie_texts = ", ".join(f"{tie}: {text}" for tie, text in fields.items())
-        kind = law.kind
-        if a * b > 0.0:  # below 0, as no spring is by itself; all of them together are none
-            kind = "LNL"
+            writing.links.append((model_statement, module_name))
+        module_fields = {
+            tie: f"{-first_share * second_share!r}*({writing.text(model_statement, tie)})"
+            for tie in link_law.fields
+        }
+        tie_texts = ", ".join(f"{tie}: {text}" for tie, text in module_fields.items())
+        link_kind = link_law.kind
+        if (
+            first_share * second_share > 0.0
+        ):  # below 0, as no spring is by itself; all of them together are none
+            link_kind = "LNL"
             law_of = {"K": 'law: "k*d"', "Z": 'damping: "z*v"'}
-            laws = [law_of[tie] for tie in fields]
+            laws = [law_of[tie] for tie in module_fields]
             tie_texts = ", ".join(
-                [*laws, *(f"{tie.lower()}: {text}" for tie, text in fields.items())]
+                [*laws, *(f"{tie.lower()}: {text}" for tie, text in module_fields.items())]
             )
-        writing.add(name, f"{kind}: {{between: [{', '.join(end_points)}], {tie_texts}}}", comment)
+        writing.add(
+            module_name,
+            f"{link_kind}: {{between: [{', '.join(end_points)}], {tie_texts}}}",
+            comment,
+        )
         comment = ""
 
 
-def _begin(writing: Writing, point: Point, targets: list[tuple[float, str]]) -> Begin:
+def _begin(writing: Writing, point: Point, mass_targets: list[tuple[float, str]]) -> Begin:
     """The start of a point in the first step. A point of a macro is felt to jump there from 0,
     whatever the macro's x0.
     """
-    begin = writing.begins[point.name]
+    point_begin = writing.begins[point.name]
     macro = writing.macros.get(point.name)
     if macro is None:
-        return begin
-    moving = sum(share for share, target in targets if target not in writing.held)
-    still = sum(share for share, target in targets if target in writing.held)
-    x = moving * begin.x + still * writing.value(macro.statement, "x0")
-    step = moving * begin.step
+        return point_begin
+    moving = sum(share for share, target in mass_targets if target not in writing.held)
+    still = sum(share for share, target in mass_targets if target in writing.held)
+    x = moving * point_begin.x + still * writing.value(macro.statement, "x0")
+    step = moving * point_begin.step
     return Begin(x, step, x - step)
 
 

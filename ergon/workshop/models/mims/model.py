@@ -72,12 +72,17 @@ class Model:
         return self._numbers[text]
 
 
-def number(text: str, params: Mapping[str, Amount], label: str, line: int) -> float:
+def number(
+    expression_text: str, params: Mapping[str, Amount], error_label: str, line_number: int
+) -> float:
     """The value of an expression of parameters and functions. Raises ModelError."""
     try:
-        amount = functions.value(text, params, "a parameter")
+        amount = functions.value(expression_text, params, "a parameter")
     except TextError as error:
-        raise ModelError(f"{label}: {error.message}", line, error.suggestion) from None
+        raise ModelError(f"{error_label}: {error.message}", line_number, error.suggestion) from None
     if amount.unit:
-        raise ModelError(f"{label}: {quote(text)} is neither a number nor a parameter", line)
+        raise ModelError(
+            f"{error_label}: {quote(expression_text)} is neither a number nor a parameter",
+            line_number,
+        )
     return float(amount.number)

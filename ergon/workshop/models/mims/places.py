@@ -64,13 +64,17 @@ class Macro:
     def member(self, row: int, first: int, count: int = 1) -> str:
         """Moving points of a row, as a range of a module."""
         first_column, size = self.span(row)
-        name, offset = self.row(row), first - first_column
+        row_name, member_offset = self.row(row), first - first_column
         if self.is_whole:
-            name = self.name
-            offset += (row - (self.statement.keyword == "closedMesh")) * size
+            row_name = self.name
+            member_offset += (row - (self.statement.keyword == "closedMesh")) * size
         if size == 1 and (self.statement.keyword == "chain" or not self.is_whole):
-            return name  # a MAS
-        return f"{name}.{offset}" if count == 1 else f"{name}.{offset}..{offset + count - 1}"
+            return row_name  # a MAS
+        return (
+            f"{row_name}.{member_offset}"
+            if count == 1
+            else f"{row_name}.{member_offset}..{member_offset + count - 1}"
+        )
 
     @property
     def moving(self) -> list[str]:
@@ -86,18 +90,18 @@ class Macro:
         """Both ends of all links along a single row; those between moving points are given as
         ranges.
         """
-        first_moving, count = self.span(0)
-        inner = [
+        first_moving, moving_count = self.span(0)
+        inner_links = [
             (self.member(0, offset, size), self.member(0, offset + 1, size))
-            for offset in range(first_moving, first_moving + count - 1, MAX_SPREAD)
-            if (size := min(MAX_SPREAD, first_moving + count - 1 - offset))
+            for offset in range(first_moving, first_moving + moving_count - 1, MAX_SPREAD)
+            if (size := min(MAX_SPREAD, first_moving + moving_count - 1 - offset))
         ]
         if not first_moving:
-            return inner
-        last_moving = first_moving + count - 1
+            return inner_links
+        last_moving = first_moving + moving_count - 1
         return [
             (self.point_name(0, 0), self.point_name(0, 1)),
-            *inner,
+            *inner_links,
             (self.point_name(0, last_moving), self.point_name(0, last_moving + 1)),
         ]
 
@@ -122,18 +126,18 @@ class Macro:
         is_string = self.statement.keyword in STRINGS
         counts = (self.columns,) if is_string else (self.rows, self.columns)
         along = []
-        for share, count in zip(sides, counts, strict=True):
+        for side_share, count in zip(sides, counts, strict=True):
             if is_2019:
-                position = min(share * count, count - 1.0)
+                side_position = min(side_share * count, count - 1.0)
             else:
-                position = min(max(share, 0.0), 1.0) * (count - 1)
-            if position < 0.0:
+                side_position = min(max(side_share, 0.0), 1.0) * (count - 1)
+            if side_position < 0.0:
                 raise ModelError(
-                    f"a place on {quote(self.statement.name)} is {share:g}, below 0", line
+                    f"a place on {quote(self.statement.name)} is {side_share:g}, below 0", line
                 )
-            low, part = int(position), position - int(position)
+            low, part = int(side_position), side_position - int(side_position)
             if min(part, 1.0 - part) < _NEAR:
-                along.append([(round(position), 1.0)])
+                along.append([(round(side_position), 1.0)])
             else:
                 along.append([(low, 1.0 - part), (low + 1, part)])
         if is_string:
@@ -146,31 +150,36 @@ class Macro:
         return [(share, name) for name, share in shares.items()]
 
 
-def size(statement: Statement) -> tuple[int, int]:
+def size(model_statement: Statement) -> tuple[int, int]:
     """Rows and columns of a macro. Raises ModelError."""
-    if statement.keyword in STRINGS:
-        rows, columns = 1, int(statement.values["N"])
-        least = 1 if statement.keyword == "chain" else 3
-        if columns < least:
-            refusal_text = REFUSED["few"].format(keyword=statement.keyword, least=least)
-            raise ModelError(refusal_text, statement.line)
+    if model_statement.keyword in STRINGS:
+        row_count, column_count = 1, int(model_statement.values["N"])
+        least = 1 if model_statement.keyword == "chain" else 3
+        if column_count < least:
+            refusal_text = REFUSED["few"].format(keyword=model_statement.keyword, least=least)
+            raise ModelError(refusal_text, model_statement.line)
     else:
-        rows, columns = int(statement.values["L"]), int(statement.values["W"])
-        least = 1 if statement.keyword == "mesh" else 3
-        if min(rows, columns) < least:
+        row_count, column_count = int(model_statement.values["L"]), int(model_statement.values["W"])
+        least = 1 if model_statement.keyword == "mesh" else 3
+        if min(row_count, column_count) < least:
             refusal_text = REFUSED["few"].format(
-                keyword=statement.keyword, least=f"{least} by {least}"
+                keyword=model_statement.keyword, least=f"{least} by {least}"
             )
-            raise ModelError(refusal_text, statement.line)
-    if statement.keyword in ("mesh", "closedMesh"):
-        sides = max(rows, columns) - 2 * (statement.keyword == "closedMesh")
+            raise ModelError(refusal_text, model_statement.line)
+    if model_statement.keyword in ("mesh", "closedMesh"):
+        sides = max(row_count, column_count) - 2 * (model_statement.keyword == "closedMesh")
         if sides > SIDE_MAX:
-            message = f"{statement.keyword}: a side has {SIDE_MAX} masses at most in a score"
-            raise ModelError(message, statement.line)
-    if rows * columns > MASSES_MAX or (statement.keyword == "cornerMesh" and rows > ROWS_MAX):
-        message = f"{statement.keyword}: {rows * columns:,} masses are more than a score holds"
-        raise ModelError(message, statement.line)
-    return rows, columns
+            message = f"{model_statement.keyword}: a side has {SIDE_MAX} masses at most in a score"
+            raise ModelError(message, model_statement.line)
+    if row_count * column_count > MASSES_MAX or (
+        model_statement.keyword == "cornerMesh" and row_count > ROWS_MAX
+    ):
+        message = (
+            f"{model_statement.keyword}: {row_count * column_count:,} masses are more than a score "
+            "holds"
+        )
+        raise ModelError(message, model_statement.line)
+    return row_count, column_count
 
 
 def build(macro: Macro, is_2019: bool) -> None:
@@ -189,15 +198,15 @@ def build(macro: Macro, is_2019: bool) -> None:
             macro.modules.append((name, f"FRO: {{{between_text}, Z: {macro.written['Zo']}}}"))
 
 
-def _body(macro: Macro, name: str, count: int, form: str) -> None:
+def _body(macro: Macro, body_name: str, mass_count: int, body_form: str) -> None:
     """Masses in a row, or a mesh; a single one is a MAS."""
-    start = "".join(f", {text}" for text in macro.start if text)
-    if count == 1 and form.startswith("STRING") and "ends: free" in form:
-        macro.modules.append((name, f"MAS: {{M: {macro.written['M']}{start}}}"))
+    start_text = "".join(f", {text}" for text in macro.start if text)
+    if mass_count == 1 and body_form.startswith("STRING") and "ends: free" in body_form:
+        macro.modules.append((body_name, f"MAS: {{M: {macro.written['M']}{start_text}}}"))
         return
-    mass = times(count, macro.written["M"])
+    mass = times(mass_count, macro.written["M"])
     k, z = macro.written["K"], macro.written["Z"]
-    macro.modules.append((name, f"{form}, M: {mass}, K: {k}, Z: {z}{start}}}"))
+    macro.modules.append((body_name, f"{body_form}, M: {mass}, K: {k}, Z: {z}{start_text}}}"))
 
 
 def _single_macro(macro: Macro) -> None:
@@ -215,33 +224,44 @@ def _single_macro(macro: Macro) -> None:
 
 def _rows(macro: Macro) -> None:
     """Write a STRING for each row, and links that join it to the next row and to fixed points."""
-    for row in range(macro.rows):
-        first_moving, count = macro.span(row)
-        if not count:
+    for row_index in range(macro.rows):
+        first_moving, moving_count = macro.span(row_index)
+        if not moving_count:
             continue
-        name = macro.row(row)
-        _body(macro, name, count, f"STRING: {{masses: {count}, ends: free")
-        if count < macro.columns:
-            _join(macro, f"{name}_left", macro.edge, macro.member(row, first_moving))
-            _join(macro, f"{name}_right", macro.member(row, first_moving + count - 1), macro.edge)
-    for row in range(macro.rows - 1):
-        (a, n), (b, m) = macro.span(row), macro.span(row + 1)
-        if n and m:
-            low, high = max(a, b), min(a + n, b + m)
-            ends = (macro.member(row_place, low, high - low) for row_place in (row, row + 1))
-            _join(macro, f"{macro.name}_rows{row}", *ends)
-        for column in (0, macro.columns - 1):
-            fixed = macro.is_fixed(row, column), macro.is_fixed(row + 1, column)
-            if fixed[0] != fixed[1] and not (n == 0 or m == 0):
-                ends = (macro.point_name(row_place, column) for row_place in (row, row + 1))
-                _join(macro, f"{macro.name}_corner{row}_{column}", *ends)
-        if (n == 0) != (m == 0):
-            row_place, (first_moving, count) = (row, (a, n)) if n else (row + 1, (b, m))
+        name = macro.row(row_index)
+        _body(macro, name, moving_count, f"STRING: {{masses: {moving_count}, ends: free")
+        if moving_count < macro.columns:
+            _join(macro, f"{name}_left", macro.edge, macro.member(row_index, first_moving))
             _join(
                 macro,
-                f"{macro.name}_rim{row}",
+                f"{name}_right",
+                macro.member(row_index, first_moving + moving_count - 1),
                 macro.edge,
-                macro.member(row_place, first_moving, count),
+            )
+    for row_index in range(macro.rows - 1):
+        (a, n), (b, m) = macro.span(row_index), macro.span(row_index + 1)
+        if n and m:
+            low, high = max(a, b), min(a + n, b + m)
+            ends = (
+                macro.member(row_place, low, high - low) for row_place in (row_index, row_index + 1)
+            )
+            _join(macro, f"{macro.name}_rows{row_index}", *ends)
+        for column in (0, macro.columns - 1):
+            fixed = macro.is_fixed(row_index, column), macro.is_fixed(row_index + 1, column)
+            if fixed[0] != fixed[1] and not (n == 0 or m == 0):
+                ends = (
+                    macro.point_name(row_place, column) for row_place in (row_index, row_index + 1)
+                )
+                _join(macro, f"{macro.name}_corner{row_index}_{column}", *ends)
+        if (n == 0) != (m == 0):
+            row_place, (first_moving, moving_count) = (
+                (row_index, (a, n)) if n else (row_index + 1, (b, m))
+            )
+            _join(
+                macro,
+                f"{macro.name}_rim{row_index}",
+                macro.edge,
+                macro.member(row_place, first_moving, moving_count),
             )
 
 

@@ -9,38 +9,42 @@ from ergon.workshop.models.mims.signals import guide
 from ergon.workshop.models.mims.writing import Writing
 
 
-def points(writing: Writing, statement: Statement, point: Point) -> list[tuple[float, str]]:
+def points(
+    writing: Writing, model_statement: Statement, mass_point: Point
+) -> list[tuple[float, str]]:
     """A point as a module, or as members of a macro with the share of each."""
-    macro = writing.macros.get(point.name)
+    macro = writing.macros.get(mass_point.name)
     if macro is None:
-        return [(1.0, writing.targets[point.name])]
-    sides = along(writing.model, point, statement.line)
+        return [(1.0, writing.targets[mass_point.name])]
+    sides = along(writing.model, mass_point, model_statement.line)
     if any(side.signal for side in sides):
         return [(1.0, _moving(writing, macro, sides))]
-    return shares(writing, statement, point)
+    return shares(writing, model_statement, mass_point)
 
 
-def shares(writing: Writing, statement: Statement, point: Point) -> list[tuple[float, str]]:
+def shares(
+    writing: Writing, model_statement: Statement, mass_point: Point
+) -> list[tuple[float, str]]:
     """The masses that feel a force at a point in the first step, with the share of each."""
-    macro = writing.macros.get(point.name)
+    macro = writing.macros.get(mass_point.name)
     if macro is None:
-        return [(1.0, writing.targets[point.name])]
+        return [(1.0, writing.targets[mass_point.name])]
     sides = [
         side.start + side.slope * (writing.model.number(side.signal, "", 0) if side.signal else 0.0)
-        for side in along(writing.model, point, statement.line)
+        for side in along(writing.model, mass_point, model_statement.line)
     ]
-    return macro.points(sides, is_2019=writing.laws == "2019", line=statement.line)
+    return macro.points(sides, is_2019=writing.laws == "2019", line=model_statement.line)
 
 
-def _moving(writing: Writing, macro: places.Macro, sides: list[Along]) -> str:
+def _moving(writing: Writing, macro: places.Macro, macro_sides: list[Along]) -> str:
     """Add a point that signals move; returns its name."""
     guides = []
-    for side in sides:
+    for side in macro_sides:
         guides.append(guide(writing, side.signal) if side.signal else _place(writing, macro, side))
-    key = (macro.name, *sides)
+    key = (macro.name, *macro_sides)
     if key not in writing.proxies:
         writing.proxies[key] = writing.names.new(f"{macro.name}_point")
-        text = moving(macro, sides, guides, is_2019=writing.laws == "2019")
+        text = moving(macro, macro_sides, guides, is_2019=writing.laws == "2019")
         writing.add(writing.proxies[key], text, f"a point of {macro.name}, which a signal moves")
     return writing.proxies[key]
 

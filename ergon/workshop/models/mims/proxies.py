@@ -43,28 +43,33 @@ def along(model: Model, point: Point, line: int) -> list[Along]:
     ]
 
 
-def straight(model: Model, text: str, label: str, line: int) -> Along:
+def straight(model: Model, expression_text: str, error_label: str, line_number: int) -> Along:
     """An expression as a linear function of its signal. Raises ModelError."""
-    signal_names = signals_in(model, text)
+    signal_names = signals_in(model, expression_text)
     if not signal_names:
-        return Along(None, 0.0, model.number(text, label, line))
+        return Along(None, 0.0, model.number(expression_text, error_label, line_number))
     if len(signal_names) > 1:
-        raise ModelError(REFUSED["two signals"].format(what=label, text=quote(text)), line)
+        raise ModelError(
+            REFUSED["two signals"].format(what=error_label, text=quote(expression_text)),
+            line_number,
+        )
 
     def number_for(value: float) -> float:
         params = {**model.params, signal_names[0]: Amount(Fraction(value), "")}
-        return number(text, params, label, line)
+        return number(expression_text, params, error_label, line_number)
 
-    start, second, *other_values = (number_for(value) for value in _PROBES)
-    slope = second - start
-    line_at = (start + slope * value for value in _PROBES[2:])
+    start_value, second, *other_values = (number_for(value) for value in _PROBES)
+    slope = second - start_value
+    line_at = (start_value + slope * value for value in _PROBES[2:])
     straight = zip(other_values, line_at, strict=True)
     if any(
         abs(value_computed - value_expected) > _CLOSE * (1.0 + abs(value_expected))
         for value_computed, value_expected in straight
     ):
-        raise ModelError(REFUSED["curved"].format(what=label, text=quote(text)), line)
-    return Along(signal_names[0], slope, start) if slope else Along(None, 0.0, start)
+        raise ModelError(
+            REFUSED["curved"].format(what=error_label, text=quote(expression_text)), line_number
+        )
+    return Along(signal_names[0], slope, start_value) if slope else Along(None, 0.0, start_value)
 
 
 def between_masses(shares: Sequence[tuple[float, str]]) -> str:
@@ -78,26 +83,28 @@ def moving(macro: Macro, sides: Sequence[Along], guides: Sequence[str], *, is_20
     """A point that signals move, as a module; `guides` are the MATs whose positions are the
     signals.
     """
-    counts = (macro.columns,) if macro.statement.keyword in STRINGS else (macro.rows, macro.columns)
+    side_counts = (
+        (macro.columns,) if macro.statement.keyword in STRINGS else (macro.rows, macro.columns)
+    )
     written_fields = [f"of: {_row(macro)}"]
-    if " " in written_fields[0] and len(counts) > 1:
+    if " " in written_fields[0] and len(side_counts) > 1:
         written_fields.append(f"columns: {macro.columns - 2 * _has_rim(macro)}")
     if _has_rim(macro):
         macro.is_joined = True
         written_fields.append(f"rim: {macro.edge}")
     written_fields.append(f"follows: {_list(list(guides))}")
-    offsets, spans = [], []
-    for side, count in zip(sides, counts, strict=True):
+    side_offsets, side_spans = [], []
+    for macro_side, count in zip(sides, side_counts, strict=True):
         # The laws of 2019 take N in place of N - 1, and hold a point beyond the last mass at the
         # last mass.
         reach = (count - 1) / count if is_2019 else 1.0
-        slope = side.slope if side.signal else 1.0
-        spans.append(f"{reach / slope!r}m")
-        offsets.append(f"{side.start / slope if side.signal else 0.0!r}m")
-    if any(offset != "0.0m" for offset in offsets):
-        written_fields.append(f"offset: {_list(offsets)}")
-    if any(span != "1.0m" for span in spans):
-        written_fields.append(f"span: {_list(spans)}")
+        slope = macro_side.slope if macro_side.signal else 1.0
+        side_spans.append(f"{reach / slope!r}m")
+        side_offsets.append(f"{macro_side.start / slope if macro_side.signal else 0.0!r}m")
+    if any(offset != "0.0m" for offset in side_offsets):
+        written_fields.append(f"offset: {_list(side_offsets)}")
+    if any(span != "1.0m" for span in side_spans):
+        written_fields.append(f"span: {_list(side_spans)}")
     return f"PROXY: {{{', '.join(written_fields)}}}"
 
 

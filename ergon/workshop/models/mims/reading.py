@@ -37,17 +37,18 @@ def text_of(path: Path) -> str:
 
 
 def _text_of(path: Path) -> str:
-    data = read_bounded(path, BYTES_MAX)
-    if len(data) > BYTES_MAX:
+    model_bytes = read_bounded(path, BYTES_MAX)
+    if len(model_bytes) > BYTES_MAX:
         raise ModelError(f"it is larger than {BYTES_MAX >> 20} MB")
-    if b"\0" in data:
+    if b"\0" in model_bytes:
         raise ModelError(
-            "it is not text: it has null bytes", data[: data.index(b"\0")].count(10) + 1
+            "it is not text: it has null bytes",
+            model_bytes[: model_bytes.index(b"\0")].count(10) + 1,
         )
     try:
-        return data.decode("utf-8-sig")
+        return model_bytes.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data.decode("latin-1")  # comments of older editors
+        return model_bytes.decode("latin-1")  # comments of older editors
 
 
 def is_mims(text: str) -> bool:
@@ -64,34 +65,36 @@ def is_table(text: str) -> bool:
     )
 
 
-def parse(text: str, dialect: Dialect, file: str = "", overrides: Mapping[str, str] = {}) -> Model:
+def parse(
+    text: str, dialect: Dialect, file_name: str = "", overrides: Mapping[str, str] = {}
+) -> Model:
     """A model in one dialect; `overrides` are values of parameters by name. Raises ModelError."""
     words = _v1_words if dialect == "v1" else _v2_words
-    lines = _LINE_END.split(text)
-    if len(lines) > LINES_MAX:
+    text_lines = _LINE_END.split(text)
+    if len(text_lines) > LINES_MAX:
         raise ModelError(f"it has more than {LINES_MAX:,} lines", LINES_MAX + 1)
     try:
-        rows = [
+        statement_rows = [
             (line_number, row)
-            for line_number, line in enumerate(lines, 1)
+            for line_number, line in enumerate(text_lines, 1)
             if (row := words(line, line_number))
         ]
-        if not rows:
+        if not statement_rows:
             raise ModelError(
                 f"it says nothing in {NAMES[dialect]}: no line begins with @ and a name"
             )
-        macros = {row[0][1:] for _, row in rows if _family(row, dialect) == "macro"}
+        macros = {row[0][1:] for _, row in statement_rows if _family(row, dialect) == "macro"}
         statements = tuple(
-            _statement(line_number, row, dialect, macros) for line_number, row in rows
+            _statement(line_number, row, dialect, macros) for line_number, row in statement_rows
         )
-        model = Model(file, dialect, statements)
+        model = Model(file_name, dialect, statements)
         _refuse_duplicate_names(model)
         model.params = _params(model, overrides)
         _known_points(model, macros)
         for statement in statements:
             _numbers(model, statement)
     except ModelError as error:
-        error.file = file
+        error.file = file_name
         raise
     return model
 
@@ -106,23 +109,23 @@ def _v1_words(line: str, line_number: int) -> tuple[str, ...]:
     return _bounded(tuple(content.split()), line, line_number)
 
 
-def _v2_words(line: str, line_number: int) -> tuple[str, ...]:
-    content = line.strip()
-    if content.startswith("~") and not re.match(r"~(begin|end)\s+\S", content):
+def _v2_words(model_line: str, line_number: int) -> tuple[str, ...]:
+    line_content = model_line.strip()
+    if line_content.startswith("~") and not re.match(r"~(begin|end)\s+\S", line_content):
         raise ModelError("a buffer is `~begin NAME`, later `~end NAME`", line_number)
-    if not content.startswith("@"):
+    if not line_content.startswith("@"):
         return ()
-    words = _bounded(tuple(_V2_WORD.findall(content)), line, line_number)
-    if re.sub(r"\s", "", "".join(words)) != re.sub(r"\s", "", content):
+    line_words = _bounded(tuple(_V2_WORD.findall(line_content)), model_line, line_number)
+    if re.sub(r"\s", "", "".join(line_words)) != re.sub(r"\s", "", line_content):
         raise ModelError("brackets do not match; a value in brackets is [a + b]", line_number)
-    for word in words:
+    for word in line_words:
         if word.startswith("#"):
             message = "a comment behind a statement is read as values; give it a line of its own"
             raise ModelError(message, line_number)
         if "+" in word and not word.startswith("["):
             message = f"{quote(word)} is taken apart at the +; write it in brackets, [a + b]"
             raise ModelError(message, line_number)
-    return words
+    return line_words
 
 
 def _bounded(words: tuple[str, ...], line: str, line_number: int) -> tuple[str, ...]:
@@ -139,36 +142,51 @@ def _family(row: tuple[str, ...], dialect: Dialect) -> str:
 # --- statements ---------------------------------------------------------------------------------
 
 
-def _statement(line: int, row: tuple[str, ...], dialect: Dialect, macros: set[str]) -> Statement:
-    name, *words = row
-    if not _NAME.fullmatch(name):
-        message = f"{quote(name)} is not a name: write @, a letter, then letters, digits and _"
-        raise ModelError(message, line)
-    if not words:
-        raise ModelError(f"{name} says nothing: a word such as mass or spring follows", line)
-    keyword, *argument_words = words
-    form = FORMS[dialect].get(keyword)
-    if form is None:
+def _statement(
+    line_number: int, row: tuple[str, ...], dialect: Dialect, macros: set[str]
+) -> Statement:
+    statement_name, *line_words = row
+    if not _NAME.fullmatch(statement_name):
+        message = (
+            f"{quote(statement_name)} is not a name: write @, a letter, then letters, digits and _"
+        )
+        raise ModelError(message, line_number)
+    if not line_words:
+        raise ModelError(
+            f"{statement_name} says nothing: a word such as mass or spring follows", line_number
+        )
+    keyword, *argument_words = line_words
+    statement_form = FORMS[dialect].get(keyword)
+    if statement_form is None:
         message = f"{quote(keyword)} is not a word of {NAMES[dialect]}"
-        raise ModelError(message, line, nearest(keyword, FORMS[dialect]))
-    if len(argument_words) < form.points:
-        raise ModelError(f"{keyword} is written {form.words}", line)
-    end_words, values = argument_words[: form.points], argument_words[form.points :]
-    points = tuple(_point(end, line) for end in end_words)
+        raise ModelError(message, line_number, nearest(keyword, FORMS[dialect]))
+    if len(argument_words) < statement_form.points:
+        raise ModelError(f"{keyword} is written {statement_form.words}", line_number)
+    end_words, value_words = (
+        argument_words[: statement_form.points],
+        argument_words[statement_form.points :],
+    )
+    end_points = tuple(_point(end, line_number) for end in end_words)
     if dialect == "v1":
-        points, values = _v1_points(points, values, macros, keyword, line)
-        if keyword in _DISPLAYED and len(values) == len(form.values) + 3:
-            values = values[:-3]
-    by_field = _values(form, [word.strip("[]").strip() for word in values], keyword, line)
+        end_points, value_words = _v1_points(end_points, value_words, macros, keyword, line_number)
+        if keyword in _DISPLAYED and len(value_words) == len(statement_form.values) + 3:
+            value_words = value_words[:-3]
+    by_field = _values(
+        statement_form, [word.strip("[]").strip() for word in value_words], keyword, line_number
+    )
     if "x0" in by_field:
-        by_field["x0"] = _height(by_field["x0"], line)
+        by_field["x0"] = _height(by_field["x0"], line_number)
     if "v0" in by_field:
-        by_field["v0"] = _height(by_field["v0"], line)
-    channel = _CHANNEL.get(form.family)
-    if channel is not None and not channel.fullmatch(name[1:]):
-        message = f"{name} has no number of a channel: write @in1 to @in99, @out1 to @out99"
-        raise ModelError(message, line)
-    return Statement(name[1:], keyword, form.family, line, points, by_field)
+        by_field["v0"] = _height(by_field["v0"], line_number)
+    channel = _CHANNEL.get(statement_form.family)
+    if channel is not None and not channel.fullmatch(statement_name[1:]):
+        message = (
+            f"{statement_name} has no number of a channel: write @in1 to @in99, @out1 to @out99"
+        )
+        raise ModelError(message, line_number)
+    return Statement(
+        statement_name[1:], keyword, statement_form.family, line_number, end_points, by_field
+    )
 
 
 def _point(word: str, line: int) -> Point:
@@ -179,37 +197,44 @@ def _point(word: str, line: int) -> Point:
 
 
 def _v1_points(
-    points: tuple[Point, ...], values: list[str], macros: set[str], keyword: str, line: int
+    end_points: tuple[Point, ...], value_words: list[str], macros: set[str], keyword: str, line: int
 ) -> tuple[tuple[Point, ...], list[str]]:
     """The places on macros, which stand after the values, in the order of the points."""
-    on = [point for point in points if point.name in macros]
-    if len(values) < len(on):
+    on = [point for point in end_points if point.name in macros]
+    if len(value_words) < len(on):
         raise ModelError(f"{keyword}: where on {quote(on[0].name)} is left out", line)
-    places = iter(values[len(values) - len(on) :])
+    places = iter(value_words[len(value_words) - len(on) :])
     model_points = tuple(
         Point(point.name, tuple(next(places).split(":"))) if point.name in macros else point
-        for point in points
+        for point in end_points
     )
-    return model_points, values[: len(values) - len(on)]
+    return model_points, value_words[: len(value_words) - len(on)]
 
 
-def _values(form: Form, words: list[str], keyword: str, line: int) -> dict[str, str]:
-    least = len(form.values) + len(form.after)
-    if not least <= len(words) <= least + len(form.optional) or not all(words):
+def _values(statement_form: Form, line_words: list[str], keyword: str, line: int) -> dict[str, str]:
+    least = len(statement_form.values) + len(statement_form.after)
+    if not least <= len(line_words) <= least + len(statement_form.optional) or not all(line_words):
         raise ModelError(
-            f"{keyword} is written {form.words}; here it has {len(words)} values", line
+            f"{keyword} is written {statement_form.words}; here it has {len(line_words)} values",
+            line,
         )
-    names = (*form.values, *form.optional[: len(words) - least], *form.after)
-    return dict(zip(names, words, strict=True))
+    names = (
+        *statement_form.values,
+        *statement_form.optional[: len(line_words) - least],
+        *statement_form.after,
+    )
+    return dict(zip(names, line_words, strict=True))
 
 
-def _height(text: str, line: int) -> str:
+def _height(height_text: str, line: int) -> str:
     """The third component of [x y z], the only one that moves; or the number as written."""
-    words = text.split()
+    words = height_text.split()
     if len(words) == 1 or not all(re.fullmatch(r"[+-]?[\d.eE+-]+", word) for word in words):
-        return text
+        return height_text
     if len(words) != 3:
-        raise ModelError(f"{quote(text)}: a position has one number, or three in brackets", line)
+        raise ModelError(
+            f"{quote(height_text)}: a position has one number, or three in brackets", line
+        )
     return words[2]
 
 
@@ -218,38 +243,44 @@ def _height(text: str, line: int) -> str:
 
 def _refuse_duplicate_names(model: Model) -> None:
     line_by_name: dict[str, int] = {}
-    for statement in model.statements:
-        if model.dialect == "v1" and statement.family == "link":
+    for model_statement in model.statements:
+        if model.dialect == "v1" and model_statement.family == "link":
             continue  # MIMS has no use for the names of links
-        if statement.name in line_by_name:
+        if model_statement.name in line_by_name:
             message = (
-                f"{quote(statement.name)} is the name of line "
-                f"{line_by_name[statement.name]} already"
+                f"{quote(model_statement.name)} is the name of line "
+                f"{line_by_name[model_statement.name]} already"
             )
-            raise ModelError(message, statement.line)
-        line_by_name[statement.name] = statement.line
+            raise ModelError(message, model_statement.line)
+        line_by_name[model_statement.name] = model_statement.line
 
 
 def _params(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
     amounts: dict[str, Amount] = {}
     declared = {declaration.name: declaration for declaration in model.statements_of("param")}
-    for name in overrides:
-        if name not in declared:
-            raise ModelError(f"{quote(name)} is not a parameter", 0, nearest(name, declared))
-        if declared[name].keyword == "audioParam":
-            port = declared[name].values["input"].removeprefix("@")
-            message = f"{quote(name)} follows the signal of {port} and has no value to set; "
+    for parameter_name in overrides:
+        if parameter_name not in declared:
+            raise ModelError(
+                f"{quote(parameter_name)} is not a parameter", 0, nearest(parameter_name, declared)
+            )
+        if declared[parameter_name].keyword == "audioParam":
+            port = declared[parameter_name].values["input"].removeprefix("@")
+            message = (
+                f"{quote(parameter_name)} follows the signal of {port} and has no value to set; "
+            )
             message += f"feed it by --feed {port}=FILE.wav"
-            raise ModelError(message, declared[name].line)
-    for name, declaration in declared.items():
+            raise ModelError(message, declared[parameter_name].line)
+    for parameter_name, declaration in declared.items():
         if declaration.keyword == "audioParam":
             if not re.fullmatch(r"@in[1-9]\d?", declaration.values["input"]):
-                raise ModelError(f"{quote(name)} needs an input, such as @in1", declaration.line)
-            amounts[name] = Amount(Fraction(0), "")
+                raise ModelError(
+                    f"{quote(parameter_name)} needs an input, such as @in1", declaration.line
+                )
+            amounts[parameter_name] = Amount(Fraction(0), "")
             continue
-        text = overrides.get(name, declaration.values["value"])
-        value = number(text, {}, f"parameter {quote(name)}", declaration.line)
-        amounts[name] = Amount(Fraction(value), "")
+        text = overrides.get(parameter_name, declaration.values["value"])
+        value = number(text, {}, f"parameter {quote(parameter_name)}", declaration.line)
+        amounts[parameter_name] = Amount(Fraction(value), "")
     return amounts
 
 
@@ -260,39 +291,49 @@ def _known_points(model: Model, macros: set[str]) -> None:
     inputs = {one.name for one in model.statements_of("input") if one.keyword == "posInput"}
     masses = {*points_by_name, *inputs}
     kinds = {one.name: one.keyword for one in model.statements_of("macro")}
-    for statement in model.statements:
-        for point in statement.points:
-            if point.name in macros:
-                sides = 2 if kinds[point.name] in MESHES else 1
-                if len(point.along) != sides:
+    for model_statement in model.statements:
+        for end_point in model_statement.points:
+            if end_point.name in macros:
+                sides = 2 if kinds[end_point.name] in MESHES else 1
+                if len(end_point.along) != sides:
                     wanted_form = (
                         "one number from 0 to 1" if sides == 1 else "two numbers from 0 to 1"
                     )
-                    message = f"a point of {quote(point.name)} needs {wanted_form}"
-                    raise ModelError(message, statement.line)
-            elif point.name not in masses:
-                message = f"{quote('@' + point.name)} is not a mass of this model"
-                suggestion = nearest(point.name, (*masses, *macros))
-                raise ModelError(message, statement.line, suggestion)
-            elif point.along:
-                message = f"{quote(point.name)} is not a macro and has no places"
-                raise ModelError(message, statement.line)
+                    message = f"a point of {quote(end_point.name)} needs {wanted_form}"
+                    raise ModelError(message, model_statement.line)
+            elif end_point.name not in masses:
+                message = f"{quote('@' + end_point.name)} is not a mass of this model"
+                suggestion = nearest(end_point.name, (*masses, *macros))
+                raise ModelError(message, model_statement.line, suggestion)
+            elif end_point.along:
+                message = f"{quote(end_point.name)} is not a macro and has no places"
+                raise ModelError(message, model_statement.line)
 
 
-def _numbers(model: Model, statement: Statement) -> None:
+def _numbers(model: Model, model_statement: Statement) -> None:
     """Check that every value is a number, even if it is not used later."""
-    for name in _values_of(statement):
-        model.value(statement, name)
-        if model.dialect == "v2" and name in ("x0", "v0") and not _is_plain(statement.values[name]):
-            message = f"{name} of {quote(statement.name)} is a plain number in mi-gen, no parameter"
-            raise ModelError(message, statement.line)
-    for point in statement.points:
+    for value_name in _values_of(model_statement):
+        model.value(model_statement, value_name)
+        if (
+            model.dialect == "v2"
+            and value_name in ("x0", "v0")
+            and not _is_plain(model_statement.values[value_name])
+        ):
+            message = (
+                f"{value_name} of {quote(model_statement.name)} is a plain number in mi-gen, no "
+                "parameter"
+            )
+            raise ModelError(message, model_statement.line)
+    for point in model_statement.points:
         for along in point.along:
-            model.number(along, f"the place on {quote(point.name)}", statement.line)
-    for name in ("N", "L", "W"):
-        if name in statement.values and not re.fullmatch(r"[1-9]\d{0,6}", statement.values[name]):
+            model.number(along, f"the place on {quote(point.name)}", model_statement.line)
+    for value_name in ("N", "L", "W"):
+        if value_name in model_statement.values and not re.fullmatch(
+            r"[1-9]\d{0,6}", model_statement.values[value_name]
+        ):
             raise ModelError(
-                f"{name} of {quote(statement.name)} is a whole number above 0", statement.line
+                f"{value_name} of {quote(model_statement.name)} is a whole number above 0",
+                model_statement.line,
             )
 
 

@@ -20,7 +20,10 @@ from ergon.workshop.models.page import RATE, Input, Line, Page, number
 
 
 def written(
-    model: Model, laws: Laws = "head", inputs: Mapping[str, Input] | None = None, title: str = ""
+    model: Model,
+    laws: Laws = "head",
+    inputs_by_name: Mapping[str, Input] | None = None,
+    title: str = "",
 ) -> str:
     """The text of a score with the same sound as a model. Raises ModelError with the line at fault.
 
@@ -31,25 +34,25 @@ def written(
         for statement in model.statements_of("param")
         if statement.name not in model.signals
     )
-    inputs = inputs or {}
+    inputs_by_name = inputs_by_name or {}
     firsts = {
-        signal: Amount(Fraction(inputs[source].first), "")
+        signal: Amount(Fraction(inputs_by_name[source].first), "")
         for signal, source in model.signals.items()
-        if source in inputs
+        if source in inputs_by_name
     }
     if firsts:
         model = replace(model, params={**model.params, **firsts}, _numbers={})
-    writing = Writing(model, laws, inputs, Params(params))
+    writing = Writing(model, laws, inputs_by_name, Params(params))
     try:
-        for statement in model.statements_of("mass", "macro", "input"):
-            MAKERS[statement.keyword](writing, statement)
-        for statement in model.statements_of("input"):
-            push(writing, statement)
+        for model_statement in model.statements_of("mass", "macro", "input"):
+            MAKERS[model_statement.keyword](writing, model_statement)
+        for model_statement in model.statements_of("input"):
+            push(writing, model_statement)
         listened = audible_ends(writing)
-        for statement in model.statements_of("link"):
-            link(writing, statement, listened)
-        for statement in model.statements_of("output"):
-            output(writing, statement)
+        for model_statement in model.statements_of("link"):
+            link(writing, model_statement, listened)
+        for model_statement in model.statements_of("output"):
+            output(writing, model_statement)
     except ModelError as error:
         error.file = model.file
         raise

@@ -28,22 +28,36 @@ class Value:
     along: Along | None = None
 
 
-def value_of(writing: Writing, statement: Statement, name: str) -> Value:
+def value_of(writing: Writing, model_statement: Statement, value_name: str) -> Value:
     """A value that may follow a signal; a constant if that signal has no file. Raises
     ModelError.
     """
-    text = statement.values.get(name, "0")
+    text = model_statement.values.get(value_name, "0")
     if not signals_in(writing.model, text):
-        number = writing.value(statement, name)
-        return Value(writing.text(statement, name), number, number, number)
-    side = straight(writing.model, text, f"{name} of {quote(statement.name)}", statement.line)
-    source = writing.inputs.get(writing.model.signals[side.signal]) if side.signal else None
+        constant_number = writing.value(model_statement, value_name)
+        return Value(
+            writing.text(model_statement, value_name),
+            constant_number,
+            constant_number,
+            constant_number,
+        )
+    linear_side = straight(
+        writing.model, text, f"{value_name} of {quote(model_statement.name)}", model_statement.line
+    )
+    source = (
+        writing.inputs.get(writing.model.signals[linear_side.signal])
+        if linear_side.signal
+        else None
+    )
     if source is None or source.least == source.greatest:
         signal = 0.0 if source is None else source.first
-        number = side.start + side.slope * signal
-        return Value(repr(number), number, number, number)
-    positions = [side.start + side.slope * s for s in (source.first, source.least, source.greatest)]
-    return Value("", positions[0], min(positions[1:]), max(positions[1:]), side)
+        constant_number = linear_side.start + linear_side.slope * signal
+        return Value(repr(constant_number), constant_number, constant_number, constant_number)
+    positions = [
+        linear_side.start + linear_side.slope * s
+        for s in (source.first, source.least, source.greatest)
+    ]
+    return Value("", positions[0], min(positions[1:]), max(positions[1:]), linear_side)
 
 
 def following(writing: Writing, value: Value, *, is_ahead: bool = False) -> str:
@@ -63,41 +77,45 @@ def following(writing: Writing, value: Value, *, is_ahead: bool = False) -> str:
     return f"{{of: {mat}, from: {low!r}, to: {high!r}{offset}, span: {span!r}m}}"
 
 
-def guide(writing: Writing, signal: str, *, is_ahead: bool = False) -> str:
+def guide(writing: Writing, signal_name: str, *, is_ahead: bool = False) -> str:
     """The name of the point that has the values of a signal, or those of its next sample."""
-    source = writing.model.signals[signal]
+    signal_source = writing.model.signals[signal_name]
     # The next sample of OSC is not known yet.
-    is_ahead &= source in writing.inputs and writing.inputs[source].file is not None
-    signal_text = f"{signal} ahead" if is_ahead else signal
+    is_ahead &= signal_source in writing.inputs and writing.inputs[signal_source].file is not None
+    signal_text = f"{signal_name} ahead" if is_ahead else signal_name
     if signal_text not in writing.guides:
         if is_ahead:
-            writing.ahead[source] = _next(writing, source)
-            writing.guides[signal_text] = fed(writing, f"{signal}_ahead", writing.ahead[source])
+            writing.ahead[signal_source] = _next(writing, signal_source)
+            writing.guides[signal_text] = fed(
+                writing, f"{signal_name}_ahead", writing.ahead[signal_source]
+            )
         else:
-            writing.guides[signal_text] = fed(writing, signal, source)
+            writing.guides[signal_text] = fed(writing, signal_name, signal_source)
     return writing.guides[signal_text]
 
 
-def _next(writing: Writing, source: str) -> str:
+def _next(writing: Writing, input_name: str) -> str:
     """The name of a take that is one sample ahead of an input's take."""
-    if source not in writing.ahead:
-        fed = writing.inputs[source]
+    if input_name not in writing.ahead:
+        fed = writing.inputs[input_name]
         stop = f"{(fed.n_frames - 1) / RATE!r}s"
-        name = writing.ahead[source] = f"{source}_ahead"
+        name = writing.ahead[input_name] = f"{input_name}_ahead"
         trim = f"{1 / RATE!r}s..{stop}"
         writing.takes[name] = replace(fed, first=fed.second, trim=trim)
-    return writing.ahead[source]
+    return writing.ahead[input_name]
 
 
-def fed(writing: Writing, take_name: str, source: str) -> str:
+def fed(writing: Writing, take_name: str, take_source: str) -> str:
     """Add a point that has the values of an input or a take; returns its name."""
     takes: dict[str, Input] = {**writing.inputs, **writing.takes}
-    take, name = takes.get(source), writing.names.new(take_name)
+    take, point_name = takes.get(take_source), writing.names.new(take_name)
     if take is None:
-        writing.add(name, "SOL: {}", "an input that nothing is connected to is 0")
-        return name
+        writing.add(point_name, "SOL: {}", "an input that nothing is connected to is 0")
+        return point_name
     x0 = "" if take.first == 0.0 else f", X0: {take.first!r}m"
-    writing.add(name, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing, for its path is imposed")
-    path = writing.names.new(f"{name}_path")
-    writing.add(path, f"ENX: {{to: {name}, from: {source}{take.start}}}")
-    return name
+    writing.add(
+        point_name, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing, for its path is imposed"
+    )
+    path = writing.names.new(f"{point_name}_path")
+    writing.add(path, f"ENX: {{to: {point_name}, from: {take_source}{take.start}}}")
+    return point_name

@@ -157,31 +157,34 @@ class _Reading:
             noun = "masses" if forms is MASSES else "links"
             message = f"{quote(kind)} is not a kind of {noun}"
             raise ModelError(message, line_number, nearest(kind, forms))
-        name = attributes.get("name", "")
-        if not name:
+        part_name = attributes.get("name", "")
+        if not part_name:
             raise ModelError(f"a {kind} has no name", line_number)
         if forms is MASSES:  # links may have one name, for nothing calls them
-            if name in self.names:
+            if part_name in self.names:
                 raise ModelError(
-                    f"{quote(name)} is the name of line {self.names[name]} too", line_number
+                    f"{quote(part_name)} is the name of line {self.names[part_name]} too",
+                    line_number,
                 )
-            self.names[name] = line_number
+            self.names[part_name] = line_number
         end_names: tuple[str, ...] = ()
         if forms is LINKS:
             end_names = (attributes.get("m1", ""),)
             if kind != "PlaneContact3D":
                 end_names += (attributes.get("m2", ""),)
         values = {attribute: self.number(attributes, attribute) for attribute in forms[kind]}
-        into.append(Part(kind, name, end_names, values, line_number))
+        into.append(Part(kind, part_name, end_names, values, line_number))
 
     def number(self, attributes: Mapping[str, str], name: str) -> float:
-        text = attributes.get(name)
-        if text is None:
+        attribute_text = attributes.get(name)
+        if attribute_text is None:
             raise ModelError(f"{name} is missing", self.line())
         try:
-            value = float(text)
+            value = float(attribute_text)
         except ValueError:
             value = math.nan
-        if not math.isfinite(value) or "_" in text:
-            raise ModelError(f"{name} is {quote(text)}, which is not a number", self.line())
+        if not math.isfinite(value) or "_" in attribute_text:
+            raise ModelError(
+                f"{name} is {quote(attribute_text)}, which is not a number", self.line()
+            )
         return value

@@ -25,22 +25,25 @@ def speeds(network: Network, rate: float) -> dict[str, Vector]:
     """V0 of each Mass3D, in units per sample; a file has them per second."""
     places = {mass.name: place(mass) for mass in network.masses}
     masses = {mass.name: mass.values["mass"] for mass in network.masses if mass.kind == "Mass3D"}
-    steps = {mass.name: step(mass, rate) for mass in network.masses if mass.kind == "Mass3D"}
+    first_steps = {mass.name: step(mass, rate) for mass in network.masses if mass.kind == "Mass3D"}
     still = (0.0, 0.0, 0.0)
-    speed_by_mass = dict(steps)
+    speed_by_mass = dict(first_steps)
     for _ in range(_ROUNDS):
-        forces = {name: [0.0, 0.0, -network.gravity * mass] for name, mass in masses.items()}
+        forces_by_mass = {
+            name: [0.0, 0.0, -network.gravity * mass] for name, mass in masses.items()
+        }
         for link in network.links:
-            _push(forces, link, places, speed_by_mass)
+            _push(forces_by_mass, link, places, speed_by_mass)
         next_speeds = {}
-        for name, mass in masses.items():
+        for mass_name, mass in masses.items():
             speed_wanted = [
-                s + 0.5 * f / mass for s, f in zip(steps[name], forces[name], strict=True)
+                s + 0.5 * f / mass
+                for s, f in zip(first_steps[mass_name], forces_by_mass[mass_name], strict=True)
             ]
             if network.friction:
                 a = drag(network.friction, mass) / mass
                 speed_wanted = [component * a / math.expm1(a) for component in speed_wanted]
-            next_speeds[name] = (speed_wanted[0], speed_wanted[1], speed_wanted[2])
+            next_speeds[mass_name] = (speed_wanted[0], speed_wanted[1], speed_wanted[2])
         change = max(
             (math.dist(next_speeds[name], speed_by_mass.get(name, still)) for name in masses),
             default=0.0,
@@ -64,33 +67,41 @@ def step(part: Part, rate: float) -> Vector:
 
 
 def _push(
-    forces: Mapping[str, list[float]],
-    link: Part,
-    places: Mapping[str, Vector],
-    steps: Mapping[str, Vector],
+    forces_by_mass: Mapping[str, list[float]],
+    model_link: Part,
+    mass_places: Mapping[str, Vector],
+    mass_steps: Mapping[str, Vector],
 ) -> None:
     """Add the force of a link at 0 s."""
-    values = link.values
-    k, z = values.get("stiffness", 0.0), values.get("damping", 0.0)
+    link_values = model_link.values
+    k, z = link_values.get("stiffness", 0.0), link_values.get("damping", 0.0)
     still = (0.0, 0.0, 0.0)
-    if link.kind == "PlaneContact3D":
-        axis, name = int(values["orientation"]), link.ends[0]
-        clearance = places[name][axis] - values["position"] - values["drest"]
-        if clearance < 0.0 and name in forces:
-            forces[name][axis] -= k * clearance + z * steps[name][axis]
+    if model_link.kind == "PlaneContact3D":
+        axis_index, mass_name = int(link_values["orientation"]), model_link.ends[0]
+        clearance = (
+            mass_places[mass_name][axis_index] - link_values["position"] - link_values["drest"]
+        )
+        if clearance < 0.0 and mass_name in forces_by_mass:
+            forces_by_mass[mass_name][axis_index] -= (
+                k * clearance + z * mass_steps[mass_name][axis_index]
+            )
         return
-    a, b = link.ends
-    difference = [q - p for p, q in zip(places[a], places[b], strict=True)]
-    length = math.hypot(*difference)
-    elongation = length - values.get("drest", 0.0)
-    if link.kind in ("Rope3D", "Bubble3D") and elongation <= 0.0:
+    first_end, second_end = model_link.ends
+    difference = [
+        q - p for p, q in zip(mass_places[first_end], mass_places[second_end], strict=True)
+    ]
+    link_length = math.hypot(*difference)
+    elongation = link_length - link_values.get("drest", 0.0)
+    if model_link.kind in ("Rope3D", "Bubble3D") and elongation <= 0.0:
         return
-    if (link.kind == "Contact3D" and elongation >= 0.0) or length == 0.0:
+    if (model_link.kind == "Contact3D" and elongation >= 0.0) or link_length == 0.0:
         return
-    direction = [component / length for component in difference]
-    pairs = zip(steps.get(a, still), steps.get(b, still), direction, strict=True)
+    direction = [component / link_length for component in difference]
+    pairs = zip(
+        mass_steps.get(first_end, still), mass_steps.get(second_end, still), direction, strict=True
+    )
     force = k * elongation + z * sum((q - p) * cosine for p, q, cosine in pairs)
-    for name, sign in ((a, 1.0), (b, -1.0)):
-        if name in forces:
-            for axis in range(3):
-                forces[name][axis] += sign * force * direction[axis]
+    for mass_name, sign in ((first_end, 1.0), (second_end, -1.0)):
+        if mass_name in forces_by_mass:
+            for axis_index in range(3):
+                forces_by_mass[mass_name][axis_index] += sign * force * direction[axis_index]

@@ -20,20 +20,20 @@ def first_bang(network: Network) -> dict[int, float]:
         else:
             mass.v = 0.0
     extra_forces: dict[int, float] = {}
-    for link in network.links:
-        a, b = network.masses[link.a], network.masses[link.b]
+    for model_link in network.links:
+        a, b = network.masses[model_link.a], network.masses[model_link.b]
         length = a.x - b.x
-        length_change, relative_step = length - link.before, a.v - b.v
+        length_change, relative_step = length - model_link.before, a.v - b.v
         # A score's damper feels the step of a mass too, so only the rest counts, above rounding.
-        if abs(length_change - relative_step) <= 1e-12 * max(abs(length), abs(link.before)):
+        if abs(length_change - relative_step) <= 1e-12 * max(abs(length), abs(model_link.before)):
             continue
-        if not (link.Lmin <= length < link.Lmax) or length == 0.0:
+        if not (model_link.Lmin <= length < model_link.Lmax) or length == 0.0:
             continue
-        extra_force = _damping(network, link, length_change) - _damping(
-            network, link, relative_step
+        extra_force = _damping(network, model_link, length_change) - _damping(
+            network, model_link, relative_step
         )
-        extra_forces[link.a] = extra_forces.get(link.a, 0.0) - extra_force
-        extra_forces[link.b] = extra_forces.get(link.b, 0.0) + extra_force
+        extra_forces[model_link.a] = extra_forces.get(model_link.a, 0.0) - extra_force
+        extra_forces[model_link.b] = extra_forces.get(model_link.b, 0.0) + extra_force
     return {
         mass_index: force
         for mass_index, force in extra_forces.items()

@@ -17,9 +17,9 @@ _ANY_TIME = ("bang", "print", "infosL", "reset")
 _KINDS = {"mass": "masses", "link": "links", "NLlink": "nl_links"}
 
 
-def network(kind: Object, messages: Sequence[Message]) -> Network:
+def network(object_kind: Object, messages: Sequence[Message]) -> Network:
     """The masses and links that messages make. Raises ModelError with the line at fault."""
-    built = Network(kind)
+    built = Network(object_kind)
     arrays = {
         sent.rest[index]
         for sent in messages
@@ -30,7 +30,7 @@ def network(kind: Object, messages: Sequence[Message]) -> Network:
     for nth, message in enumerate(messages):
         if nth == 0 and message.word in OBJECTS:
             _created(built, message)
-        elif kind == "pmpd" and message.word in arrays:
+        elif object_kind == "pmpd" and message.word in arrays:
             _array(built, message)
         else:
             _obey(built, message)
@@ -41,14 +41,14 @@ def network(kind: Object, messages: Sequence[Message]) -> Network:
 
 def _created(network: Network, message: Message) -> None:
     """Create the object as a patch writes it: `pmpd~ 1 2` has one inlet and two outlets."""
-    values = [number(word) for word in message.rest]
+    message_values = [number(word) for word in message.rest]
     if network.kind == "pmpd":
         return  # how many masses and links it has room for
     if message.rest[:1] == ("-m",):
-        values = values[1:]
-    if None in values:
+        message_values = message_values[1:]
+    if None in message_values:
         raise ModelError("pmpd~ is written pmpd~ [inlets] [outlets]", message.line)
-    sizes = [int(value or 0.0) for value in values]
+    sizes = [int(value or 0.0) for value in message_values]
     inlets, outlets, loops = (max(1, size) for size in (*sizes, *[1] * 3)[:3])
     if loops > 1:
         message_text = f"{loops} steps in a sample are not built yet; a score has one"
@@ -61,18 +61,18 @@ def _array(network: Network, message: Message) -> None:
     on.
     """
     first_word, *value_words = message.rest or ("",)
-    values = [number(word) for word in value_words]
-    start = number(first_word)
+    array_values = [number(word) for word in value_words]
+    first_index = number(first_word)
     array = network.arrays.setdefault(message.word, [])
-    if first_word == "resize" and len(values) == 1 and values[0] is not None:
-        size = _integer(values[0], 1, MESSAGES_MAX, "a size", message.line)
+    if first_word == "resize" and len(array_values) == 1 and array_values[0] is not None:
+        size = _integer(array_values[0], 1, MESSAGES_MAX, "a size", message.line)
         array[size:] = []
         array += [0.0] * (size - len(array))
-    elif start is not None and None not in values:
-        start_index = _integer(start, 0, MESSAGES_MAX, "an index", message.line)
-        array += [0.0] * (min(start_index + len(values), MESSAGES_MAX) - len(array))
-        array[start_index : start_index + len(values)] = [
-            value for value in values if value is not None
+    elif first_index is not None and None not in array_values:
+        start_index = _integer(first_index, 0, MESSAGES_MAX, "an index", message.line)
+        array += [0.0] * (min(start_index + len(array_values), MESSAGES_MAX) - len(array))
+        array[start_index : start_index + len(array_values)] = [
+            value for value in array_values if value is not None
         ]
     else:
         example = f"{message.word} resize 3; {message.word} 0 0.5 1 2"
@@ -80,73 +80,87 @@ def _array(network: Network, message: Message) -> None:
 
 
 def _obey(network: Network, message: Message) -> None:
-    forms = FORMS[network.kind]
-    form = forms.get(message.word)
-    line = message.line
-    if form is None:
+    statement_forms = FORMS[network.kind]
+    statement_form = statement_forms.get(message.word)
+    line_number = message.line
+    if statement_form is None:
         if message.word in REFUSED:
-            raise ModelError(f"{message.word}: {REFUSED[message.word]}", line)
+            raise ModelError(f"{message.word}: {REFUSED[message.word]}", line_number)
         if number(message.word) is not None:
-            raise ModelError("a message begins with a word, and this one with a number", line)
+            raise ModelError(
+                "a message begins with a word, and this one with a number", line_number
+            )
         (other_object,) = (name for name in OBJECTS if name != network.kind)
         other_class = (
             f"; it is one of [{other_object}]" if message.word in FORMS[other_object] else ""
         )
-        near = None if other_class else nearest(message.word, forms)
+        near = None if other_class else nearest(message.word, statement_forms)
         raise ModelError(
-            f"{quote(message.word)} is not a word of [{network.kind}]{other_class}", line, near
+            f"{quote(message.word)} is not a word of [{network.kind}]{other_class}",
+            line_number,
+            near,
         )
-    least = sum(value.default is None for value in form)
-    if not least <= len(message.rest) <= len(form):
-        form_text = f"{written(message.word, form)}; here it has {len(message.rest)} values"
-        raise ModelError(f"{message.word} is written {form_text}", line)
+    least = sum(value.default is None for value in statement_form)
+    if not least <= len(message.rest) <= len(statement_form):
+        form_text = (
+            f"{written(message.word, statement_form)}; here it has {len(message.rest)} values"
+        )
+        raise ModelError(f"{message.word} is written {form_text}", line_number)
     if network.has_run and message.word not in _ANY_TIME and not _asks(message.word):
         refusal_text = "masses and links that change while it plays are not built yet"
-        raise ModelError(f"{message.word} behind the first bang: {refusal_text}", line)
+        raise ModelError(f"{message.word} behind the first bang: {refusal_text}", line_number)
     values = [
         _value(
             network,
             value,
             message.rest[index] if index < len(message.rest) else value.default,
-            line,
+            line_number,
         )
-        for index, value in enumerate(form)
+        for index, value in enumerate(statement_form)
     ]
-    _MAKERS[network.kind, message.word](network, message.word, line, *values)
+    _MAKERS[network.kind, message.word](network, message.word, line_number, *values)
 
 
 def _asks(word: str) -> bool:
     return word.startswith("mass") and word != "mass"
 
 
-def _value(network: Network, value: Value, word: str | None, line: int) -> Any:
+def _value(network: Network, value_kind: Value, value_word: str | None, line_number: int) -> Any:
     """The value of a word, by the kind of value that is expected."""
-    if not word:  # left out: all masses, or nothing
-        return list(range(len(network.masses))) if value.kind == "masses" else None
-    literal = number(word)
-    if value.kind == "class":
+    if not value_word:  # left out: all masses, or nothing
+        return list(range(len(network.masses))) if value_kind.kind == "masses" else None
+    literal = number(value_word)
+    if value_kind.kind == "class":
         if literal is not None:
-            raise ModelError(f"{quote(word)}: a class is a word, and a number names none", line)
-        return word
-    if value.kind == "array":
-        return word
-    list_name = {"masses": "masses", "links": "links"}.get(value.kind)
+            raise ModelError(
+                f"{quote(value_word)}: a class is a word, and a number names none", line_number
+            )
+        return value_word
+    if value_kind.kind == "array":
+        return value_word
+    list_name = {"masses": "masses", "links": "links"}.get(value_kind.kind)
     if list_name is not None:
         things = getattr(network, list_name)
         if literal is None:
-            matching = [index for index, thing in enumerate(things) if thing.class_name == word]
+            matching = [
+                index for index, thing in enumerate(things) if thing.class_name == value_word
+            ]
             if not matching:
-                near = nearest(word, {thing.class_name for thing in things})
-                raise ModelError(f"no {list_name} are called {quote(word)}", line, near)
+                near = nearest(value_word, {thing.class_name for thing in things})
+                raise ModelError(
+                    f"no {list_name} are called {quote(value_word)}", line_number, near
+                )
             return matching
-        return [_index(network, list_name, literal, line)]
+        return [_index(network, list_name, literal, line_number)]
     if literal is None:
-        raise ModelError(f"{value.name} is {quote(word)}, which is not a number", line)
-    if value.kind in _KINDS:
-        return _index(network, _KINDS[value.kind], literal, line)
-    if value.kind == "port":
-        port_max = network.n_ports[value.name == "outlet"]
-        return _integer(literal, 0, port_max - 1, f"{value.name}", line)
+        raise ModelError(
+            f"{value_kind.name} is {quote(value_word)}, which is not a number", line_number
+        )
+    if value_kind.kind in _KINDS:
+        return _index(network, _KINDS[value_kind.kind], literal, line_number)
+    if value_kind.kind == "port":
+        port_max = network.n_ports[value_kind.name == "outlet"]
+        return _integer(literal, 0, port_max - 1, f"{value_kind.name}", line_number)
     return literal
 
 
@@ -186,31 +200,48 @@ def _mass(
 
 def _link_audio(
     network: Network,
-    word: str,
-    line: int,
-    a: int,
-    b: int,
+    class_word: str,
+    line_number: int,
+    first_mass: int,
+    second_mass: int,
     K: float,
     D: float,
     *optional_values: float,
 ) -> None:
     Pow, L, low, high = optional_values or (1.0, 0.0, -1e6, 1e6)
-    things = network.nl_links if word == "NLlink" else network.links
-    _room(things, line)
-    if a == b:
-        raise ModelError(f"{word} joins mass {a} to itself", line)
-    things.append(Link(word, f"{word}~", a, b, K, D, Pow, L, low, high, 0.0, line))
+    things = network.nl_links if class_word == "NLlink" else network.links
+    _room(things, line_number)
+    if first_mass == second_mass:
+        raise ModelError(f"{class_word} joins mass {first_mass} to itself", line_number)
+    things.append(
+        Link(
+            class_word,
+            f"{class_word}~",
+            first_mass,
+            second_mass,
+            K,
+            D,
+            Pow,
+            L,
+            low,
+            high,
+            0.0,
+            line_number,
+        )
+    )
 
 
-def _joined(network: Network, a: list[int], b: list[int], line: int) -> Iterator[tuple[int, int]]:
+def _joined(
+    network: Network, a: list[int], second_masses: list[int], line_number: int
+) -> Iterator[tuple[int, int]]:
     """Any two of two classes; within one class each two masses once."""
-    if len(a) == len(b) == 1 and a == b:
-        raise ModelError(f"a link joins mass {a[0]} to itself", line)
-    is_same = a == b
+    if len(a) == len(second_masses) == 1 and a == second_masses:
+        raise ModelError(f"a link joins mass {a[0]} to itself", line_number)
+    is_same = a == second_masses
     for i in a:
-        for j in b:
+        for j in second_masses:
             if i != j and not (is_same and i > j):
-                _room(network.links, line)
+                _room(network.links, line_number)
                 yield i, j
 
 
@@ -224,7 +255,13 @@ def _link(
 
 
 def _table_link(
-    network: Network, word: str, line: int, group: str, a: list[int], b: list[int], *rest: Any
+    network: Network,
+    word: str,
+    line_number: int,
+    group: str,
+    a: list[int],
+    b: list[int],
+    *rest: Any,
 ) -> None:
     array_k, length_k, array_d, length_d = rest
     tables = (
@@ -233,9 +270,9 @@ def _table_link(
         array_d,
         (length_d if length_d > 0 else 1.0),
     )
-    for i, j in _joined(network, a, b, line):
+    for i, j in _joined(network, a, b, line_number):
         L = network.masses[i].x - network.masses[j].x
-        link = Link(group, "table", i, j, 1.0, 1.0, 1.0, L, -1e6, 1e6, L, line, tables)
+        link = Link(group, "table", i, j, 1.0, 1.0, 1.0, L, -1e6, 1e6, L, line_number, tables)
         network.links.append(link)
 
 
@@ -274,13 +311,13 @@ def _set(things: str, name: str) -> Callable[..., None]:
     return change
 
 
-def _add(things: str, name: str) -> Callable[..., None]:
+def _add(things: str, collection_name: str) -> Callable[..., None]:
     def change(
         network: Network, word: str, line: int, which: int | list[int], value: float
     ) -> None:
         for index in [which] if isinstance(which, int) else which:
             thing = getattr(network, things)[index]
-            setattr(thing, name, getattr(thing, name) + value)
+            setattr(thing, collection_name, getattr(thing, collection_name) + value)
 
     return change
 

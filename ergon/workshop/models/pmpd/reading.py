@@ -70,23 +70,23 @@ def messages(text: str, count_max: int = MESSAGES_MAX + 1) -> Iterator[Message]:
         if not re.match(r"\s*#(\s|$)", line)
     ]
     is_pure = any(";" in line for _, line in numbered_lines)
-    words: list[str] = []
-    first_line, count = 0, 0
+    message_words: list[str] = []
+    first_line, message_count = 0, 0
     for line_number, line in numbered_lines:
-        parts = _SEPARATOR.split(line)
-        for nth, part in enumerate(parts):
+        line_parts = _SEPARATOR.split(line)
+        for nth, part in enumerate(line_parts):
             words_in_part = part.split()
-            first_line = line_number if words_in_part and not words else first_line
-            words += words_in_part
-            if len(words) > _WORDS_MAX:
+            first_line = line_number if words_in_part and not message_words else first_line
+            message_words += words_in_part
+            if len(message_words) > _WORDS_MAX:
                 raise ModelError(f"a message has at most {_WORDS_MAX:,} words", first_line)
-            if words and (nth + 1 < len(parts) or not is_pure):
-                yield Message(words[0], tuple(words[1:]), first_line)
-                words, count = [], count + 1
-                if count >= count_max:
+            if message_words and (nth + 1 < len(line_parts) or not is_pure):
+                yield Message(message_words[0], tuple(message_words[1:]), first_line)
+                message_words, message_count = [], message_count + 1
+                if message_count >= count_max:
                     return
-    if words:
-        yield Message(words[0], tuple(words[1:]), first_line)
+    if message_words:
+        yield Message(message_words[0], tuple(message_words[1:]), first_line)
 
 
 def parse(text: str, dialect: Object | None) -> tuple[Object, list[Message]]:

@@ -72,43 +72,48 @@ def written(network: Network, inputs: Mapping[str, Input], title: str) -> str:
 
 
 def _masses(writing: _Writing) -> None:
-    counts: dict[str, int] = {}
-    for mass in writing.network.masses:
-        counts[mass.class_name] = counts.get(mass.class_name, 0) + 1
+    counts_by_class: dict[str, int] = {}
+    for model_mass in writing.network.masses:
+        counts_by_class[model_mass.class_name] = counts_by_class.get(model_mass.class_name, 0) + 1
     line_by_mass: dict[str, int] = {}
-    strings = rows(
+    string_rows = rows(
         writing.network,
         writing.moved,
         lambda mass: mass.K > 0.0 and _is_plain(writing, mass, mass.D),
     )
-    for index, mass in enumerate(writing.network.masses):
-        nth = line_by_mass[mass.class_name] = line_by_mass.get(mass.class_name, -1) + 1
-        word = _NO_LETTER.sub("_", mass.class_name)
-        word = word if word[:1].isalpha() else f"m{word}"
-        if index in strings:
+    for mass_index, model_mass in enumerate(writing.network.masses):
+        nth = line_by_mass[model_mass.class_name] = line_by_mass.get(model_mass.class_name, -1) + 1
+        class_word = _NO_LETTER.sub("_", model_mass.class_name)
+        class_word = class_word if class_word[:1].isalpha() else f"m{class_word}"
+        if mass_index in string_rows:
             _string(
-                writing, strings[index], mass, word if writing.network.kind == "pmpd" else "string"
+                writing,
+                string_rows[mass_index],
+                model_mass,
+                class_word if writing.network.kind == "pmpd" else "string",
             )
-        if index < len(writing.masses):
+        if mass_index < len(writing.masses):
             continue  # a member of a string
         if writing.network.kind == "pmpd~":
-            word = f"m{index}"
-        elif counts[mass.class_name] > 1:
-            word = f"{word}{nth}"
-        writing.masses.append(_mass(writing, index, mass, word))
-        if mass.D and mass.is_mobile:
-            _damper(writing, f"{word}_air", writing.masses[index], mass.D)
+            class_word = f"m{mass_index}"
+        elif counts_by_class[model_mass.class_name] > 1:
+            class_word = f"{class_word}{nth}"
+        writing.masses.append(_mass(writing, mass_index, model_mass, class_word))
+        if model_mass.D and model_mass.is_mobile:
+            _damper(writing, f"{class_word}_air", writing.masses[mass_index], model_mass.D)
 
 
-def _string(writing: _Writing, row: Row, mass: Mass, word: str) -> None:
-    n = row.count
+def _string(writing: _Writing, string_row: Row, mass: Mass, word: str) -> None:
+    n = string_row.count
     _within(mass)
     M = nudge_to_goal(n * mass.M, lambda total_mass: total_mass / n, mass.M)
-    fields = [f"masses: {n}", "ends: free", f"M: {number(M)}", f"K: {number(row.link.K)}"]
-    fields += [f"Z: {number(row.link.D)}", *_start(mass)]
-    name = writing.add(word, f"STRING: {{{', '.join(fields)}}}", f"masses {row.first} and on")
+    fields = [f"masses: {n}", "ends: free", f"M: {number(M)}", f"K: {number(string_row.link.K)}"]
+    fields += [f"Z: {number(string_row.link.D)}", *_start(mass)]
+    name = writing.add(
+        word, f"STRING: {{{', '.join(fields)}}}", f"masses {string_row.first} and on"
+    )
     writing.masses += [f"{name}.{member}" for member in range(n)]
-    writing.joined |= row.links
+    writing.joined |= string_row.links
 
 
 def _start(mass: Mass) -> list[str]:
@@ -134,31 +139,33 @@ def _mass(writing: _Writing, index: int, mass: Mass, word: str) -> str:
     return writing.add(word, f"MAS: {{{', '.join([f'M: {number(mass.M)}', *_start(mass)])}}}")
 
 
-def _moved(writing: _Writing, port: Port, mass: Mass, word: str) -> str:
+def _moved(writing: _Writing, port: Port, mass: Mass, class_word: str) -> str:
     if mass.is_mobile:
         message = f"inlet {port.number} puts a mass somewhere that moves by itself too; "
         raise ModelError(f"{message}give mass {port.mass} a weight of 0", port.line)
     fed = writing.inputs.get(f"in{port.number}")
     if fed is None:
-        return writing.add(word, "SOL: {}", "an inlet that nothing is connected to is 0")
+        return writing.add(class_word, "SOL: {}", "an inlet that nothing is connected to is 0")
     first_position = fed.first * port.gain
     x0 = f", X0: {first_position!r}m" if first_position else ""
     name = writing.add(
-        word, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing: its path is imposed"
+        class_word, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing: its path is imposed"
     )
     scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
-    writing.add(f"{word}_path", f"ENX: {{to: {name}, from: in{port.number}{fed.start}{scale}}}")
+    writing.add(
+        f"{class_word}_path", f"ENX: {{to: {name}, from: in{port.number}{fed.start}{scale}}}"
+    )
     return name
 
 
-def _damper(writing: _Writing, word: str, mass: str, D: float) -> None:
+def _damper(writing: _Writing, class_word: str, mass: str, D: float) -> None:
     """Add a viscosity against the ground."""
     writing.ground = writing.ground or writing.add("ground", "SOL: {}", "what stands still")
     between_text = f"between: [{writing.ground}, {mass}]"
     if D >= 0.0:
-        writing.add(word, f"FRO: {{{between_text}, Z: {number(D)}}}")
+        writing.add(class_word, f"FRO: {{{between_text}, Z: {number(D)}}}")
     else:
-        writing.add(word, f'LNL: {{{between_text}, damping: "z*v", z: {number(D)}}}')
+        writing.add(class_word, f'LNL: {{{between_text}, damping: "z*v", z: {number(D)}}}')
 
 
 # --- links --------------------------------------------------------------------------------------
@@ -166,8 +173,8 @@ def _damper(writing: _Writing, word: str, mass: str, D: float) -> None:
 
 def _link(writing: _Writing, nth: int, link: Link) -> None:
     masses = writing.network.masses
-    word = _NO_LETTER.sub("_", link.class_name)
-    word = f"{word if word[:1].isalpha() else 'link'}{nth}"
+    class_word = _NO_LETTER.sub("_", link.class_name)
+    class_word = f"{class_word if class_word[:1].isalpha() else 'link'}{nth}"
     still = [
         mass_index in writing.moved or not masses[mass_index].is_mobile
         for mass_index in (link.a, link.b)
@@ -183,11 +190,11 @@ def _link(writing: _Writing, nth: int, link: Link) -> None:
         if link.form == "NLlink~" and not _is_open(link):
             message = "viscosity within bounds, on a mass that an inlet moves, is not built yet"
             raise ModelError(message, link.line)
-        _damper(writing, f"{word}_air", mobile, D)
+        _damper(writing, f"{class_word}_air", mobile, D)
         D = 0.0
     if link.tables is not None:
         for text in springs(writing.network.arrays, link):
-            writing.add(word, f"LNL: {{{between_text}, {text}}}")
+            writing.add(class_word, f"LNL: {{{between_text}, {text}}}")
         return
     rest_text = f", rest: {link.L!r}m" if link.L else ""
     if abs(link.L) > _FARTHEST:
@@ -195,12 +202,12 @@ def _link(writing: _Writing, nth: int, link: Link) -> None:
     if _is_plain(writing, link, D):
         kind = "REF" if D else "RES"
         z = f", Z: {number(D)}" if D else ""
-        writing.add(word, f"{kind}: {{{between_text}, K: {number(link.K)}{z}{rest_text}}}")
+        writing.add(class_word, f"{kind}: {{{between_text}, K: {number(link.K)}{z}{rest_text}}}")
     elif _is_straight(writing, link):
         law = f'law: "k*d", damping: "z*v", k: {number(link.K)}, z: {number(D)}'
-        writing.add(word, f"LNL: {{{between_text}, {law}{rest_text}}}")
+        writing.add(class_word, f"LNL: {{{between_text}, {law}{rest_text}}}")
     else:
-        writing.add(word, f"LNL: {{{between_text}, {_law(link, D)}}}")
+        writing.add(class_word, f"LNL: {{{between_text}, {_law(link, D)}}}")
 
 
 def _is_plain(writing: _Writing, link: Link, D: float) -> bool:
@@ -219,37 +226,39 @@ def _is_open(link: Link) -> bool:
     return link.Lmin <= -_FAR and link.Lmax >= _FAR
 
 
-def _law(link: Link, D: float) -> str:
+def _law(model_link: Link, D: float) -> str:
     """K times a power of the length beyond the rest length, within bounds of the length."""
-    is_audio = link.form == "NLlink~"
+    is_audio = model_link.form == "NLlink~"
     # Bounds of pmpd~ are for the length beyond the rest length, those of pmpd for the whole length.
-    d = "d" if is_audio or not link.L else "(d - l)"
-    values = {"k": link.K, **({"p": link.Pow} if link.Pow != 1.0 else {})}
-    law = f"k*{d}" if link.Pow == 1.0 else f"where({d} < 0, -k*abs({d})**p, k*abs({d})**p)"
-    if not is_audio and link.L:
-        values["l"] = link.L
+    d = "d" if is_audio or not model_link.L else "(d - l)"
+    law_values = {"k": model_link.K, **({"p": model_link.Pow} if model_link.Pow != 1.0 else {})}
+    law_text = (
+        f"k*{d}" if model_link.Pow == 1.0 else f"where({d} < 0, -k*abs({d})**p, k*abs({d})**p)"
+    )
+    if not is_audio and model_link.L:
+        law_values["l"] = model_link.L
     is_within = []
-    if not _is_open(link):
+    if not _is_open(model_link):
         is_within = [f"(d {'>' if is_audio else '>='} lo)", "(d < hi)"]
-        values |= {"lo": link.Lmin, "hi": link.Lmax}
+        law_values |= {"lo": model_link.Lmin, "hi": model_link.Lmax}
     if not is_audio:
         is_within.append("(d != 0)")
     damping = "z*v"
     if is_within:
-        law, damping = (
-            f"where({'*'.join(is_within)}, {expression}, 0)" for expression in (law, damping)
+        law_text, damping = (
+            f"where({'*'.join(is_within)}, {expression}, 0)" for expression in (law_text, damping)
         )
-    if link.Pow < 1.0:
+    if model_link.Pow < 1.0:
         # The slope of this law is infinite at rest. A law without a bound on its slope has no
         # certificate, but dry friction has one.
-        damping_field = [f'damping: "{law}{f" + {damping}" if D else ""}"']
+        damping_field = [f'damping: "{law_text}{f" + {damping}" if D else ""}"']
     else:
-        damping_field = [f'law: "{law}"', *([f'damping: "{damping}"'] if D else [])]
+        damping_field = [f'law: "{law_text}"', *([f'damping: "{damping}"'] if D else [])]
     if D:
-        values["z"] = D
-    damping_field += [f"{name}: {number(value)}" for name, value in values.items()]
-    if is_audio and link.L:
-        damping_field.append(f"rest: {link.L!r}m")
+        law_values["z"] = D
+    damping_field += [f"{name}: {number(value)}" for name, value in law_values.items()]
+    if is_audio and model_link.L:
+        damping_field.append(f"rest: {model_link.L!r}m")
     return ", ".join(damping_field)
 
 
@@ -294,42 +303,52 @@ def _outputs(writing: _Writing) -> None:
             mass_index for mass_index, mass in enumerate(writing.network.masses) if mass.is_mobile
         )
         outputs_asked = [Asked("massPosMean", mobile, 0)]
-    channel = 0
-    for mass in outputs_asked:
-        is_mean, is_speed = mass.word.endswith("Mean"), mass.word.startswith("massSpeed")
-        groups = [list(mass.masses)] if is_mean else [[mass_index] for mass_index in mass.masses]
+    channel_number = 0
+    for output_mass in outputs_asked:
+        is_mean, is_speed = (
+            output_mass.word.endswith("Mean"),
+            output_mass.word.startswith("massSpeed"),
+        )
+        groups = (
+            [list(output_mass.masses)]
+            if is_mean
+            else [[mass_index] for mass_index in output_mass.masses]
+        )
         for group in filter(None, groups):
-            channel += 1
-            if channel > _CHANNELS_MAX:
+            channel_number += 1
+            if channel_number > _CHANNELS_MAX:
                 message = f"more than {_CHANNELS_MAX} masses are asked for; name fewer"
-                raise ModelError(f"{message}, or write massPosMean CLASS", mass.line)
-            _out(writing, group, is_speed, channel, 1.0 / len(group))
+                raise ModelError(f"{message}, or write massPosMean CLASS", output_mass.line)
+            _out(writing, group, is_speed, channel_number, 1.0 / len(group))
 
 
 def _out(
-    writing: _Writing, masses: Sequence[int], is_speed: bool, channel: int, factor: float
+    writing: _Writing, masses: Sequence[int], is_speed: bool, channel: int, signal_factor: float
 ) -> None:
     name = f"out{len(writing.outs) + 1}"
     mass_ranges = ", ".join(_ranges([writing.masses[mass_index] for mass_index in masses]))
     mass_ranges = mass_ranges if len(masses) == 1 else f"[{mass_ranges}]"
-    kind, factor = ("SOV", factor / RATE) if is_speed else ("SOX", factor)
-    writing.outs.append(Out(name, f"{kind}: {mass_ranges}", channel, gain(factor)))
+    kind, signal_factor = ("SOV", signal_factor / RATE) if is_speed else ("SOX", signal_factor)
+    writing.outs.append(Out(name, f"{kind}: {mass_ranges}", channel, gain(signal_factor)))
 
 
-def _ranges(names: Sequence[str]) -> Iterator[str]:
+def _ranges(member_names: Sequence[str]) -> Iterator[str]:
     """Members of strings one behind the other as a range: `string.3..8`."""
     first_index = 0
-    while first_index < len(names):
-        body, dot, member = names[first_index].partition(".")
+    while first_index < len(member_names):
+        body, dot, member_index = member_names[first_index].partition(".")
         last_index = first_index
-        while dot and last_index + 1 < len(names):
-            if names[last_index + 1] != f"{body}.{int(member) + last_index + 1 - first_index}":
+        while dot and last_index + 1 < len(member_names):
+            if (
+                member_names[last_index + 1]
+                != f"{body}.{int(member_index) + last_index + 1 - first_index}"
+            ):
                 break
             last_index += 1
         range_text = (
-            f"..{int(member) + last_index - first_index}" if last_index > first_index else ""
+            f"..{int(member_index) + last_index - first_index}" if last_index > first_index else ""
         )
-        yield f"{names[first_index]}{range_text}"
+        yield f"{member_names[first_index]}{range_text}"
         first_index = last_index + 1
 
 
@@ -350,15 +369,19 @@ def _page(writing: _Writing, title: str) -> Page:
 
 
 def _head(writing: _Writing, title: str) -> Iterator[str]:
-    kind = writing.network.kind
-    yield f"From {title or 'a list'}, messages to an object [{kind}] of Pure Data."
-    step = f"A bang is a sample of 1/{RATE} s" if kind == "pmpd" else f"One sample is 1/{RATE} s"
+    object_kind = writing.network.kind
+    yield f"From {title or 'a list'}, messages to an object [{object_kind}] of Pure Data."
+    step = (
+        f"A bang is a sample of 1/{RATE} s"
+        if object_kind == "pmpd"
+        else f"One sample is 1/{RATE} s"
+    )
     yield f"{step}; the numbers are those of the discrete network."
-    if kind == "pmpd~":
+    if object_kind == "pmpd~":
         yield "The first sample is what the object begins with; its own first sample follows."
     if any(out.what.startswith("SOV") for out in writing.outs):
         yield "Speeds are those in the middle of a step, heard 7.5 samples late."
-    if kind == "pmpd" and not writing.network.asked:
+    if object_kind == "pmpd" and not writing.network.asked:
         yield "Nothing is asked for: the mean of all masses that move is heard."
 
 

@@ -36,33 +36,36 @@ class Table:
 
 def table(arrays: Mapping[str, Sequence[float]], name: str, line: int) -> Table:
     """The array of a name. Raises ModelError where there is none."""
-    values = arrays.get(name)
-    if not values:
+    array_values = arrays.get(name)
+    if not array_values:
         message = f"no values of the array {quote(name)}: write {name} 0, then its values"
         raise ModelError(
             message,
             line,
             nearest(name, [array_name for array_name in arrays if arrays[array_name]]),
         )
-    return Table(values)
+    return Table(array_values)
 
 
-def springs(arrays: Mapping[str, Sequence[float]], link: Link) -> Iterator[str]:
+def springs(arrays: Mapping[str, Sequence[float]], model_link: Link) -> Iterator[str]:
     """Laws that add up to a tabLink: first of the elongation, then of its rate. Raises
     ModelError.
     """
-    assert link.tables is not None
-    name_k, length_k, name_d, length_d = link.tables
-    k, d = table(arrays, name_k, link.line).values, table(arrays, name_d, link.line).values
-    if d[0] and link.D:
+    assert model_link.tables is not None
+    name_k, length_k, name_d, length_d = model_link.tables
+    k, d = (
+        table(arrays, name_k, model_link.line).values,
+        table(arrays, name_d, model_link.line).values,
+    )
+    if d[0] and model_link.D:
         message = f"viscosity that jumps at rest is not built yet: let {name_d} begin with 0"
-        raise ModelError(message, link.line)
+        raise ModelError(message, model_link.line)
     if len(d) > _VALUES_MAX:
         raise ModelError(
-            f"{quote(name_d)} has {len(d):,} values, and {_VALUES_MAX:,} are read", link.line
+            f"{quote(name_d)} has {len(d):,} values, and {_VALUES_MAX:,} are read", model_link.line
         )
-    yield from _elastic([link.K * value for value in k], length_k)
-    yield from _viscous([link.D * value for value in d], length_d)
+    yield from _elastic([model_link.K * value for value in k], length_k)
+    yield from _viscous([model_link.D * value for value in d], length_d)
 
 
 def _elastic(values: Sequence[float], length: float) -> Iterator[str]:

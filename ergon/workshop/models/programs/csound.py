@@ -37,22 +37,22 @@ def _orchestra(bank: Bank) -> Iterator[str]:
     yield f"nchnls = {len(bank.outputs)}"
     yield "0dbfs = 1"
     yield ""
-    for number, name in enumerate(bank.struck, 1):
-        yield f"gaPush{number} init 0  ; [N s] on {_plain(name)} in this sample"
+    for table_number, input_name in enumerate(bank.struck, 1):
+        yield f"gaPush{table_number} init 0  ; [N s] on {_plain(input_name)} in this sample"
     outputs_with_scales = zip(bank.outputs, bank.full, strict=True)
-    for number, ((name, order), full) in enumerate(outputs_with_scales, 1):
-        yield f"gaOut{number} init 0  ; [m] {_plain(name)}"
-        yield f"giFull{number} = {full!r}  ; [{UNITS[order]}] of it is full scale"
+    for table_number, ((input_name, derivative_order), full) in enumerate(outputs_with_scales, 1):
+        yield f"gaOut{table_number} init 0  ; [m] {_plain(input_name)}"
+        yield f"giFull{table_number} = {full!r}  ; [{UNITS[derivative_order]}] of it is full scale"
     yield ""
-    for number, name in enumerate(bank.struck, 1):
-        yield f"instr {number}  ; a strike on {_plain(name)}"
+    for table_number, input_name in enumerate(bank.struck, 1):
+        yield f"instr {table_number}  ; a strike on {_plain(input_name)}"
         yield "  aStrike mpulse p4, 0  ; p4 [N s] impulse"
-        yield f"  gaPush{number} += aStrike"
+        yield f"  gaPush{table_number} += aStrike"
         yield "endin"
         yield ""
-    for number, path in enumerate(bank.ways, modes_from):
+    for table_number, path in enumerate(bank.ways, modes_from):
         struck, output_index = bank.struck[path.struck], bank.outputs[path.output][0]
-        yield f"instr {number}  ; a mode, from {_plain(struck)} to {_plain(output_index)}"
+        yield f"instr {table_number}  ; a mode, from {_plain(struck)} to {_plain(output_index)}"
         yield "  iFrequency = p4  ; [Hz] damped"
         yield "  iDecay = p5      ; [1/s]; T60 = 6.9078/p5 s"
         yield "  iAmplitude = p6  ; [m/(N s)]"
@@ -67,8 +67,8 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         yield "endin"
         yield ""
     yield f"instr {output}  ; what is heard"
-    for number, (_, order) in enumerate(bank.outputs, 1):
-        yield from _differentiated(number, order)
+    for table_number, (_, derivative_order) in enumerate(bank.outputs, 1):
+        yield from _differentiated(table_number, derivative_order)
     outs = (f"aHeard{number}/giFull{number}" for number in range(1, len(bank.outputs) + 1))
     yield f"  out {', '.join(outs)}"
     names = [f"gaPush{number}" for number in range(1, len(bank.struck) + 1)]
@@ -78,50 +78,50 @@ def _orchestra(bank: Bank) -> Iterator[str]:
     yield "</CsInstruments>"
 
 
-def _differentiated(number: int, order: int) -> Iterator[str]:
+def _differentiated(output_number: int, derivative_order: int) -> Iterator[str]:
     """A position, or its speed or acceleration as the engine computes them, some samples late."""
-    if order == 0:
-        yield f"  aHeard{number} = gaOut{number}"
+    if derivative_order == 0:
+        yield f"  aHeard{output_number} = gaOut{output_number}"
         return
-    shares = weights(order)
-    side = len(shares)
-    yield f"  ; differentiated over {2 * side - 2 + order} samples"
-    yield f"  aWas{number}_0 = gaOut{number}"
-    last_delay = 2 * side - 2 + order
+    pair_weights = weights(derivative_order)
+    half_width = len(pair_weights)
+    yield f"  ; differentiated over {2 * half_width - 2 + derivative_order} samples"
+    yield f"  aWas{output_number}_0 = gaOut{output_number}"
+    last_delay = 2 * half_width - 2 + derivative_order
     for delay in range(1, last_delay + 1):
-        yield f"  aWas{number}_{delay} delay1 aWas{number}_{delay - 1}"
-    yield f"  aHeard{number} = 0"
-    for delay, share in enumerate(shares):
+        yield f"  aWas{output_number}_{delay} delay1 aWas{output_number}_{delay - 1}"
+    yield f"  aHeard{output_number} = 0"
+    for delay, share in enumerate(pair_weights):
         samples_before, samples_after = (
-            f"aWas{number}_{n_samples}"
-            for n_samples in (side + delay + order - 1, side - 1 - delay)
+            f"aWas{output_number}_{n_samples}"
+            for n_samples in (half_width + delay + derivative_order - 1, half_width - 1 - delay)
         )
         pair = (
             f"{samples_after} - {samples_before}"
-            if order == 1
-            else f"{samples_after} + {samples_before} - 2*aWas{number}_{side}"
+            if derivative_order == 1
+            else f"{samples_after} + {samples_before} - 2*aWas{output_number}_{half_width}"
         )
-        scale = "sr" if order == 1 else "sr*sr"
-        yield f"  aHeard{number} += {share!r}*{scale}*({pair})"
+        scale = "sr" if derivative_order == 1 else "sr*sr"
+        yield f"  aHeard{output_number} += {share!r}*{scale}*({pair})"
 
 
 def _score(bank: Bank) -> Iterator[str]:
-    length = repr(bank.seconds)
+    score_seconds = repr(bank.seconds)
     modes_from, output = _numbers(bank)
     yield "<CsScore>"
-    yield f"i {output} 0 {length}"
-    for number, path in enumerate(bank.ways, modes_from):
+    yield f"i {output} 0 {score_seconds}"
+    for path_number, path in enumerate(bank.ways, modes_from):
         struck, output_index = bank.struck[path.struck], bank.outputs[path.output][0]
         yield f"; modes, from {_plain(struck)} to {_plain(output_index)}"
         yield "; instr begins lasts frequency[Hz] decay[1/s] amplitude phase[rad]"
         for row in path.rows:
-            yield f"i {number} 0 {length} {' '.join(map(repr, row))}"
-    for number, (name, strikes) in enumerate(zip(bank.struck, bank.strikes, strict=True), 1):
+            yield f"i {path_number} 0 {score_seconds} {' '.join(map(repr, row))}"
+    for path_number, (name, strikes) in enumerate(zip(bank.struck, bank.strikes, strict=True), 1):
         yield f"; strikes on {_plain(name)}"
         yield "; instr at lasts impulse[N s]"
         for instant, impulse in strikes:
             begins = round(instant * bank.rate) / bank.rate
-            yield f"i {number} {begins!r} {1.0 / bank.rate!r} {impulse!r}"
+            yield f"i {path_number} {begins!r} {1.0 / bank.rate!r} {impulse!r}"
     yield "e"
     yield "</CsScore>"
 

@@ -21,10 +21,10 @@ def program(bank: Bank) -> str:
 def _lines(bank: Bank) -> Iterator[str]:
     yield f"// {plain(bank.name)}, made by ergon: its modes, each a resonator."
     yield "// It holds at any rate of samples. Compile it with -double."
-    for number, name in enumerate(bank.struck, 1):
-        yield f"// input {number}: force on {plain(name)} [N]"
-    for number, (name, order) in enumerate(bank.outputs, 1):
-        yield f"// output {number}: {plain(name)} [{UNITS[order]}]"
+    for input_number, input_name in enumerate(bank.struck, 1):
+        yield f"// input {input_number}: force on {plain(input_name)} [N]"
+    for input_number, (input_name, order) in enumerate(bank.outputs, 1):
+        yield f"// output {input_number}: {plain(input_name)} [{UNITS[order]}]"
     yield f'declare name "{plain(bank.name)}";'
     yield ""
     yield "SR = float(fconstant(int fSamplingFreq, <math.h>)); // [Hz]"
@@ -36,26 +36,26 @@ def _lines(bank: Bank) -> Iterator[str]:
     yield "  r = exp(0.0 - d/SR);"
     yield "  back(y) = 2.0*r*cos(turn(f))*y - r*r*y';"
     yield "};"
-    for number, path in enumerate(bank.ways, 1):
+    for input_number, path in enumerate(bank.ways, 1):
         struck, output_index = bank.struck[path.struck], bank.outputs[path.output][0]
         yield ""
         yield f"// from {plain(struck)} to {plain(output_index)}"
         terms = [f"mode({', '.join(map(_number, row))}, x)" for row in path.rows]
-        yield f"way_{number}(x) = {_sum(terms)};"
+        yield f"way_{input_number}(x) = {_sum(terms)};"
     yield ""
-    inputs = [f"in_{number}" for number in range(1, len(bank.struck) + 1)]
+    input_names = [f"in_{number}" for number in range(1, len(bank.struck) + 1)]
     outputs = [f"out_{number}" for number in range(1, len(bank.outputs) + 1)]
     output_orders = zip(outputs, bank.outputs, strict=True)
     expressions = [_output_text(name, order) for name, (_, order) in output_orders]
-    yield f"process({', '.join(inputs)}) = {', '.join(expressions)}"
+    yield f"process({', '.join(input_names)}) = {', '.join(expressions)}"
     yield "with {"
-    for index, name in enumerate(outputs):
+    for index, input_name in enumerate(outputs):
         ways = [
-            f"way_{number}({inputs[path.struck]}/SR)"
+            f"way_{number}({input_names[path.struck]}/SR)"
             for number, path in enumerate(bank.ways, 1)
             if path.output == index
         ]
-        yield f"  {name} = {' + '.join(ways) or '0.0'};"
+        yield f"  {input_name} = {' + '.join(ways) or '0.0'};"
     yield "};"
 
 

@@ -63,22 +63,23 @@ class Laws:
         yield from self.lines
 
     def _function(self, name: str, text: str | None, damping: str | None, law: Law) -> list[str]:
-        constants, points = law.fields["constants"], law.fields["points"]
+        constants, law_points = law.fields["constants"], law.fields["points"]
         used_names = Names()
-        letters = {
+        faust_letters = {
             constant: used_names.new(f"c_{_NO_LETTER.sub('_', constant)}") for constant in constants
         }
         terms = [
-            self._expression(constant, letters)
+            self._expression(constant, faust_letters)
             for constant in (text, damping)
             if constant is not None
         ]
-        if points:
+        if law_points:
             terms.insert(0, "line(d)")
         body = [
-            f"  {letters[constant]} = {number(value)};" for constant, value in constants.items()
+            f"  {faust_letters[constant]} = {number(value)};"
+            for constant, value in constants.items()
         ]
-        body += _line(points) if points else []
+        body += _line(law_points) if law_points else []
         law_head = f"{name}(d, v) = {' + '.join(terms)}"
         return [law_head, "with {", *body, "};"] if body else [f"{law_head};"]
 
@@ -98,56 +99,60 @@ class Laws:
         back = {f"c{position}": faust for position, faust in enumerate(letters.values())}
         return self._faust(tree.body, back)
 
-    def _faust(self, node: ast.expr, letters: Mapping[str, str], least: int = 0) -> str:
+    def _faust(
+        self, syntax_node: ast.expr, faust_letters: Mapping[str, str], least: int = 0
+    ) -> str:
         """A part of an expression, in parentheses if its precedence is below `least`."""
 
         def two(a: ast.expr, operation: ast.AST, b: ast.expr) -> str:
             sign, rank = _INFIX[type(operation)]
-            text = f"{self._faust(a, letters, rank)}{sign}{self._faust(b, letters, rank + 1)}"
+            text = (
+                f"{self._faust(a, faust_letters, rank)}"
+                f"{sign}{self._faust(b, faust_letters, rank + 1)}"
+            )
             return f"({text})" if rank < least else text
 
-        match node:
+        match syntax_node:
             case ast.Constant(value=float(value)):
                 return repr(value)
-            case ast.Name(id=name):
-                return letters.get(name, name)
+            case ast.Name(id=node_name):
+                return faust_letters.get(node_name, node_name)
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
-                return self._faust(operand, letters, least)
+                return self._faust(operand, faust_letters, least)
             case ast.UnaryOp(operand=operand):
-                return f"(0.0 - {self._faust(operand, letters, _ALONE)})"
+                return f"(0.0 - {self._faust(operand, faust_letters, _ALONE)})"
             case ast.BinOp(left=a, op=ast.Pow(), right=b):
-                return self._power(a, b, letters)
+                return self._power(a, b, faust_letters)
             case ast.BinOp(left=a, op=operation, right=b):
                 return two(a, operation, b)
             case ast.Compare(left=a, ops=[operation], comparators=[b]):
                 return two(a, operation, b)
             case ast.Call(func=ast.Name(id="where"), args=[condition, yes, no]):
                 if isinstance(condition, ast.Compare):
-                    is_true = self._faust(condition, letters)
+                    is_true = self._faust(condition, faust_letters)
                 else:
-                    is_true = f"{self._faust(condition, letters, 2)} != 0.0"
-                values = f"{self._faust(no, letters)}, {self._faust(yes, letters)}"
+                    is_true = f"{self._faust(condition, faust_letters, 2)} != 0.0"
+                values = f"{self._faust(no, faust_letters)}, {self._faust(yes, faust_letters)}"
                 return f"select2({is_true}, {values})"
-            case ast.Call(func=ast.Name(id=name), args=arguments):
-                self.helpers |= {name} & HELPERS.keys()
-                return (
-                    f"{name}({', '.join(self._faust(argument, letters) for argument in arguments)})"
-                )
-        raise AssertionError(ast.dump(node))
+            case ast.Call(func=ast.Name(id=node_name), args=arguments):
+                self.helpers |= {node_name} & HELPERS.keys()
+                texts = ", ".join(self._faust(argument, faust_letters) for argument in arguments)
+                return f"{node_name}({texts})"
+        raise AssertionError(ast.dump(syntax_node))
 
     def _power(self, base: ast.expr, exponent: ast.expr, letters: Mapping[str, str]) -> str:
         """A power by repeated squaring, from the highest bit of the exponent down, as the engine
         does.
         """
-        value = _integer_exponent(exponent)
-        if value is None:
+        power_exponent = _integer_exponent(exponent)
+        if power_exponent is None:
             return f"pow({self._faust(base, letters)}, {self._faust(exponent, letters)})"
         squared = text = self._faust(base, letters, _ALONE)
-        for bit in bin(abs(value))[3:]:
+        for bit in bin(abs(power_exponent))[3:]:
             self.helpers.add("square")
             text = f"square({text})" + (f"*{squared}" if bit == "1" else "")
-        text = text if abs(value) == 1 else f"({text})" if value else "1.0"
-        return f"(1.0/{text})" if value < 0 else text
+        text = text if abs(power_exponent) == 1 else f"({text})" if power_exponent else "1.0"
+        return f"(1.0/{text})" if power_exponent < 0 else text
 
 
 def _integer_exponent(node: ast.expr) -> int | None:
@@ -162,11 +167,11 @@ def _integer_exponent(node: ast.expr) -> int | None:
     return None
 
 
-def _line(points: Sequence[tuple[float, float]]) -> Iterator[str]:
+def _line(law_points: Sequence[tuple[float, float]]) -> Iterator[str]:
     """Straight lines through points, extended beyond the first and the last; the segment is found
     by bisection.
     """
-    pairs = list(pairwise(points))
+    pairs = list(pairwise(law_points))
     slopes = [(f1 - f0) / (d1 - d0) for (d0, f0), (d1, f1) in pairs]
     if len(slopes) == 1:
         ((d0, f0), _), (slope,) = pairs[0], slopes
@@ -175,7 +180,7 @@ def _line(points: Sequence[tuple[float, float]]) -> Iterator[str]:
     steps = [2**bit for bit in reversed(range((len(slopes) - 1).bit_length()))]
     # The knots are padded with values that are never reached, so that every bisection step has a
     # knot to compare with.
-    knots = [d for d, _ in points[1:-1]]
+    knots = [d for d, _ in law_points[1:-1]]
     knots += [sys.float_info.max] * (sum(steps) - len(knots))
     delays = "".join(f" : next({step})" for step in steps)
     yield "  line(d) = force(at) + slope(at)*(d - from(at))"
@@ -185,8 +190,8 @@ def _line(points: Sequence[tuple[float, float]]) -> Iterator[str]:
     yield "  };"
     for name, values in (
         ("knot", knots),
-        ("from", [d for d, _ in points[:-1]]),
-        ("force", [f for _, f in points[:-1]]),
+        ("from", [d for d, _ in law_points[:-1]]),
+        ("force", [f for _, f in law_points[:-1]]),
         ("slope", slopes),
     ):
         table = ", ".join(map(repr, values))

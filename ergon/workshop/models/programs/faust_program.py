@@ -23,7 +23,7 @@ def program(network: Stepped, title: str) -> str:
     return "\n".join(_lines(network, title)) + "\n"
 
 
-def _lines(network: Stepped, title: str) -> Iterator[str]:
+def _lines(network: Stepped, program_title: str) -> Iterator[str]:
     names = Names()
     point_words = [names.new(_word(point.name)) for point in network.points]
     link_words = [names.new(_word(link.name)) for link in network.links]
@@ -33,9 +33,9 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
         for word, link in zip(link_words, network.links, strict=True)
         if link.law is not None
     }
-    inputs = [f"in_{number}" for number in range(1, len(network.inputs) + 1)]
-    outputs = [f"out_{number}" for number in range(1, len(network.outputs) + 1)]
-    yield f"// {plain(title)}, made by ergon: a network that is stepped sample by sample."
+    input_names = [f"in_{number}" for number in range(1, len(network.inputs) + 1)]
+    output_names = [f"out_{number}" for number in range(1, len(network.outputs) + 1)]
+    yield f"// {plain(program_title)}, made by ergon: a network that is stepped sample by sample."
     yield f"// Its numbers hold at {network.rate!r} Hz alone. Compile it with -double."
     for kind, words in (
         ("input", [port.name for port in network.inputs]),
@@ -43,23 +43,23 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
     ):
         yield from (f"// {kind} {number}: {plain(word)}" for number, word in enumerate(words, 1))
     yield from (f"// Left out: {plain(port)}" for port in network.left_out)
-    yield f'declare name "{plain(title)}";'
+    yield f'declare name "{plain(program_title)}";'
     yield ""
-    for word, point in zip(point_words, network.points, strict=True):
-        yield from _constants(word, point)
-    for word, link in zip(link_words, network.links, strict=True):
-        yield from _link_constants(word, link)
+    for point_word, mass_point in zip(point_words, network.points, strict=True):
+        yield from _constants(point_word, mass_point)
+    for point_word, model_link in zip(link_words, network.links, strict=True):
+        yield from _link_constants(point_word, model_link)
     yield from laws.written()
     yield ""
-    yield f"process({', '.join(inputs)}) = " if inputs else "process = "
-    named_outputs = zip(outputs, network.outputs, strict=True)
+    yield f"process({', '.join(input_names)}) = " if input_names else "process = "
+    named_outputs = zip(output_names, network.outputs, strict=True)
     yield "  " + ",\n  ".join(differentiated(w, o.order, network.rate) for w, o in named_outputs)
     yield "letrec {"
-    for word, point in zip(point_words, network.points, strict=True):
-        if _moves(point):
-            yield f"  'u_{word} = u_{word} + y_{word};"
-            yield f"  'e_{word} = y_{word} - D0_{word};"
-    for word, port in zip(outputs, network.outputs, strict=True):
+    for point_word, mass_point in zip(point_words, network.points, strict=True):
+        if _moves(mass_point):
+            yield f"  'u_{point_word} = u_{point_word} + y_{point_word};"
+            yield f"  'e_{point_word} = y_{point_word} - D0_{point_word};"
+    for point_word, port in zip(output_names, network.outputs, strict=True):
         # The force heard is that on the second end of a link.
         terms = [f"(0.0 - f_{link_words[link]})" for link in port.links]
         output_words = [point_words[point] for point in port.points]
@@ -69,28 +69,34 @@ def _lines(network: Stepped, title: str) -> Iterator[str]:
             f"(x_{output} - X0_{output})" if port.order else f"x_{output}"
             for output in output_words
         ]
-        yield f"  '{word} = {' + '.join(terms) or '0.0'};"
+        yield f"  '{point_word} = {' + '.join(terms) or '0.0'};"
     yield "where"
-    for word, point in zip(point_words, network.points, strict=True):
-        yield from _state(word, point, point_words)
-    for word, link in zip(link_words, network.links, strict=True):
-        yield from _force(word, link, point_words, law_names)
+    for point_word, mass_point in zip(point_words, network.points, strict=True):
+        yield from _state(point_word, mass_point, point_words)
+    for point_word, model_link in zip(link_words, network.links, strict=True):
+        yield from _force(point_word, model_link, point_words, law_names)
     links_by_point = _ends(network)
     passed: list[list[str]] = [[] for _ in point_words]  # to masses of proxies
-    for number, (word, point) in enumerate(zip(point_words, network.points, strict=True)):
-        if point.shares:
-            force_terms = [f"{sign} f_{link_words[link]}" for link, sign in links_by_point[number]]
-            force_terms += [f"+ {inputs[number]}" for number in point.forces]
-            yield f"  g_{word} = 0.0 {' '.join(force_terms)};"
-            for mass_index, share in point.shares:
-                passed[mass_index].append(f"+ {share!r}*g_{word}")
-    for number, (word, point) in enumerate(zip(point_words, network.points, strict=True)):
-        if _moves(point):
-            terms = [f"{sign} f_{link_words[link]}" for link, sign in links_by_point[number]]
-            terms += [f"+ {inputs[number]}" for number in point.forces]
-            terms += [f"+ W_{word}"] if point.weight else []
-            terms += passed[number]
-            yield f"  y_{word} = {_step(word, point, terms)};"
+    for item_number, (point_word, mass_point) in enumerate(
+        zip(point_words, network.points, strict=True)
+    ):
+        if mass_point.shares:
+            force_terms = [
+                f"{sign} f_{link_words[link]}" for link, sign in links_by_point[item_number]
+            ]
+            force_terms += [f"+ {input_names[number]}" for number in mass_point.forces]
+            yield f"  g_{point_word} = 0.0 {' '.join(force_terms)};"
+            for mass_index, share in mass_point.shares:
+                passed[mass_index].append(f"+ {share!r}*g_{point_word}")
+    for item_number, (point_word, mass_point) in enumerate(
+        zip(point_words, network.points, strict=True)
+    ):
+        if _moves(mass_point):
+            terms = [f"{sign} f_{link_words[link]}" for link, sign in links_by_point[item_number]]
+            terms += [f"+ {input_names[number]}" for number in mass_point.forces]
+            terms += [f"+ W_{point_word}"] if mass_point.weight else []
+            terms += passed[item_number]
+            yield f"  y_{point_word} = {_step(point_word, mass_point, terms)};"
     yield "};"
 
 
@@ -98,73 +104,85 @@ def _moves(point: Point) -> bool:
     return bool(point.mass) and point.fed is None
 
 
-def _constants(word: str, point: Point) -> Iterator[str]:
-    yield f"// {plain(point.name)}: {point.comment}"
-    yield f"X0_{word} = {_number(point.x0)}; // [m] where it starts"
-    if _moves(point):
-        yield f"D0_{word} = {_number(point.d0)}; // [m] its step before it starts"
-        if point.weight:
-            yield f"W_{word} = {_number(point.weight)}; // [N] a force that never changes"
-        yield f"G_{word} = {_number(point.gain)}; // [m/N] step for a force"
-        if point.kappa or point.zeta:
-            yield f"K_{word} = {_number(point.kappa)}; // of its way from its rest, in a step"
-            yield f"Z_{word} = {_number(point.zeta)}; // of its last step"
-            yield f"R_{word} = {_number(point.rest)}; // [m] its rest"
+def _constants(point_word: str, mass_point: Point) -> Iterator[str]:
+    yield f"// {plain(mass_point.name)}: {mass_point.comment}"
+    yield f"X0_{point_word} = {_number(mass_point.x0)}; // [m] where it starts"
+    if _moves(mass_point):
+        yield f"D0_{point_word} = {_number(mass_point.d0)}; // [m] its step before it starts"
+        if mass_point.weight:
+            weight = _number(mass_point.weight)
+            yield f"W_{point_word} = {weight}; // [N] a force that never changes"
+        yield f"G_{point_word} = {_number(mass_point.gain)}; // [m/N] step for a force"
+        if mass_point.kappa or mass_point.zeta:
+            yield (
+                f"K_{point_word} = {_number(mass_point.kappa)}; // of its way from its rest, in a "
+                "step"
+            )
+            yield f"Z_{point_word} = {_number(mass_point.zeta)}; // of its last step"
+            yield f"R_{point_word} = {_number(mass_point.rest)}; // [m] its rest"
 
 
-def _link_constants(word: str, link: Link) -> Iterator[str]:
-    yield f"// {plain(link.name)}: {plain(link.comment)}"
-    if link.law is not None:
-        yield f"L_{word} = {_number(link.offset)}; // [m]"
+def _link_constants(link_word: str, model_link: Link) -> Iterator[str]:
+    yield f"// {plain(model_link.name)}: {plain(model_link.comment)}"
+    if model_link.law is not None:
+        yield f"L_{link_word} = {_number(model_link.offset)}; // [m]"
         return
-    yield f"K_{word} = {_number(link.K)}; // [N/m{'' if link.exponent in (None, 1.0) else '^n'}]"
-    yield f"Z_{word} = {_number(link.z)}; // [N/m] for a step of 1 m"
-    yield f"L_{word} = {_number(link.offset)}; // [m]"
+    yield (
+        f"K_{link_word} = {_number(model_link.K)}; // "
+        f"[N/m{'' if model_link.exponent in (None, 1.0) else '^n'}]"
+    )
+    yield f"Z_{link_word} = {_number(model_link.z)}; // [N/m] for a step of 1 m"
+    yield f"L_{link_word} = {_number(model_link.offset)}; // [m]"
 
 
-def _state(word: str, point: Point, point_words: Sequence[str]) -> Iterator[str]:
-    if point.shares:
+def _state(point_word: str, mass_point: Point, point_words: Sequence[str]) -> Iterator[str]:
+    if mass_point.shares:
         for letter in "xd":
             terms = (
                 f"{share!r}*{letter}_{point_words[point_index]}"
-                for point_index, share in point.shares
+                for point_index, share in mass_point.shares
             )
-            yield f"  {letter}_{word} = {' + '.join(terms)};"
+            yield f"  {letter}_{point_word} = {' + '.join(terms)};"
         return
-    if point.fed is not None:
-        input_name = f"in_{point.fed + 1}"
-        yield f"  x_{word} = {input_name};"
-        yield f"  d_{word} = ({input_name} - {input_name}') * 1';"
-    elif point.mass:
-        yield f"  x_{word} = X0_{word} + u_{word};"
-        yield f"  d_{word} = D0_{word} + e_{word};"
+    if mass_point.fed is not None:
+        input_name = f"in_{mass_point.fed + 1}"
+        yield f"  x_{point_word} = {input_name};"
+        yield f"  d_{point_word} = ({input_name} - {input_name}') * 1';"
+    elif mass_point.mass:
+        yield f"  x_{point_word} = X0_{point_word} + u_{point_word};"
+        yield f"  d_{point_word} = D0_{point_word} + e_{point_word};"
     else:
-        yield f"  x_{word} = X0_{word};"
-        yield f"  d_{word} = 0.0;"
+        yield f"  x_{point_word} = X0_{point_word};"
+        yield f"  d_{point_word} = 0.0;"
 
 
 def _force(
-    word: str, link: Link, point_words: Sequence[str], laws: Mapping[str, str]
+    link_word: str, model_link: Link, point_words: Sequence[str], laws: Mapping[str, str]
 ) -> Iterator[str]:
     """The force that pulls the first end of a link towards the second."""
-    a, b = point_words[link.a], point_words[link.b]
-    if link.law is not None:
-        per_step = "" if link.law.per_step == 1.0 else f"*{link.law.per_step!r}"
-        yield f"  p_{word} = x_{b} - x_{a} - L_{word};"
-        yield f"  f_{word} = {laws[word]}(p_{word}, (d_{b} - d_{a}){per_step});"
+    a, b = point_words[model_link.a], point_words[model_link.b]
+    if model_link.law is not None:
+        per_step = "" if model_link.law.per_step == 1.0 else f"*{model_link.law.per_step!r}"
+        yield f"  p_{link_word} = x_{b} - x_{a} - L_{link_word};"
+        yield f"  f_{link_word} = {laws[link_word]}(p_{link_word}, (d_{b} - d_{a}){per_step});"
         return
-    if link.exponent is None:
-        yield f"  f_{word} = K_{word}*(x_{b} - x_{a} - L_{word}) + Z_{word}*(d_{b} - d_{a});"
+    if model_link.exponent is None:
+        yield (
+            f"  f_{link_word} = K_{link_word}*(x_{b} - x_{a} - L_{link_word}) + "
+            f"Z_{link_word}*(d_{b} - d_{a});"
+        )
         return
-    first_word, second_word = (a, b) if link.side > 0 else (b, a)
-    yield f"  p_{word} = x_{first_word} - x_{second_word} - L_{word};"
+    first_word, second_word = (a, b) if model_link.side > 0 else (b, a)
+    yield f"  p_{link_word} = x_{first_word} - x_{second_word} - L_{link_word};"
     penetration_power = (
-        f"p_{word}" if link.exponent == 1.0 else f"pow(max(p_{word}, 0.0), {link.exponent!r})"
+        f"p_{link_word}"
+        if model_link.exponent == 1.0
+        else f"pow(max(p_{link_word}, 0.0), {model_link.exponent!r})"
     )
-    push = f"K_{word}*{penetration_power} + Z_{word}*(d_{first_word} - d_{second_word})"
-    push = f"max({push}, 0.0)" if link.is_clamped else f"({push})"
-    sign = "0.0 -" if link.side > 0 else ""
-    yield f"  f_{word} = {sign} (p_{word} > 0.0)*{push};".replace("=  ", "= ")
+    push = f"K_{link_word}*{penetration_power} + Z_{link_word}*(d_{first_word} - d_{second_word})"
+    push = f"max({push}, 0.0)" if model_link.is_clamped else f"({push})"
+    sign = "0.0 -" if model_link.side > 0 else ""
+    yield f"  f_{link_word} = {sign} (p_{link_word} > 0.0)*{push};".replace("=  ", "= ")
 
 
 def _step(word: str, point: Point, terms: Sequence[str]) -> str:

@@ -60,13 +60,13 @@ def last_step(
     sigma, squared = _poles(m, K, Z, f, t60)
     T = 1.0 / rate
     grown = _core.exp(sigma * T)
-    root = sqrt(abs(squared))
+    root_rate = sqrt(abs(squared))
     if squared > 0.0:
-        c, s = _core.cos(root * T), _core.sin(root * T) / root
+        c, s = _core.cos(root_rate * T), _core.sin(root_rate * T) / root_rate
         return u - grown * (u * c - (v + sigma * u) * s)
     if squared == 0.0:
         return u - grown * (u - (v + sigma * u) * T)
-    fast = sigma + root
+    fast = sigma + root_rate
     slow = K / m / fast
     a = (v + fast * u) / (fast - slow)
     return u - a * _core.exp(slow * T) - (u - a) * _core.exp(fast * T)

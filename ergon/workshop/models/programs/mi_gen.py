@@ -47,26 +47,26 @@ class _Writing:
                 f"a model of mi-gen is for {RATE:,} Hz, and this score has {network.rate:,g} Hz"
             )
             raise refusal([(place, f"{refusal_text}; write rates: {{audio: {RATE}Hz}}")])
-        for number, link in enumerate(network.links):
-            for end in {link.a, link.b}:
-                self.ends.setdefault(end, []).append(number)
-        inputs = _channels("in", [port.take for port in network.inputs])
+        for link_number, stepped_link in enumerate(network.links):
+            for end in {stepped_link.a, stepped_link.b}:
+                self.ends.setdefault(end, []).append(link_number)
+        input_names = _channels("in", [port.take for port in network.inputs])
         output_names = [port.name.split(" ")[0].rpartition(".")[2] for port in network.outputs]
         outputs = _channels("out", output_names)
-        self.names.taken |= {*inputs, *outputs}
-        if max(len(inputs), len(outputs)) > _CHANNELS:
+        self.names.taken |= {*input_names, *outputs}
+        if max(len(input_names), len(outputs)) > _CHANNELS:
             self.refuse(network.points[0].place, f"a model has at most {_CHANNELS} channels")
         self._bodies()
-        self._masses(inputs)
-        for number, link in enumerate(network.links):
-            if number not in self.links:
-                self._link(link)
-        self._pushes(inputs)
+        self._masses(input_names)
+        for link_number, stepped_link in enumerate(network.links):
+            if link_number not in self.links:
+                self._link(stepped_link)
+        self._pushes(input_names)
         for name, port in zip(outputs, network.outputs, strict=True):
             self._output(name, port)
         if self.refused:
             raise refusal(list(dict.fromkeys(self.refused)))
-        return "\n".join([*self._heading(title, inputs, outputs), *self.lines]) + "\n"
+        return "\n".join([*self._heading(title, input_names, outputs), *self.lines]) + "\n"
 
     def refuse(self, place: Place, reason: str) -> None:
         self.refused.append((place, reason))
@@ -93,52 +93,56 @@ class _Writing:
         return self.names.new(word if word[:1].isalpha() else f"m{word}")
 
     def _bodies(self) -> None:
-        for body in self.network.bodies:
-            body_points = [self.network.points[point_index] for point_index in body.points]
+        for stepped_body in self.network.bodies:
+            body_points = [self.network.points[point_index] for point_index in stepped_body.points]
             is_still = not any(
                 body_point.x0 or body_point.d0 or body_point.weight or body_point.fed is not None
                 for body_point in body_points
             )
-            if is_still and body.K >= 0.0 and body.z >= 0.0:
-                self.full_bodies[body.points[0]] = body
-                self.links.update(body.links)
+            if is_still and stepped_body.K >= 0.0 and stepped_body.z >= 0.0:
+                self.full_bodies[stepped_body.points[0]] = stepped_body
+                self.links.update(stepped_body.links)
 
     def _masses(self, inputs: list[str]) -> None:
         last_written = -1
-        for number, point in enumerate(self.network.points):
-            if number in self.full_bodies:
-                body = self.full_bodies[number]
+        for point_number, point in enumerate(self.network.points):
+            if point_number in self.full_bodies:
+                body = self.full_bodies[point_number]
                 self._body(body)
                 last_written = body.points[-1]
-            elif number > last_written:
-                self._mass(number, point, inputs)
+            elif point_number > last_written:
+                self._mass(point_number, point, inputs)
 
     def _body(self, body: Body) -> None:
-        name, (across, up) = self._name(body.name), body.sides
-        mass = self._matter(self.network.points[body.points[0]])
+        body_name, (across, row_count) = self._name(body.name), body.sides
+        member_mass = self._matter(self.network.points[body.points[0]])
         n_fixed = 2 * body.is_held
         ties = f"{_number(body.K)} {_number(body.z)} 0 0"
         if body.kind == "STRING":
-            count = across
-            mass = nudge_to_goal(mass, lambda m: count * m / count, mass)
-            self.called[body.points[0]] = name
-            word = "string" if body.is_held else "chain"
-            self.lines.append(f"@{name} {word} {count + n_fixed} {_number(mass)} {ties}")
-            for member in range(count):
-                share = _share(member + body.is_held, count + n_fixed)
-                self.link_names[body.points[member]] = f"[@{name} {share}]"
+            member_count = across
+            member_mass = nudge_to_goal(
+                member_mass, lambda m: member_count * m / member_count, member_mass
+            )
+            self.called[body.points[0]] = body_name
+            body_word = "string" if body.is_held else "chain"
+            self.lines.append(
+                f"@{body_name} {body_word} {member_count + n_fixed} {_number(member_mass)} {ties}"
+            )
+            for member_index in range(member_count):
+                share = _share(member_index + body.is_held, member_count + n_fixed)
+                self.link_names[body.points[member_index]] = f"[@{body_name} {share}]"
         else:
-            word = "closedMesh" if body.is_held else "mesh"
-            size = f"{up + n_fixed} {across + n_fixed}"
-            self.called[body.points[0]] = name
-            self.lines.append(f"@{name} {word} {size} {_number(mass)} {ties}")
-            for member in range(across * up):
-                row, column = divmod(member, across)
+            body_word = "closedMesh" if body.is_held else "mesh"
+            size = f"{row_count + n_fixed} {across + n_fixed}"
+            self.called[body.points[0]] = body_name
+            self.lines.append(f"@{body_name} {body_word} {size} {_number(member_mass)} {ties}")
+            for member_index in range(across * row_count):
+                row, column = divmod(member_index, across)
                 shares = (
-                    _share(row + body.is_held, up + n_fixed),
+                    _share(row + body.is_held, row_count + n_fixed),
                     _share(column + body.is_held, across + n_fixed),
                 )
-                self.link_names[body.points[member]] = f"[@{name} {' '.join(shares)}]"
+                self.link_names[body.points[member_index]] = f"[@{body_name} {' '.join(shares)}]"
 
     def _between(self, point: Point) -> str:
         """A point between masses as a place on their macro; empty if there is no such place."""
@@ -155,9 +159,9 @@ class _Writing:
 
     def _mass(self, number: int, point: Point, inputs: list[str]) -> None:
         if point.fed is not None:
-            name = inputs[point.fed]
-            self.lines.append(f"@{name} posInput {_number(point.x0)}")
-            self.link_names[number] = f"@{name}"
+            mass_name = inputs[point.fed]
+            self.lines.append(f"@{mass_name} posInput {_number(point.x0)}")
+            self.link_names[number] = f"@{mass_name}"
             return
         if point.shares:
             self.link_names[number] = self._between(point) or "@"
@@ -167,29 +171,29 @@ class _Writing:
                 )
                 self.refuse(point.place, f"{point.name}: {refusal_text}")
             return
-        name = self._name(point.name)
-        self.link_names[number] = f"@{name}"
+        mass_name = self._name(point.name)
+        self.link_names[number] = f"@{mass_name}"
         if not point.mass:
-            self.lines.append(f"@{name} ground {_number(point.x0)}")
+            self.lines.append(f"@{mass_name} ground {_number(point.x0)}")
             return
         m = self._matter(point)
         if point.rest and (point.kappa or point.zeta):
-            self._resting(name, number, point, m)
+            self._resting(mass_name, number, point, m)
             return
         k = nudge_to_goal(point.kappa * m, lambda k: k / m, point.kappa)
         z = nudge_to_goal(point.zeta * m, lambda z: z / m, point.zeta)
         if k < 0.0 or z < 0.0:
             self.refuse(point.place, f"{point.name}: {_NEGATIVE}")
         word = f"osc {_number(m)} {_number(k)} {_number(z)}" if k or z else f"mass {_number(m)}"
-        self._heavy(name, word, point, m, k, z)
+        self._heavy(mass_name, word, point, m, k, z)
 
-    def _resting(self, name: str, number: int, point: Point, m: float) -> None:
+    def _resting(self, ground_name: str, number: int, point: Point, m: float) -> None:
         """Write a CEL whose rest is not 0 as a mass tied to a ground there."""
-        self._heavy(name, f"mass {_number(m)}", point, m, 0.0, 0.0)
+        self._heavy(ground_name, f"mass {_number(m)}", point, m, 0.0, 0.0)
         rest_name, tie_name = self._name(f"{point.name}_rest"), self._name(f"{point.name}_tie")
         self.lines.append(f"@{rest_name} ground {_number(point.rest)}")
         values = f"{_number(point.kappa * m)} {_number(point.zeta * m)}"
-        self.lines.append(f"@{tie_name} springDamper @{rest_name} @{name} {values}")
+        self.lines.append(f"@{tie_name} springDamper @{rest_name} @{ground_name} {values}")
         self.ends.setdefault(number, []).append(-1)
 
     def _heavy(self, name: str, word: str, point: Point, m: float, k: float, z: float) -> None:
@@ -199,26 +203,30 @@ class _Writing:
         if z == m:
             self.refuse(point.place, f"{point.name}: it is damped within one sample")
             return
-        g = nudge_to_goal(-point.weight * RATE, lambda g: g / RATE, -point.weight)
+        gravity_value = nudge_to_goal(-point.weight * RATE, lambda g: g / RATE, -point.weight)
         step = point.d0
         x0 = nudge_to_goal(point.x0 - step, lambda x: (point.x0 - x) * RATE / RATE, step)
-        first_step = (step + (g / RATE + k * x0) / m) / (1.0 - z / m)
+        first_step = (step + (gravity_value / RATE + k * x0) / m) / (1.0 - z / m)
 
         def begun(v0: float) -> float:
             position_before = x0 - v0 / RATE
-            return (2.0 - (k + z) / m) * x0 + (z / m - 1.0) * position_before - g / RATE / m
+            return (
+                (2.0 - (k + z) / m) * x0
+                + (z / m - 1.0) * position_before
+                - gravity_value / RATE / m
+            )
 
         v0 = nudge_to_goal(first_step * RATE, begun, point.x0)
-        weight = f" {_number(g)}" if g else ""
+        weight = f" {_number(gravity_value)}" if gravity_value else ""
         self.lines.append(f"@{name} {word}{weight} {_number(x0)} {_number(v0)}")
 
     # --- links and ports ---
 
     def _link(self, link: Link) -> None:
-        a, b = self.link_names[link.a], self.link_names[link.b]
-        name = self._name(link.name)
+        first_name, second_name = self.link_names[link.a], self.link_names[link.b]
+        link_name = self._name(link.name)
         if link.law is not None:
-            self._law(name, link, f"{a} {b}")
+            self._law(link_name, link, f"{first_name} {second_name}")
         elif link.exponent is not None:
             if link.K < 0.0 or link.z < 0.0:
                 self.refuse(link.place, f"{link.name}: {_NEGATIVE}")
@@ -227,50 +235,55 @@ class _Writing:
                 noun = "an exponent" if link.exponent != 1.0 else "a clamp"
                 self.refuse(link.place, f"{link.name}: mi-gen has no contact with {noun}")
                 return
-            end_names = f"{a} {b}" if link.side > 0 else f"{b} {a}"
+            end_names = (
+                f"{first_name} {second_name}" if link.side > 0 else f"{second_name} {first_name}"
+            )
             tie = f"{_number(link.K)} {_number(link.z)} {_number(-link.offset)}"
-            self.lines.append(f"@{name} contact {end_names} {tie}")
+            self.lines.append(f"@{link_name} contact {end_names} {tie}")
         elif link.offset:
             self.refuse(link.place, f"{link.name}: a spring of mi-gen has no length at rest")
         elif link.K < 0.0 or link.z < 0.0:
-            self._linear(name, f"{a} {b}", link.K, link.z)
+            self._linear(link_name, f"{first_name} {second_name}", link.K, link.z)
         else:
             ties = [_number(constant) for constant in (link.K, link.z) if constant] or ["0"]
             word = "springDamper" if len(ties) == 2 else "damper" if link.z else "spring"
-            self.lines.append(f"@{name} {word} {a} {b} {' '.join(ties)}")
+            self.lines.append(f"@{link_name} {word} {first_name} {second_name} {' '.join(ties)}")
 
     def _law(self, name: str, link: Link, end_names: str) -> None:
         assert link.law is not None
-        fields, per_step = link.law.fields, link.law.per_step
-        texts = _bare(fields["law"]), _bare(fields["damping"])
-        linear, known_z = _LINEAR.get(texts[0]), texts[1] in ("", "z*v")
-        if linear is not None and known_z and not link.offset and not fields["points"]:
-            k, z = (fields["constants"].get(constant, 0.0) for constant in (linear, "z"))
+        law_fields, per_step = link.law.fields, link.law.per_step
+        law_texts = _bare(law_fields["law"]), _bare(law_fields["damping"])
+        linear, known_z = _LINEAR.get(law_texts[0]), law_texts[1] in ("", "z*v")
+        if linear is not None and known_z and not link.offset and not law_fields["points"]:
+            k, z = (law_fields["constants"].get(constant, 0.0) for constant in (linear, "z"))
             self._linear(name, end_names, k, z * per_step)
             return
-        word = _WORDS.get(texts)
-        if word is None or fields["points"]:
+        link_word = _WORDS.get(law_texts)
+        if link_word is None or law_fields["points"]:
             refusal_text = f"{link.name}: its law is none of mi-gen's; docs/import.md has them"
             self.refuse(link.place, refusal_text)
             return
-        form = LINKS["head"][word]
-        if link.offset and form.rest != "thresh":
-            self.refuse(link.place, f"{link.name}: a {word} of mi-gen has no rest")
+        link_form = LINKS["head"][link_word]
+        if link.offset and link_form.rest != "thresh":
+            self.refuse(link.place, f"{link.name}: a {link_word} of mi-gen has no rest")
             return
-        keyword = word.split()[-1]
-        values = {value: fields["constants"][letter] for letter, value in form.fields.items()}
+        keyword = link_word.split()[-1]
+        constants_by_name = {
+            value: law_fields["constants"][letter] for letter, value in link_form.fields.items()
+        }
         if per_step != 1.0:
-            if "0.3" in form.damping:
+            if "0.3" in link_form.damping:
                 self.refuse(link.place, f"{link.name}: this law is written under units: ca alone")
                 return
-            if "Z" in values:
-                values["Z"] *= per_step
+            if "Z" in constants_by_name:
+                constants_by_name["Z"] *= per_step
             if keyword == "nlBow":
-                values["scale"] /= per_step
-        words = _ORDER[word]
-        values.setdefault("thresh", link.offset)
+                constants_by_name["scale"] /= per_step
+        words = _ORDER[link_word]
+        constants_by_name.setdefault("thresh", link.offset)
         values_text = " ".join(
-            _number(float(values.get(constant, _DEFAULTS.get(constant, 0.0)))) for constant in words
+            _number(float(constants_by_name.get(constant, _DEFAULTS.get(constant, 0.0))))
+            for constant in words
         )
         self.lines.append(f"@{name} {keyword} {end_names} {values_text}")
 
@@ -280,18 +293,18 @@ class _Writing:
         self.lines.append(f"@{name} nlSpringDamper {end_names} {k} 0 {k} {_number(z)}")
 
     def _pushes(self, inputs: list[str]) -> None:
-        for number, name in enumerate(inputs):
+        for input_number, name in enumerate(inputs):
             pushed = [
                 point_index
                 for point_index, network_point in enumerate(self.network.points)
-                if number in network_point.forces
+                if input_number in network_point.forces
             ]
             if len(pushed) == 1:
                 self.lines.append(f"@{name} frcInput {self.link_names[pushed[0]]}")
             elif pushed:
                 point = self.network.points[pushed[0]]
                 refusal_text = (
-                    f"{self.network.inputs[number].name}: an input of mi-gen pushes one mass"
+                    f"{self.network.inputs[input_number].name}: an input of mi-gen pushes one mass"
                 )
                 self.refuse(point.place, refusal_text)
 
@@ -355,17 +368,19 @@ _WORDS = {
 }
 
 
-def _channels(letters: str, names_wanted: list[str]) -> list[str]:
+def _channels(channel_letters: str, names_wanted: list[str]) -> list[str]:
     """Channel names such as `in1`: wanted names that are free, else the lowest numbers that are
     left.
     """
-    form = re.compile(rf"{letters}[1-9]\d?")
+    form = re.compile(rf"{channel_letters}[1-9]\d?")
     matching = [name if form.fullmatch(name) else "" for name in names_wanted]
     matching = [
         name if name not in matching[:channel_index] else ""
         for channel_index, name in enumerate(matching)
     ]
-    free = (f"{letters}{n}" for n in range(1, 10_000) if f"{letters}{n}" not in matching)
+    free = (
+        f"{channel_letters}{n}" for n in range(1, 10_000) if f"{channel_letters}{n}" not in matching
+    )
     return [name or next(free) for name in matching]
 
 

@@ -176,30 +176,32 @@ class _Builder:
         self.refused: list[tuple[Place, str]] = []
 
     def build(self, parts: Sequence[Part], struck: Iterable[Target]) -> Stepped:
-        for part in parts:
-            if part.ca_rate not in (None, self.to.rate):
-                reason = f"its numbers are for {part.ca_rate:,g} Hz, and the score has"
+        for piece_part in parts:
+            if piece_part.ca_rate not in (None, self.to.rate):
+                reason = f"its numbers are for {piece_part.ca_rate:,g} Hz, and the score has"
                 self._refuse(
-                    part.modules[0].place,
-                    f"{part.name}: {reason} {self.to.rate:,g} Hz; write the same",
+                    piece_part.modules[0].place,
+                    f"{piece_part.name}: {reason} {self.to.rate:,g} Hz; write the same",
                 )
-            for module in part.modules:
-                self._holder(part, module)
-        for part in parts:
-            for module in part.modules:
-                if module.kind == "PROXY":
-                    self._proxy(part, module)
-        for part in parts:
-            for module in part.modules:
-                self._rest(part, module)
-        for part in parts:
-            if part.struck is not None:
-                self._push_all(self.points_by_module[part.name, part.struck], part.name)
+            for part_module in piece_part.modules:
+                self._holder(piece_part, part_module)
+        for piece_part in parts:
+            for part_module in piece_part.modules:
+                if part_module.kind == "PROXY":
+                    self._proxy(piece_part, part_module)
+        for piece_part in parts:
+            for part_module in piece_part.modules:
+                self._rest(piece_part, part_module)
+        for piece_part in parts:
+            if piece_part.struck is not None:
+                self._push_all(
+                    self.points_by_module[piece_part.name, piece_part.struck], piece_part.name
+                )
         for target in struck:
             self._push(target)
-        for part in parts:
-            for output in part.outputs:
-                self._output(part, output)
+        for piece_part in parts:
+            for output in piece_part.outputs:
+                self._output(piece_part, output)
         if len(self.to.points) > self.points_max:
             self._refuse(
                 parts[0].modules[0].place,
@@ -219,28 +221,36 @@ class _Builder:
 
     # --- points ---
 
-    def _holder(self, part: Part, module: Module) -> None:
-        module_key = (part.name, module.name)
-        name = f"{part.name}.{module.name}" if module.name else part.name
-        if module.kind in _POINTS:
-            point = _POINTS[module.kind](module.fields, name, part.ca_rate, self.to.rate)
-            point.is_ca, point.place = part.ca_rate is not None, module.place
+    def _holder(self, piece_part: Part, part_module: Module) -> None:
+        module_key = (piece_part.name, part_module.name)
+        holder_name = (
+            f"{piece_part.name}.{part_module.name}" if part_module.name else piece_part.name
+        )
+        if part_module.kind in _POINTS:
+            point = _POINTS[part_module.kind](
+                part_module.fields, holder_name, piece_part.ca_rate, self.to.rate
+            )
+            point.is_ca, point.place = piece_part.ca_rate is not None, part_module.place
             self.points_by_module[module_key] = [len(self.to.points)]
             self.to.points.append(point)
-        elif module.kind in GENERATORS:
-            self._generator(part, module, name)
+        elif part_module.kind in GENERATORS:
+            self._generator(piece_part, part_module, holder_name)
 
-    def _proxy(self, part: Part, module: Module) -> None:
-        name, fields = f"{part.name}.{module.name}", module.fields
-        self.points_by_module[part.name, module.name] = [len(self.to.points)]
-        shares: list[tuple[int, float]] = []
-        if fields["follows"]:
-            self._refuse(module.place, f"{name}: a PROXY that follows a MAT is not written yet")
+    def _proxy(self, part: Part, proxy_module: Module) -> None:
+        proxy_name, module_fields = f"{part.name}.{proxy_module.name}", proxy_module.fields
+        self.points_by_module[part.name, proxy_module.name] = [len(self.to.points)]
+        mass_shares: list[tuple[int, float]] = []
+        if module_fields["follows"]:
+            self._refuse(
+                proxy_module.place, f"{proxy_name}: a PROXY that follows a MAT is not written yet"
+            )
         elif any(
             (point_index.part, point_index.module) not in self.points_by_module
-            for point_index in targets(fields)
+            for point_index in targets(module_fields)
         ):
-            self._refuse(module.place, f"{name}: a PROXY between masses of another part")
+            self._refuse(
+                proxy_module.place, f"{proxy_name}: a PROXY between masses of another part"
+            )
         else:
             network = _core.Network()
             mats: dict[int, int] = {}
@@ -250,116 +260,164 @@ class _Builder:
                     mats.setdefault(point, network.sol(f"{point}"))
                 return [mats[point] for point in self._members(target)]
 
-            proxy = add_proxy(network, name, fields, members)
+            proxy = add_proxy(network, proxy_name, module_fields, members)
             points = {mat: point for point, mat in mats.items()}
-            shares = [(points[mat], share) for mat, share in network.shares(proxy)]
-        x0 = sum(share * self.to.points[point_index].x0 for point_index, share in shares)
-        v0 = sum(share * self.to.points[point_index].v0 for point_index, share in shares)
-        point = Point(name, x0, f"PROXY between {len(shares)} masses", v0=v0, shares=tuple(shares))
-        point.place = module.place
+            mass_shares = [(points[mat], share) for mat, share in network.shares(proxy)]
+        x0 = sum(share * self.to.points[point_index].x0 for point_index, share in mass_shares)
+        v0 = sum(share * self.to.points[point_index].v0 for point_index, share in mass_shares)
+        point = Point(
+            proxy_name,
+            x0,
+            f"PROXY between {len(mass_shares)} masses",
+            v0=v0,
+            shares=tuple(mass_shares),
+        )
+        point.place = proxy_module.place
         self.to.points.append(point)
 
-    def _generator(self, part: Part, module: Module, name: str) -> None:
-        fields, module_key = module.fields, (part.name, module.name)
+    def _generator(self, piece_part: Part, generator_module: Module, generator_name: str) -> None:
+        fields, module_key = generator_module.fields, (piece_part.name, generator_module.name)
         self.points_by_module[module_key] = []
-        if module.kind == "MODES":
-            reason = f"{name}: MODES is a bank of resonators, and no network of masses"
-            self._refuse(module.place, f"{reason}; name {part.name} for a Faust program of its own")
+        if generator_module.kind == "MODES":
+            reason = f"{generator_name}: MODES is a bank of resonators, and no network of masses"
+            self._refuse(
+                generator_module.place,
+                f"{reason}; name {piece_part.name} for a Faust program of its own",
+            )
             return
         starts = {field_name: fields.get(field_name) or 0.0 for field_name in ("X0", "V0")}
         if not all(isinstance(value, float) for value in starts.values()):
-            self._refuse(module.place, f"{name}: members that start elsewhere than the others")
+            self._refuse(
+                generator_module.place,
+                f"{generator_name}: members that start elsewhere than the others",
+            )
             return
         assembly = Assembly()
-        assembly.part(part.name, [module], ca_rate=part.ca_rate)
+        assembly.part(piece_part.name, [generator_module], ca_rate=piece_part.ca_rate)
         network = assembly.network
-        count, parts = network.count(0), network.elements([part.name])
-        if not {*parts.kinds} <= {"CEL", "RES", "FRO", "REF"} or (parts.stiffness < 0).any():
-            self._refuse(module.place, f"{name}: a {module.kind} that hardens, stretches or bends")
-            return
-        if count > self.points_max:
+        member_count, element_table = network.count(0), network.elements([piece_part.name])
+        if (
+            not {*element_table.kinds} <= {"CEL", "RES", "FRO", "REF"}
+            or (element_table.stiffness < 0).any()
+        ):
             self._refuse(
-                module.place,
-                f"{name}: {count:,} masses, and at most {self.points_max:,} are written",
+                generator_module.place,
+                f"{generator_name}: a {generator_module.kind} that hardens, stretches or bends",
+            )
+            return
+        if member_count > self.points_max:
+            self._refuse(
+                generator_module.place,
+                f"{generator_name}: {member_count:,} masses, and at most {self.points_max:,} are "
+                "written",
             )
             return
         first_point = len(self.to.points)
-        self.points_by_module[module_key] = list(range(first_point, first_point + count))
+        self.points_by_module[module_key] = list(range(first_point, first_point + member_count))
         self.centres[module_key] = first_point + network.centre(0)
-        slots = {mat: slot for slot, mat in enumerate(parts.mats)}
+        slots = {mat: slot for slot, mat in enumerate(element_table.mats)}
         ties = {
             int(a): (float(k), float(z))
             for kind, a, k, z in zip(
-                parts.kinds, parts.a, parts.stiffness, parts.damping, strict=True
+                element_table.kinds,
+                element_table.a,
+                element_table.stiffness,
+                element_table.damping,
+                strict=True,
             )
             if kind == "CEL"
         }
         rate = self.to.rate
-        for member in range(count):
-            member_name, slot = f"{name}.{member}", slots.get(member)
-            if slot is None:
-                point = Point(member_name, 0.0, f"SOL of {module.kind}")
+        for member in range(member_count):
+            member_name, member_slot = f"{generator_name}.{member}", slots.get(member)
+            if member_slot is None:
+                member_point = Point(member_name, 0.0, f"SOL of {generator_module.kind}")
             else:
-                m = float(parts.masses[slot])
-                tie = dict(zip(("K", "Z"), ties.get(slot, (None, 0.0)), strict=True))
-                make = _mas if slot not in ties else _cel
-                point = make({"M": m, **tie, **starts}, member_name, part.ca_rate, rate)
-            point.is_ca, point.place = part.ca_rate is not None, module.place
-            self.to.points.append(point)
+                m = float(element_table.masses[member_slot])
+                tie = dict(zip(("K", "Z"), ties.get(member_slot, (None, 0.0)), strict=True))
+                make = _mas if member_slot not in ties else _cel
+                member_point = make(
+                    {"M": m, **tie, **starts}, member_name, piece_part.ca_rate, rate
+                )
+            member_point.is_ca, member_point.place = (
+                piece_part.ca_rate is not None,
+                generator_module.place,
+            )
+            self.to.points.append(member_point)
         first_link = len(self.to.links)
         ground = None
-        point_indices = [first_point + mat for mat in parts.mats]
-        link_rows = zip(parts.kinds, parts.a, parts.b, parts.stiffness, parts.damping, strict=True)
-        for number, (kind, a, b, k, z) in enumerate(link_rows):
-            if kind == "CEL":
+        point_indices = [first_point + mat for mat in element_table.mats]
+        link_rows = zip(
+            element_table.kinds,
+            element_table.a,
+            element_table.b,
+            element_table.stiffness,
+            element_table.damping,
+            strict=True,
+        )
+        for number, (link_kind, a, b, k, z) in enumerate(link_rows):
+            if link_kind == "CEL":
                 continue
             if ground is None and min(a, b) < 0:
                 ground = len(self.to.points)
-                self.to.points.append(Point(f"{name}.ground", 0.0, f"SOL of {module.kind}"))
+                self.to.points.append(
+                    Point(f"{generator_name}.ground", 0.0, f"SOL of {generator_module.kind}")
+                )
             end_points = [ground if end < 0 else point_indices[end] for end in (int(a), int(b))]
             tie = {"K": float(k), "Z": float(z)}
-            self._join(part, f"{name}.link.{number}", end_points, kind, tie, module.place)
+            self._join(
+                piece_part,
+                f"{generator_name}.link.{number}",
+                end_points,
+                link_kind,
+                tie,
+                generator_module.place,
+            )
         point_range = range(first_point, len(self.to.points)), range(first_link, len(self.to.links))
-        self._body(module, name, count, *point_range)
+        self._body(generator_module, generator_name, member_count, *point_range)
 
     def _body(self, module: Module, name: str, count: int, points: range, links: range) -> None:
         """Add a generator as a whole, if it is one row or one rectangle of equal masses."""
-        fields = module.fields
-        sides = (count, 1)
-        if module.kind == "PLATE" and fields["shape"] == "rectangle":
-            sides = fields["sides"]
-        elif module.kind != "STRING" or fields["ends"] == "left" or fields.get("stiffness"):
+        module_fields = module.fields
+        mesh_sides = (count, 1)
+        if module.kind == "PLATE" and module_fields["shape"] == "rectangle":
+            mesh_sides = module_fields["sides"]
+        elif (
+            module.kind != "STRING"
+            or module_fields["ends"] == "left"
+            or module_fields.get("stiffness")
+        ):
             return
-        is_held = fields.get("ends") == "fixed" or fields.get("rim") == "fixed"
+        is_held = module_fields.get("ends") == "fixed" or module_fields.get("rim") == "fixed"
         body_links = [self.to.links[link] for link in links]
         masses = {self.to.points[point].mass for point in points[:count]}
         ties = {(link.K, link.z) for link in body_links}
-        across, up = sides
+        across, up = mesh_sides
         expected = across * (up - 1) + up * (across - 1)
         if is_held:
             expected += 2 if module.kind == "STRING" else 2 * (across + up)
         is_tied = any(self.to.points[point].kappa for point in points)
         if len(masses) == len(ties) == 1 and len(body_links) == expected and not is_tied:
             (K, z), *_ = ties
-            self.to.bodies.append(Body(name, module.kind, is_held, sides, points, links, K, z))
+            self.to.bodies.append(Body(name, module.kind, is_held, mesh_sides, points, links, K, z))
 
     # --- links and inputs ---
 
     def _rest(self, part: Part, module: Module) -> None:
-        name = f"{part.name}.{module.name}"
+        ground_name = f"{part.name}.{module.name}"
         if following.followings(module):
-            self._refuse(module.place, f"{name}: what follows a MAT is not written yet")
+            self._refuse(module.place, f"{ground_name}: what follows a MAT is not written yet")
             return
         if module.kind in ("ENX", "ENF"):
-            self._input(module, name)
+            self._input(module, ground_name)
         elif module.kind in LINKS:
             if module.kind not in _WRITTEN:
-                self._refuse(module.place, f"{name}: {module.kind} is not written yet")
+                self._refuse(module.place, f"{ground_name}: {module.kind} is not written yet")
                 return
             if module.fields.get("contact", "plain") != "plain":
                 how = module.fields["contact"]
                 self._refuse(
-                    module.place, f"{name}: a contact that is {how}; only plain is written"
+                    module.place, f"{ground_name}: a contact that is {how}; only plain is written"
                 )
                 return
             end_targets = module.ends
@@ -369,7 +427,7 @@ class _Builder:
                 if (end.part, end.module) not in self.points_by_module
             ]
             if other_fields:
-                self.to.left_out.append(f"{name}, which joins {' and '.join(other_fields)}")
+                self.to.left_out.append(f"{ground_name}, which joins {' and '.join(other_fields)}")
                 for end in end_targets:
                     self._push(end)
                 return
@@ -380,7 +438,7 @@ class _Builder:
                     link_name = f"{part.name}.{link.name}"
                     self._join(part, link_name, [*a, *b], module.kind, link.fields, module.place)
             if (module.fields.get("K") or 0.0) < 0 and part.ca_rate is None:
-                self._refuse(module.place, f"{name}: a stiffness below 0")
+                self._refuse(module.place, f"{ground_name}: a stiffness below 0")
             self.links[part.name, module.name] = list(range(first_link, len(self.to.links)))
 
     def _join(
@@ -394,7 +452,7 @@ class _Builder:
     ) -> None:
         K, Z = float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0)
         z = Z * (self.to.rate if part.ca_rate is None else self.to.rate / part.ca_rate)
-        a, b = (end for end in end_points if end is not None)
+        first_end, second_end = (end for end in end_points if end is not None)
         units = ("", "") if part.ca_rate is not None else (" N/m", " N·s/m")
         description = f"{kind}: K = {K!r}{units[0]}, Z = {Z!r}{units[1]}"
         if kind == "LNL":
@@ -408,19 +466,43 @@ class _Builder:
             )
             description = f"LNL: {', '.join([*words, f'rest = {rest_length!r} m'])}"
             self.to.links.append(
-                Link(name, a, b, 0.0, 0.0, rest_length, description, law=law, place=place)
+                Link(
+                    name,
+                    first_end,
+                    second_end,
+                    0.0,
+                    0.0,
+                    rest_length,
+                    description,
+                    law=law,
+                    place=place,
+                )
             )
             return
         if kind != "BUT":
             rest_length = float(fields.get("rest") or 0.0)
             description += f", rest = {rest_length!r} m"
-            self.to.links.append(Link(name, a, b, K, z, rest_length, description, place=place))
+            self.to.links.append(
+                Link(name, first_end, second_end, K, z, rest_length, description, place=place)
+            )
             return
         gap, exponent, side = float(fields["gap"]), fields["exponent"], fields["side"]
         description += f", gap = {gap!r} m, {side}, exponent = {exponent!r}"
         sign, clamped = 1 if side == "below" else -1, fields["clamp"]
         self.to.links.append(
-            Link(name, a, b, K, z, gap, description, exponent, sign, clamped, place=place)
+            Link(
+                name,
+                first_end,
+                second_end,
+                K,
+                z,
+                gap,
+                description,
+                exponent,
+                sign,
+                clamped,
+                place=place,
+            )
         )
 
     def _members(self, target: Target) -> list[int]:
@@ -431,21 +513,21 @@ class _Builder:
         return members[target.first : target.first + target.count]
 
     def _input(self, module: Module, name: str) -> None:
-        target = module.driven
-        if (target.part, target.module) not in self.points_by_module:
-            self.to.left_out.append(f"{name}, which feeds {target.text}")
+        driven_target = module.driven
+        if (driven_target.part, driven_target.module) not in self.points_by_module:
+            self.to.left_out.append(f"{name}, which feeds {driven_target.text}")
             return
-        source = module.fields["from"]
-        take = source if isinstance(source, str) else ""
+        drive_source = module.fields["from"]
+        take = drive_source if isinstance(drive_source, str) else ""
         if module.kind == "ENF":
             if take or module.fields["at"] is not None:
-                self._push(target, take)
+                self._push(driven_target, take)
             else:
-                for member in self._members(target):
+                for member in self._members(driven_target):
                     for mass, share in self.to.points[member].shares or [(member, 1.0)]:
-                        self.to.points[mass].weight += share * float(source)
+                        self.to.points[mass].weight += share * float(drive_source)
             return
-        for member in self._members(target):
+        for member in self._members(driven_target):
             point = self.to.points[member]
             if point.fed is None:
                 point.fed = len(self.to.inputs)
@@ -455,17 +537,17 @@ class _Builder:
         self._push_all(self._members(target), target.text, take)
 
     def _push_all(self, points: Sequence[int], text: str, take: str = "") -> None:
-        members = tuple(points)
+        pushed_points = tuple(points)
         moved = [
             point_index
-            for point_index in members
+            for point_index in pushed_points
             if self.to.points[point_index].mass or self.to.points[point_index].shares
         ]
-        if not moved or members in self.pushes:
+        if not moved or pushed_points in self.pushes:
             return
-        number = self.pushes[members] = len(self.to.inputs)
-        point_index = self.to.points[members[0]].name
-        name = f"force on {point_index if len(members) == 1 else text} [N]"
+        number = self.pushes[pushed_points] = len(self.to.inputs)
+        point_index = self.to.points[pushed_points[0]].name
+        name = f"force on {point_index if len(pushed_points) == 1 else text} [N]"
         self.to.inputs.append(Fed(name, take))
         for member in moved:
             self.to.points[member].forces.append(number)
@@ -473,25 +555,31 @@ class _Builder:
     def _output(self, part: Part, output: Output) -> None:
         name = f"{part.name}.{output.name}" if output.name else part.name
         if output.nearest:
-            reason = f"{name}: an output of which each member goes to its own loudspeaker"
-            self._refuse(output.place, reason)
+            refusal_reason = f"{name}: an output of which each member goes to its own loudspeaker"
+            self._refuse(output.place, refusal_reason)
             return
-        traits, points, links = output.traits, list[int](), list[int]()
-        for target in output.targets:
+        traits, output_points, output_links = output.traits, list[int](), list[int]()
+        for output_target in output.targets:
             if output.is_movement:
-                if (target.part, target.module) not in self.points_by_module:
-                    self.to.left_out.append(f"{target.text}, which {name} hears")
-                points += self._members(target)
+                if (output_target.part, output_target.module) not in self.points_by_module:
+                    self.to.left_out.append(f"{output_target.text}, which {name} hears")
+                output_points += self._members(output_target)
                 continue
-            link_members = self.links.get((target.part, target.module), [])
-            if not link_members or target.first == "centre":
+            link_members = self.links.get((output_target.part, output_target.module), [])
+            if not link_members or output_target.first == "centre":
                 quantity = "distance" if output.is_distance else traits.quantity
-                reason = f"{name}: the {quantity} of {target.text} is not written yet"
-                self._refuse(output.place, reason)
+                refusal_reason = (
+                    f"{name}: the {quantity} of {output_target.text} is not written yet"
+                )
+                self._refuse(output.place, refusal_reason)
                 continue
-            links += link_members[target.first : target.first + target.count]
+            output_links += link_members[
+                output_target.first : output_target.first + output_target.count
+            ]
         output_name = f"{name} [{traits.unit.replace('²', '^2')}]"
-        self.to.outputs.append(MixedOutput(output_name, points, links, traits.order, output.place))
+        self.to.outputs.append(
+            MixedOutput(output_name, output_points, output_links, traits.order, output.place)
+        )
 
     # --- the first step ---
 
@@ -499,22 +587,22 @@ class _Builder:
         """Set d0 of every point: the step of its own motion, less half a step of the forces at the
         start.
         """
-        points, T = self.to.points, 1.0 / self.to.rate
-        force = [0.0] * len(points)
+        stepped_points, T = self.to.points, 1.0 / self.to.rate
+        point_forces = [0.0] * len(stepped_points)
         for link in self.to.links:
-            a, b = points[link.a], points[link.b]
+            a, b = stepped_points[link.a], stepped_points[link.b]
             e = b.x0 - a.x0
             f = _pull(link, e, T * (b.v0 - a.v0))
-            force[link.a] += f
-            force[link.b] -= f
-        for point, f in zip(points, tuple(force), strict=True):
-            for base, share in point.shares:
-                force[base] += share * f
-        for point, f in zip(points, force, strict=True):
-            if point.fed is not None or not point.mass:
-                point.d0 = 0.0
-            elif not point.is_ca:
-                point.d0 -= 0.5 * point.gain * (f + point.weight)
+            point_forces[link.a] += f
+            point_forces[link.b] -= f
+        for stepped_point, f in zip(stepped_points, tuple(point_forces), strict=True):
+            for base, share in stepped_point.shares:
+                point_forces[base] += share * f
+        for stepped_point, f in zip(stepped_points, point_forces, strict=True):
+            if stepped_point.fed is not None or not stepped_point.mass:
+                stepped_point.d0 = 0.0
+            elif not stepped_point.is_ca:
+                stepped_point.d0 -= 0.5 * stepped_point.gain * (f + stepped_point.weight)
 
 
 def _pull(link: Link, e: float, d: float) -> float:

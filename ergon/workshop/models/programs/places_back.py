@@ -10,33 +10,41 @@ _CLOSE = 1e-12  # of a share
 
 
 def place_of(
-    body: Body, shares: Sequence[tuple[int, float]], point: Callable[[int], Point]
+    stepped_body: Body, mass_shares: Sequence[tuple[int, float]], point: Callable[[int], Point]
 ) -> list[float]:
     """The place on a body that gives these shares, linear along each side; empty if there is none.
 
     A fixed point at 0 among them is the end of a held string, beside its first or last mass.
     `point` returns the point of a number.
     """
-    (across, up), is_string = body.sides, body.kind == "STRING"
-    n_fixed = 2 * body.is_held
+    (across, up), is_string = stepped_body.sides, stepped_body.kind == "STRING"
+    n_fixed = 2 * stepped_body.is_held
     share_by_place: dict[tuple[int, int], float] = {}
-    place_by_mass = {mass: place for place, mass in enumerate(body.points)}
-    end_places = {place_by_mass[mass] for mass, _ in shares if mass in place_by_mass}
-    for mass, share in shares:
-        if not share:
+    place_by_mass = {mass: place for place, mass in enumerate(stepped_body.points)}
+    end_places = {place_by_mass[mass] for mass, _ in mass_shares if mass in place_by_mass}
+    for mass_index, mass_share in mass_shares:
+        if not mass_share:
             continue
-        if mass in place_by_mass:
-            row, column = divmod(place_by_mass[mass], across)
-            row_and_column = (row + body.is_held * (not is_string), column + body.is_held)
-        elif is_string and body.is_held and _is_still(point(mass)) and len(end_places) == 1:
+        if mass_index in place_by_mass:
+            row, column = divmod(place_by_mass[mass_index], across)
+            row_and_column = (
+                row + stepped_body.is_held * (not is_string),
+                column + stepped_body.is_held,
+            )
+        elif (
+            is_string
+            and stepped_body.is_held
+            and _is_still(point(mass_index))
+            and len(end_places) == 1
+        ):
             (end,) = end_places
             row_and_column = (0, 0) if end == 0 else (0, across + 1)
             if end not in (0, across - 1) or across == 1:
                 return []
         else:
             return []
-        share_by_place[row_and_column] = share_by_place.get(row_and_column, 0.0) + share
-    sides = [across + n_fixed] if is_string else [up + n_fixed, across + n_fixed]
+        share_by_place[row_and_column] = share_by_place.get(row_and_column, 0.0) + mass_share
+    side_counts = [across + n_fixed] if is_string else [up + n_fixed, across + n_fixed]
     means = [
         sum(share * row_and_column[axis] for row_and_column, share in share_by_place.items())
         for axis in (0, 1)
@@ -50,7 +58,7 @@ def place_of(
         return []
     return [
         mean / (side - 1) if side > 1 else 0.0
-        for mean, side in zip(means[-len(sides) :], sides, strict=True)
+        for mean, side in zip(means[-len(side_counts) :], side_counts, strict=True)
     ]
 
 

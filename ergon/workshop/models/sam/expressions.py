@@ -71,17 +71,17 @@ def names(node: Node) -> set[str]:
 
 
 class _Parser:
-    def __init__(self, text: str, line: int) -> None:
-        self.text, self.line, self.index, self.depth = text, line, 0, 0
+    def __init__(self, expression_text: str, line_number: int) -> None:
+        self.text, self.line, self.index, self.depth = expression_text, line_number, 0, 0
         self.tokens: list[tuple[str, str]] = []
-        position = 0
-        while text[position:].strip():
-            match = _TOKEN.match(text, position)
+        match_position = 0
+        while expression_text[match_position:].strip():
+            match = _TOKEN.match(expression_text, match_position)
             if match is None or len(self.tokens) >= _TOKENS_MAX:
-                unread_text = quote(text[position:].strip()[:20])
-                raise ModelError(f"of Faust {unread_text} is not read here", line)
+                unread_text = quote(expression_text[match_position:].strip()[:20])
+                raise ModelError(f"of Faust {unread_text} is not read here", line_number)
             self.tokens.append((str(match.lastgroup), match[0].strip()))
-            position = match.end()
+            match_position = match.end()
 
     def read_all(self) -> Node:
         if not self.tokens:
@@ -110,48 +110,52 @@ class _Parser:
     def level(self, nth: int) -> Node:
         if nth == len(_LEVELS):
             return self.primary()
-        parts, operators = [self.level(nth + 1)], []
+        operand_nodes, operators = [self.level(nth + 1)], []
         while self.sign() in _LEVELS[nth] and self.sign():
             operators.append(self.sign())
             self.index += 1
-            parts.append(self.level(nth + 1))
+            operand_nodes.append(self.level(nth + 1))
         if not operators:
-            return parts[0]
-        return Node("chain", "", tuple(parts), tuple(operators))
+            return operand_nodes[0]
+        return Node("chain", "", tuple(operand_nodes), tuple(operators))
 
     def primary(self) -> Node:
         if self.index >= len(self.tokens):
             raise self.wrong()
-        kind, word = self.tokens[self.index]
+        token_kind, token_word = self.tokens[self.index]
         self.depth += 1
         if self.depth > _DEPTH_MAX:
             message = f"more than {_DEPTH_MAX} parentheses or signs inside one another"
             raise ModelError(message, self.line)
         self.index += 1
-        if kind == "number":
-            node = Node("number", word)
-        elif kind == "text":
-            node = Node("text", word[1:-1])
-        elif kind == "name":
-            node = Node("call", word, self.arguments()) if self.sign() == "(" else Node(kind, word)
-        elif word == "_":
-            node = Node("input", word)
-        elif word == "(":
-            node = self.level(0)
+        if token_kind == "number":
+            parsed_node = Node("number", token_word)
+        elif token_kind == "text":
+            parsed_node = Node("text", token_word[1:-1])
+        elif token_kind == "name":
+            parsed_node = (
+                Node("call", token_word, self.arguments())
+                if self.sign() == "("
+                else Node(token_kind, token_word)
+            )
+        elif token_word == "_":
+            parsed_node = Node("input", token_word)
+        elif token_word == "(":
+            parsed_node = self.level(0)
             self.take(")")
-        elif word in ("+", "-", "*", "/", "^") and self.sign() == "(":
-            node = Node("partial", word, self.arguments())
-        elif word == "-":
-            node = Node("negative", word, (self.primary(),))
+        elif token_word in ("+", "-", "*", "/", "^") and self.sign() == "(":
+            parsed_node = Node("partial", token_word, self.arguments())
+        elif token_word == "-":
+            parsed_node = Node("negative", token_word, (self.primary(),))
         else:
             self.index -= 1
             raise self.wrong()
         self.depth -= 1
-        return node
+        return parsed_node
 
     def arguments(self) -> tuple[Node, ...]:
         self.take("(")
-        nodes = []
+        argument_nodes = []
         while True:
             # A comma separates arguments here, so an argument has no comma outside parentheses.
             first_index = self.index
@@ -162,12 +166,12 @@ class _Parser:
                 parts.append(self.level(2))
             node = parts[0] if not operators else Node("chain", "", tuple(parts), tuple(operators))
             text = " ".join(word for _, word in self.tokens[first_index : self.index])
-            nodes.append(replace(node, text=text))
+            argument_nodes.append(replace(node, text=text))
             if self.sign() != ",":
                 break
             self.index += 1
         self.take(")")
-        return tuple(nodes)
+        return tuple(argument_nodes)
 
 
 # --- definitions --------------------------------------------------------------------------------

@@ -23,16 +23,22 @@ def audible_names(statements: Sequence[Statement]) -> dict[str, Sound]:
     it.
     """
     sound_by_name = {}
-    forces: dict[str, dict[str, float]] = {}
-    for statement in statements:
-        if statement.word in LINKS:
-            for end, sign in zip(statement.ends, (-1.0, 1.0), strict=True):
-                forces.setdefault(end, {})[statement.name] = sign
-    for statement in statements:
-        if statement.word == "port":
-            sound_by_name[statement.name] = Sound(forces.get(statement.name, {}))
-        elif statement.word in LINKS or statement.word in ("mass", "resonators", "ground"):
-            sound_by_name[statement.name] = Sound({statement.name: 1.0})
+    forces_by_port: dict[str, dict[str, float]] = {}
+    for model_statement in statements:
+        if model_statement.word in LINKS:
+            for end, sign in zip(model_statement.ends, (-1.0, 1.0), strict=True):
+                forces_by_port.setdefault(end, {})[model_statement.name] = sign
+    for model_statement in statements:
+        if model_statement.word == "port":
+            sound_by_name[model_statement.name] = Sound(
+                forces_by_port.get(model_statement.name, {})
+            )
+        elif model_statement.word in LINKS or model_statement.word in (
+            "mass",
+            "resonators",
+            "ground",
+        ):
+            sound_by_name[model_statement.name] = Sound({model_statement.name: 1.0})
     return sound_by_name
 
 
@@ -42,45 +48,57 @@ def sides_of(
     """The sign with which the force of each link is heard. Raises ModelError if it is heard with
     both.
     """
-    sides: dict[str, float] = {}
+    sides_by_link: dict[str, float] = {}
     for output, sound in zip(outputs, sounds, strict=True):
         for name, factor in sound.terms.items():
             if name not in writing.links or factor == 0.0:
                 continue
-            if sides.setdefault(name, math.copysign(1.0, factor)) != math.copysign(1.0, factor):
+            if sides_by_link.setdefault(name, math.copysign(1.0, factor)) != math.copysign(
+                1.0, factor
+            ):
                 message = f"the force of {quote(name)} is heard with both signs, which is not built"
                 raise ModelError(message, output.line)
-    return sides
+    return sides_by_link
 
 
-def hear(writing: Writing, statement: Statement, sound: Sound, channel: int) -> None:
+def hear(
+    writing: Writing, model_statement: Statement, output_sound: Sound, channel_number: int
+) -> None:
     """Add the outputs and routes of a channel. Raises ModelError."""
-    if channel > _CHANNELS_MAX:
-        raise ModelError(f"more than {_CHANNELS_MAX:,} outputs", statement.line)
-    factors = {name: factor for name, factor in sound.terms.items() if factor != 0.0}
+    if channel_number > _CHANNELS_MAX:
+        raise ModelError(f"more than {_CHANNELS_MAX:,} outputs", model_statement.line)
+    signal_factors = {name: factor for name, factor in output_sound.terms.items() if factor != 0.0}
     still = [
-        name for name in factors if name in writing.masses and writing.masses[name].kind == "ground"
+        name
+        for name in signal_factors
+        if name in writing.masses and writing.masses[name].kind == "ground"
     ]
-    constant = sound.constant + sum(factors.pop(name) * writing.masses[name].x0 for name in still)
-    if constant != 0.0 and not any(sound_filter.order for sound_filter in sound.filters):
-        raise ModelError(f"a constant of {constant:g} is not a sound; leave it out", statement.line)
-    highpass, comment = _filter(sound)
-    for nth, (name, factor) in enumerate(factors.items(), 1):
-        out = writing.targets[statement.name]
-        if len(factors) > 1:
+    constant = output_sound.constant + sum(
+        signal_factors.pop(name) * writing.masses[name].x0 for name in still
+    )
+    if constant != 0.0 and not any(sound_filter.order for sound_filter in output_sound.filters):
+        raise ModelError(
+            f"a constant of {constant:g} is not a sound; leave it out", model_statement.line
+        )
+    highpass, comment = _filter(output_sound)
+    for nth, (signal_name, signal_factor) in enumerate(signal_factors.items(), 1):
+        out = writing.targets[model_statement.name]
+        if len(signal_factors) > 1:
             out = writing.names.new(f"{out}_{nth}")
-        loudness = abs(factor)
-        if name in writing.links:
-            output_text, writing.hears_forces = _force(writing, writing.targets[name]), True
-        elif factor > 0.0:
-            output_text = f"SOX: {target(writing, name)}"
+        loudness = abs(signal_factor)
+        if signal_name in writing.links:
+            output_text, writing.hears_forces = _force(writing, writing.targets[signal_name]), True
+        elif signal_factor > 0.0:
+            output_text = f"SOX: {target(writing, signal_name)}"
         else:
-            output_text, loudness = _force(writing, _ear(writing, name)), loudness / _EAR
-        note = "; ".join(word for word in (comment, statement.behind if nth == 1 else "") if word)
+            output_text, loudness = _force(writing, _ear(writing, signal_name)), loudness / _EAR
+        note = "; ".join(
+            word for word in (comment, model_statement.behind if nth == 1 else "") if word
+        )
         options = gain(loudness)
         if highpass is not None:
             options += f", highpass: {number(highpass)}Hz"
-        writing.outs.append(Out(out, output_text, channel, options, note))
+        writing.outs.append(Out(out, output_text, channel_number, options, note))
 
 
 def _force(writing: Writing, name: str) -> str:
@@ -88,17 +106,17 @@ def _force(writing: Writing, name: str) -> str:
     return f"SOF: {{{kind}: {name}}}"
 
 
-def _ear(writing: Writing, mass: str) -> str:
+def _ear(writing: Writing, mass_name: str) -> str:
     """Add a spring whose force is a position with a negative factor, which a route cannot have;
     returns its name.
     """
-    if mass in writing.ears:
-        return writing.ears[mass]
+    if mass_name in writing.ears:
+        return writing.ears[mass_name]
     if "" not in writing.ears:
         writing.ears[""] = writing.names.new("still")
         writing.modules.append(Line(writing.ears[""], "{SOL: {}}"))
-    ear = writing.ears[mass] = writing.names.new(f"{writing.targets[mass]}_ear")
-    text = f"{{RES: {{between: [{writing.ears['']}, {target(writing, mass)}], K: {_EAR}}}}}"
+    ear = writing.ears[mass_name] = writing.names.new(f"{writing.targets[mass_name]}_ear")
+    text = f"{{RES: {{between: [{writing.ears['']}, {target(writing, mass_name)}], K: {_EAR}}}}}"
     comment = "too weak to be felt: it is heard, for a factor below 0"
     writing.modules.append(Line(ear, text, comment))
     return ear

@@ -75,24 +75,30 @@ class Start:
     kicks: Mapping[str, float]
 
 
-def start(masses: Mapping[str, Mass], links: Sequence[Link]) -> Start:
+def start(masses: Mapping[str, Mass], start_links: Sequence[Link]) -> Start:
     """Where a score begins."""
     pressed = dict.fromkeys(masses, 0.0)
-    for link in links:
-        if link.kind == "link" or link.o < 0.0:
-            _push(pressed, link, -link.o * (link.k + link.R * RATE))
-    places, steps = {}, {}
+    for start_link in start_links:
+        if start_link.kind == "link" or start_link.o < 0.0:
+            _push(pressed, start_link, -start_link.o * (start_link.k + start_link.R * RATE))
+    start_places, start_steps = {}, {}
     for name, mass in masses.items():
         step = pressed[name] * mass.mobility
-        places[name] = mass.x0 + step
-        steps[name] = mass.v0 / RATE + step
+        start_places[name] = mass.x0 + step
+        start_steps[name] = mass.v0 / RATE + step
     kicks = dict.fromkeys(masses, 0.0)
-    for link in links:
-        apart = places[link.a] - places[link.b]
-        if link.kind == "link" or apart - link.o > 0.0:
-            _push(kicks, link, link.R * RATE * (apart - (steps[link.a] - steps[link.b])))
+    for start_link in start_links:
+        apart = start_places[start_link.a] - start_places[start_link.b]
+        if start_link.kind == "link" or apart - start_link.o > 0.0:
+            _push(
+                kicks,
+                start_link,
+                start_link.R
+                * RATE
+                * (apart - (start_steps[start_link.a] - start_steps[start_link.b])),
+            )
     struck = {name: f for name, f in kicks.items() if f and masses[name].mobility}
-    return Start(places, steps, struck)
+    return Start(start_places, start_steps, struck)
 
 
 def _push(forces: dict[str, float], link: Link, force: float) -> None:

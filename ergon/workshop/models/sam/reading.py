@@ -65,51 +65,54 @@ def parse(text: str) -> Sheet:
     """The statements of a model. Raises ModelError with the line at fault."""
     sheet = Sheet()
     comments: list[str] = []
-    lines = _LINE_END.split(text)
-    if len(lines) > LINES_MAX:
+    text_lines = _LINE_END.split(text)
+    if len(text_lines) > LINES_MAX:
         raise ModelError(f"it has more than {LINES_MAX:,} lines", LINES_MAX + 1)
     has_begun = False
-    names: dict[str, int] = {}
-    for line_number, full_line in enumerate(lines, 1):
+    lines_by_name: dict[str, int] = {}
+    for line_number, full_line in enumerate(text_lines, 1):
         if len(full_line) > _CHARACTERS_MAX:
             raise ModelError(f"a line has at most {_CHARACTERS_MAX:,} characters", line_number)
-        source, comment = _parted(full_line)
-        if not source.strip():
+        code_text, comment = _parted(full_line)
+        if not code_text.strip():
             comments += _comment_lines(comment)
             if comments and not comment and not has_begun:  # an empty line ends the head
                 sheet.head += [*comments, ""]
                 comments = []
             continue
         has_begun = True
-        head_match = _HEAD.match(source)
+        head_match = _HEAD.match(code_text)
         if head_match and head_match[1] == CODE and head_match[2] == ":":
-            sheet.code.append(Code(source[head_match.end() :], line_number, tuple(comments)))
+            sheet.code.append(Code(code_text[head_match.end() :], line_number, tuple(comments)))
             comments = []
             continue
-        statement = _statement(
-            source, line_number, tuple(comments), " ".join(_comment_lines(comment))
+        model_statement = _statement(
+            code_text, line_number, tuple(comments), " ".join(_comment_lines(comment))
         )
         comments = []
-        if statement.name in names:
-            message = f"{quote(statement.name)} is the name of line {names[statement.name]} too"
+        if model_statement.name in lines_by_name:
+            message = (
+                f"{quote(model_statement.name)} is the name of line "
+                f"{lines_by_name[model_statement.name]} too"
+            )
             raise ModelError(message, line_number)
-        names[statement.name] = line_number
-        sheet.statements.append(statement)
+        lines_by_name[model_statement.name] = line_number
+        sheet.statements.append(model_statement)
     sheet.tail = comments
     if not sheet.statements:
-        raise ModelError("it has no statement of Synth-A-Modeler", len(lines))
+        raise ModelError("it has no statement of Synth-A-Modeler", len(text_lines))
     return sheet
 
 
-def _parted(line: str) -> tuple[str, str]:
+def _parted(sheet_line: str) -> tuple[str, str]:
     """A line's code, and the comment after it; a `#` within quotes does not begin a comment."""
     is_quoted = False
-    for position, letter in enumerate(line):
+    for position, letter in enumerate(sheet_line):
         if letter == '"':
             is_quoted = not is_quoted
         elif letter == "#" and not is_quoted:
-            return line[:position], line[position:]
-    return line, ""
+            return sheet_line[:position], sheet_line[position:]
+    return sheet_line, ""
 
 
 def _comment_lines(comment: str) -> list[str]:
@@ -122,29 +125,33 @@ def _comment_lines(comment: str) -> list[str]:
 
 
 def _statement(
-    source: str, line_number: int, comments_before: tuple[str, ...], behind: str
+    code_text: str, line_number: int, comments_before: tuple[str, ...], behind: str
 ) -> Statement:
-    head_match = _HEAD.match(source)
-    word = head_match[1] if head_match else source.split(None, 1)[0].strip(",;(")
-    if word in REFUSED:
-        raise ModelError(f"{word}: {REFUSED[word]}", line_number)
-    if word not in WORDS:
-        message = f"{quote(word)} is not a word of Synth-A-Modeler"
-        raise ModelError(message, line_number, nearest(word, WORDS))
-    if not source.rstrip().endswith(";"):
+    head_match = _HEAD.match(code_text)
+    statement_word = head_match[1] if head_match else code_text.split(None, 1)[0].strip(",;(")
+    if statement_word in REFUSED:
+        raise ModelError(f"{statement_word}: {REFUSED[statement_word]}", line_number)
+    if statement_word not in WORDS:
+        message = f"{quote(statement_word)} is not a word of Synth-A-Modeler"
+        raise ModelError(message, line_number, nearest(statement_word, WORDS))
+    if not code_text.rstrip().endswith(";"):
         raise ModelError("a statement ends with a semicolon", line_number)
-    wrong = ModelError(f"{word} is written {written(word)}", line_number)
-    if head_match is None or (head_match[2] == ",") != (word in OUTPUTS) or head_match[2] == ":":
+    wrong = ModelError(f"{statement_word} is written {written(statement_word)}", line_number)
+    if (
+        head_match is None
+        or (head_match[2] == ",") != (statement_word in OUTPUTS)
+        or head_match[2] == ":"
+    ):
         raise wrong
-    argument_text = source.rstrip()[:-1][head_match.end() :]
-    if word in OUTPUTS:
-        name, comma, expression = argument_text.partition(",")
+    argument_text = code_text.rstrip()[:-1][head_match.end() :]
+    if statement_word in OUTPUTS:
+        statement_name, comma, expression = argument_text.partition(",")
         if not comma:
             raise wrong
         return Statement(
-            word,
+            statement_word,
             (expression.strip(),),
-            _name(name, line_number),
+            _name(statement_name, line_number),
             (),
             line_number,
             comments_before,
@@ -153,29 +160,29 @@ def _statement(
     inside, is_closed, outside = _closed(argument_text)
     if not is_closed:
         raise ModelError("a parenthesis is not closed", line_number)
-    values = tuple(_split(inside)) if inside.strip() else ()
-    form = MASSES.get(word, LINKS.get(word, ()))
-    is_right = len(values) == len(form)
-    if word == "resonators":
-        if len(values) == 1:  # a list in parentheses of its own
-            content, _, more = _closed(values[0].strip()[1:])
-            if values[0].strip().startswith("(") and not more.strip():
-                values = tuple(_split(content))
-        is_right = len(values) > 0 and len(values) % len(form) == 0
-    n_names = 3 if word in LINKS else 1
-    names = outside.split(",")
-    if "(" in names[-1] and is_right:
-        message = f"the group {names[-1].strip()} says nothing any more; leave it out"
+    statement_values = tuple(_split(inside)) if inside.strip() else ()
+    statement_form = MASSES.get(statement_word, LINKS.get(statement_word, ()))
+    is_right = len(statement_values) == len(statement_form)
+    if statement_word == "resonators":
+        if len(statement_values) == 1:  # a list in parentheses of its own
+            content, _, more = _closed(statement_values[0].strip()[1:])
+            if statement_values[0].strip().startswith("(") and not more.strip():
+                statement_values = tuple(_split(content))
+        is_right = len(statement_values) > 0 and len(statement_values) % len(statement_form) == 0
+    n_names = 3 if statement_word in LINKS else 1
+    name_texts = outside.split(",")
+    if "(" in name_texts[-1] and is_right:
+        message = f"the group {name_texts[-1].strip()} says nothing any more; leave it out"
         raise ModelError(message, line_number)
-    if not is_right or names[0].strip() or len(names) != n_names + 1:
+    if not is_right or name_texts[0].strip() or len(name_texts) != n_names + 1:
         raise wrong
-    if not all(value.strip() for value in values):
+    if not all(value.strip() for value in statement_values):
         raise wrong
-    name, *end_names = (_name(name_text, line_number) for name_text in names[1:])
+    statement_name, *end_names = (_name(name_text, line_number) for name_text in name_texts[1:])
     return Statement(
-        word,
-        tuple(v.strip() for v in values),
-        name,
+        statement_word,
+        tuple(v.strip() for v in statement_values),
+        statement_name,
         tuple(end_names),
         line_number,
         comments_before,
@@ -192,22 +199,22 @@ def _name(text: str, line_number: int) -> str:
     return name
 
 
-def _closed(text: str) -> tuple[str, bool, str]:
+def _closed(call_text: str) -> tuple[str, bool, str]:
     """The text before the closing parenthesis, whether there is one, and the text after it."""
     depth = 1
-    for position, letter in enumerate(text):
+    for position, letter in enumerate(call_text):
         depth += (letter == "(") - (letter == ")")
         if depth == 0:
-            return text[:position], True, text[position + 1 :]
-    return text, False, ""
+            return call_text[:position], True, call_text[position + 1 :]
+    return call_text, False, ""
 
 
-def _split(text: str) -> Iterator[str]:
+def _split(values_text: str) -> Iterator[str]:
     """The values between commas, except commas within parentheses."""
     depth, part_start = 0, 0
-    for position, letter in enumerate(text):
+    for position, letter in enumerate(values_text):
         depth += (letter == "(") - (letter == ")")
         if letter == "," and depth == 0:
-            yield text[part_start:position]
+            yield values_text[part_start:position]
             part_start = position + 1
-    yield text[part_start:]
+    yield values_text[part_start:]

@@ -42,13 +42,16 @@ def written(
     """
     code = definitions(sheet.code)
     ids = {statement.name: statement for statement in sheet.statements}
-    for name in set(code) & set(ids):
-        message = f"{quote(name)} is a name of a line of Faust too, line {code[name].line}"
-        raise ModelError(message, ids[name].line)
-    for name in overrides:
-        if name not in code or code[name].arguments:
-            near = nearest(name, code)
-            raise ModelError(f"the model has no parameter {quote(name)}", 0, near)
+    for override_name in set(code) & set(ids):
+        message = (
+            f"{quote(override_name)} is a name of a line of Faust too, line "
+            f"{code[override_name].line}"
+        )
+        raise ModelError(message, ids[override_name].line)
+    for override_name in overrides:
+        if override_name not in code or code[override_name].arguments:
+            near = nearest(override_name, code)
+            raise ModelError(f"the model has no parameter {quote(override_name)}", 0, near)
     if "fs" in code:
         message = f"fs is the rate of the library, {RATE:,} Hz; it has no other"
         raise ModelError(message, code["fs"].line)
@@ -58,97 +61,109 @@ def written(
     let(writing, "fs", str(RATE), "samples in a second")
     if not any(statement.word in (*MASSES, *LINKS) for statement in sheet.statements):
         raise ModelError("it has no mass and no link, of which a score is made")
-    for statement in sheet.statements:
-        writing.targets[statement.name] = writing.names.new(statement.name)
-    for statement in sheet.statements:
-        if statement.word in MASSES:
-            _count(writing, statement)
-    for statement in sheet.statements:
-        if statement.word in LINKS:
-            _join(writing, statement)
-    begin = start(writing.masses, list(writing.links.values()))
-    outputs = [statement for statement in sheet.statements if statement.word == "audioout"]
-    sounds = [writing.values.sound(statement.values[0], statement.line) for statement in outputs]
-    sides = sides_of(writing, outputs, sounds)
-    for statement in sheet.statements:
-        if statement.word in MASSES:
-            _MAKERS[statement.word](writing, statement, begin)
-        elif statement.word in LINKS:
-            _link(writing, statement, sides.get(statement.name, 1.0))
-    for channel, (statement, sound) in enumerate(zip(outputs, sounds, strict=True), 1):
-        hear(writing, statement, sound, channel)
-    return page(writing, title, begin, len(outputs)).written()
+    for model_statement in sheet.statements:
+        writing.targets[model_statement.name] = writing.names.new(model_statement.name)
+    for model_statement in sheet.statements:
+        if model_statement.word in MASSES:
+            _count(writing, model_statement)
+    for model_statement in sheet.statements:
+        if model_statement.word in LINKS:
+            _join(writing, model_statement)
+    start_state = start(writing.masses, list(writing.links.values()))
+    output_statements = [
+        statement for statement in sheet.statements if statement.word == "audioout"
+    ]
+    sounds = [
+        writing.values.sound(statement.values[0], statement.line) for statement in output_statements
+    ]
+    sides = sides_of(writing, output_statements, sounds)
+    for model_statement in sheet.statements:
+        if model_statement.word in MASSES:
+            _MAKERS[model_statement.word](writing, model_statement, start_state)
+        elif model_statement.word in LINKS:
+            _link(writing, model_statement, sides.get(model_statement.name, 1.0))
+    for channel, (model_statement, sound) in enumerate(
+        zip(output_statements, sounds, strict=True), 1
+    ):
+        hear(writing, model_statement, sound, channel)
+    return page(writing, title, start_state, len(output_statements)).written()
 
 
 # --- masses -------------------------------------------------------------------------------------
 
 
-def _count(writing: Writing, statement: Statement) -> None:
+def _count(writing: Writing, model_statement: Statement) -> None:
     """Compute the values of a mass."""
-    if statement.word == "resonators":
-        resonances = _resonances(writing, statement)
+    if model_statement.word == "resonators":
+        resonances = _resonances(writing, model_statement)
         mobility = sum(resonance.mobility for resonance in resonances)
-        writing.masses[statement.name] = Mass(
-            statement.word, 0.0, 0.0, mobility, len(resonances) > 1
+        writing.masses[model_statement.name] = Mass(
+            model_statement.word, 0.0, 0.0, mobility, len(resonances) > 1
         )
         return
-    if statement.word == "port":
-        fed = writing.inputs.get(statement.name)
-        writing.masses[statement.name] = Mass(
-            statement.word, 0.0 if fed is None else fed.first, 0.0, 0.0
+    if model_statement.word == "port":
+        fed = writing.inputs.get(model_statement.name)
+        writing.masses[model_statement.name] = Mass(
+            model_statement.word, 0.0 if fed is None else fed.first, 0.0, 0.0
         )
         return
-    if statement.word == "ground":
-        x0 = value_of(writing, statement, 0)
-        within(statement, "x0", x0, _FARTHEST)
-        writing.masses[statement.name] = Mass(statement.word, x0, 0.0, 0.0)
+    if model_statement.word == "ground":
+        x0 = value_of(writing, model_statement, 0)
+        within(model_statement, "x0", x0, _FARTHEST)
+        writing.masses[model_statement.name] = Mass(model_statement.word, x0, 0.0, 0.0)
         return
-    m = value_of(writing, statement, 0)
+    m = value_of(writing, model_statement, 0)
     if m <= 0.0:
-        raise ModelError(f"m is {m:g}: a mass is above 0", statement.line)
+        raise ModelError(f"m is {m:g}: a mass is above 0", model_statement.line)
     mobility = 1.0 / (m * RATE * RATE)
-    writing.masses[statement.name] = Mass(
-        statement.word, value_of(writing, statement, 1), value_of(writing, statement, 2), mobility
+    writing.masses[model_statement.name] = Mass(
+        model_statement.word,
+        value_of(writing, model_statement, 1),
+        value_of(writing, model_statement, 2),
+        mobility,
     )
 
 
-def _resonances(writing: Writing, statement: Statement) -> list[Resonance]:
+def _resonances(writing: Writing, model_statement: Statement) -> list[Resonance]:
     resonances = []
-    for first_value in range(0, len(statement.values), 3):
+    for first_value in range(0, len(model_statement.values), 3):
         resonance = Resonance(
-            *(value_of(writing, statement, first_value + nth) for nth in range(3))
+            *(value_of(writing, model_statement, first_value + nth) for nth in range(3))
         )
         if not 0.0 < resonance.f < RATE / 2:
             message = f"f is {resonance.f:g} Hz: a frequency lies between 0 and half of {RATE:,} Hz"
-            raise ModelError(message, statement.line)
+            raise ModelError(message, model_statement.line)
         for name, value in (("T60", resonance.T60), ("m", resonance.m)):
             if not 1e-9 < value < 1e9:
                 raise ModelError(
-                    f"{name} is {value:g}: it lies above 1e-9, below 1e9", statement.line
+                    f"{name} is {value:g}: it lies above 1e-9, below 1e9", model_statement.line
                 )
         resonances.append(resonance)
     if len(resonances) > _MODES_MAX:
-        raise ModelError(f"resonators have at most {_MODES_MAX} modes", statement.line)
+        raise ModelError(f"resonators have at most {_MODES_MAX} modes", model_statement.line)
     return resonances
 
 
-def _begin(writing: Writing, statement: Statement, begin: Start) -> list[str]:
+def _begin(writing: Writing, model_statement: Statement, start_state: Start) -> list[str]:
     """X0 and V0; they stay expressions if no force acts in the first sample."""
-    mass = writing.masses[statement.name]
-    x, v = begin.places[statement.name], begin.steps[statement.name] * RATE
-    within(statement, "x0", x, _FARTHEST)
-    within(statement, "the speed at the beginning", v, _FASTEST)
-    is_free = statement.word == "mass" and begin.steps[statement.name] == mass.v0 / RATE
-    fields = []
+    mass = writing.masses[model_statement.name]
+    x, v = start_state.places[model_statement.name], start_state.steps[model_statement.name] * RATE
+    within(model_statement, "x0", x, _FARTHEST)
+    within(model_statement, "the speed at the beginning", v, _FASTEST)
+    is_free = (
+        model_statement.word == "mass" and start_state.steps[model_statement.name] == mass.v0 / RATE
+    )
+    module_fields = []
     if x:
-        fields.append(
-            f"X0: {unit_of(text_of(writing, statement, 1), 'm') if is_free else f'{x!r}m'}"
+        module_fields.append(
+            f"X0: {unit_of(text_of(writing, model_statement, 1), 'm') if is_free else f'{x!r}m'}"
         )
     if v:
-        fields.append(
-            f"V0: {unit_of(text_of(writing, statement, 2), 'm/s') if is_free else f'{v!r}m/s'}"
+        module_fields.append(
+            "V0: "
+            f"{unit_of(text_of(writing, model_statement, 2), 'm/s') if is_free else f'{v!r}m/s'}"
         )
-    return fields
+    return module_fields
 
 
 def _mass(writing: Writing, statement: Statement, begin: Start) -> None:
@@ -167,42 +182,57 @@ def _ground(writing: Writing, statement: Statement, _: Start) -> None:
     )
 
 
-def _port(writing: Writing, statement: Statement, _: Start) -> None:
-    fed, name = writing.inputs.get(statement.name), writing.targets[statement.name]
+def _port(writing: Writing, model_statement: Statement, _: Start) -> None:
+    fed, port_name = writing.inputs.get(model_statement.name), writing.targets[model_statement.name]
     if fed is None:
-        writing.add("SOL: {}", statement, "a port, where a device was")
+        writing.add("SOL: {}", model_statement, "a port, where a device was")
         return
     x0 = f", X0: {fed.first!r}m" if fed.first else ""
     writing.add(
-        f"MAS: {{M: {_HELD}{x0}}}", statement, "a port; its mass says nothing: its path is imposed"
+        f"MAS: {{M: {_HELD}{x0}}}",
+        model_statement,
+        "a port; its mass says nothing: its path is imposed",
     )
-    path = writing.names.new(f"{name}_path")
+    path = writing.names.new(f"{port_name}_path")
     writing.modules.append(
-        Line(path, f"{{ENX: {{to: {name}, from: {statement.name}{fed.start}}}}}")
+        Line(path, f"{{ENX: {{to: {port_name}, from: {model_statement.name}{fed.start}}}}}")
     )
 
 
-def _resonators(writing: Writing, statement: Statement, begin: Start) -> None:
-    resonances = _resonances(writing, statement)
+def _resonators(writing: Writing, model_statement: Statement, start_state: Start) -> None:
+    resonances = _resonances(writing, model_statement)
     sixty = writing.params.new_names[writing.sixty]
     if sixty not in writing.parameters:
         comment = "60 dB are 6.907755 time constants, and T60 of the model 6.9078"
-        let(writing, writing.sixty, repr(SIXTY), comment, unit="s")
-    values = range(0, len(statement.values), 3)
-    pitches = [unit_of(text_of(writing, statement, value_index), "Hz") for value_index in values]
-    decays = [times(text_of(writing, statement, value_index + 1), sixty) for value_index in values]
-    mass = f"M: {times(text_of(writing, statement, 2), f'fs*fs*{resonances[0].heavier!r}')}"
+        let(writing, writing.sixty, repr(SIXTY), comment, unit_name="s")
+    values = range(0, len(model_statement.values), 3)
+    pitches = [
+        unit_of(text_of(writing, model_statement, value_index), "Hz") for value_index in values
+    ]
+    decays = [
+        times(text_of(writing, model_statement, value_index + 1), sixty) for value_index in values
+    ]
+    mass_text = (
+        f"M: {times(text_of(writing, model_statement, 2), f'fs*fs*{resonances[0].heavier!r}')}"
+    )
     if len(resonances) == 1:
-        fields = [mass, f"f: {pitches[0]}", f"t60: {decays[0]}", *_begin(writing, statement, begin)]
-        writing.add(f"CEL: {{{', '.join(fields)}}}", statement)
+        fields = [
+            mass_text,
+            f"f: {pitches[0]}",
+            f"t60: {decays[0]}",
+            *_begin(writing, model_statement, start_state),
+        ]
+        writing.add(f"CEL: {{{', '.join(fields)}}}", model_statement)
         return
-    if begin.places[statement.name]:
+    if start_state.places[model_statement.name]:
         message = "an offset presses on these resonators before the first sample, and a MODES "
-        raise ModelError(f"{message}begins at 0; write the offset into a ground", statement.line)
+        raise ModelError(
+            f"{message}begins at 0; write the offset into a ground", model_statement.line
+        )
     levels = [math.sqrt(resonance.mobility / resonances[0].mobility) for resonance in resonances]
     shape = ", ".join(map(number, levels))
     body = f"f: [{', '.join(pitches)}], t60: [{', '.join(decays)}]"
-    writing.add(f"MODES: {{{mass}, {body}, places: {{point: [{shape}]}}}}", statement)
+    writing.add(f"MODES: {{{mass_text}, {body}, places: {{point: [{shape}]}}}}", model_statement)
 
 
 _MAKERS = {"mass": _mass, "ground": _ground, "port": _port, "resonators": _resonators}
@@ -211,57 +241,64 @@ _MAKERS = {"mass": _mass, "ground": _ground, "port": _port, "resonators": _reson
 # --- links --------------------------------------------------------------------------------------
 
 
-def _join(writing: Writing, statement: Statement) -> None:
+def _join(writing: Writing, model_statement: Statement) -> None:
     """Compute the values of a link."""
-    for end in statement.ends:
+    for end in model_statement.ends:
         if end not in writing.masses:
             near = nearest(end, writing.masses)
-            raise ModelError(f"no mass is called {quote(end)}", statement.line, near)
-    a, b = statement.ends
+            raise ModelError(f"no mass is called {quote(end)}", model_statement.line, near)
+    a, b = model_statement.ends
     if a == b:
-        raise ModelError(f"it joins {quote(a)} to itself", statement.line)
-    k, R, o = (value_of(writing, statement, value_index) for value_index in range(3))
-    within(statement, "o", o, _FARTHEST)
-    writing.links[statement.name] = Link(statement.word, a, b, k, R, o)
+        raise ModelError(f"it joins {quote(a)} to itself", model_statement.line)
+    k, R, o = (value_of(writing, model_statement, value_index) for value_index in range(3))
+    within(model_statement, "o", o, _FARTHEST)
+    writing.links[model_statement.name] = Link(model_statement.word, a, b, k, R, o)
 
 
-def _link(writing: Writing, statement: Statement, side: float) -> None:
+def _link(writing: Writing, model_statement: Statement, side: float) -> None:
     """Add a link with its ends in order, or reversed if -F is heard."""
-    link = writing.links[statement.name]
-    end_names = [target(writing, name) for name in statement.ends]
-    k, R, o = (text_of(writing, statement, value_index) for value_index in range(3))
-    is_touch, is_turned = statement.word == "touch", side < 0.0
+    model_link = writing.links[model_statement.name]
+    end_names = [target(writing, name) for name in model_statement.ends]
+    k, R, o = (text_of(writing, model_statement, value_index) for value_index in range(3))
+    is_touch, is_turned = model_statement.word == "touch", side < 0.0
     if is_turned:
         end_names.reverse()
     written_fields = [f"between: [{', '.join(end_names)}]"]
     # d is x_b - x_a - rest in a score, and x_a - x_b - o in the language.
-    rest_text = unit_of(o if is_turned else number(-link.o) if _is_literal(o) else f"-({o})", "m")
-    rest_field = [f"rest: {rest_text}"] if link.o else []
-    if link.k < 0.0 or link.R < 0.0:
+    rest_text = unit_of(
+        o if is_turned else number(-model_link.o) if _is_literal(o) else f"-({o})", "m"
+    )
+    rest_field = [f"rest: {rest_text}"] if model_link.o else []
+    if model_link.k < 0.0 or model_link.R < 0.0:
         laws = ["k*d", "z*v"]
         if is_touch:
             reached = "d > 0" if is_turned else "d < 0"
             laws = [f"where({reached}, {law}, 0)" for law in laws]
         written_fields += [f'law: "{laws[0]}", damping: "{laws[1]}"']
-        written_fields += [f"k: {number(link.k)}, z: {number(link.R * RATE)}", *rest_field]
-        writing.add(f"LNL: {{{', '.join(written_fields)}}}", statement, "below 0 it gives energy")
+        written_fields += [
+            f"k: {number(model_link.k)}, z: {number(model_link.R * RATE)}",
+            *rest_field,
+        ]
+        writing.add(
+            f"LNL: {{{', '.join(written_fields)}}}", model_statement, "below 0 it gives energy"
+        )
         return
     K, Z = f"K: {k}", f"Z: {times(R, 'fs')}"
     if is_touch:
-        gap = [f"gap: {unit_of(o, 'm')}"] if link.o else []
+        gap = [f"gap: {unit_of(o, 'm')}"] if model_link.o else []
         written_fields += [
             K,
-            *([Z] if link.R else []),
+            *([Z] if model_link.R else []),
             *gap,
             *(["side: above"] if is_turned else []),
         ]
-        writing.add(f"BUT: {{{', '.join(written_fields)}}}", statement)
-    elif link.k and link.R:
-        writing.add(f"REF: {{{', '.join([*written_fields, K, Z, *rest_field])}}}", statement)
-    elif link.R:
-        writing.add(f"FRO: {{{', '.join([*written_fields, Z])}}}", statement)
+        writing.add(f"BUT: {{{', '.join(written_fields)}}}", model_statement)
+    elif model_link.k and model_link.R:
+        writing.add(f"REF: {{{', '.join([*written_fields, K, Z, *rest_field])}}}", model_statement)
+    elif model_link.R:
+        writing.add(f"FRO: {{{', '.join([*written_fields, Z])}}}", model_statement)
     else:
-        writing.add(f"RES: {{{', '.join([*written_fields, K, *rest_field])}}}", statement)
+        writing.add(f"RES: {{{', '.join([*written_fields, K, *rest_field])}}}", model_statement)
 
 
 def _is_literal(text: str) -> bool:

@@ -111,22 +111,24 @@ class Values:
         """The defined names that the definition of a name uses."""
         return names(self.tree(name)) & set(self.definitions)
 
-    def by_name(self, name: str, line: int) -> Value:
+    def by_name(self, value_name: str, line_number: int) -> Value:
         """The value of a name. Raises ModelError."""
-        if name in self.overrides:
-            return self.overrides[name]
-        if name in self.audible:
-            return self.audible[name]
-        if name == "PI" and name not in self.definitions:
+        if value_name in self.overrides:
+            return self.overrides[value_name]
+        if value_name in self.audible:
+            return self.audible[value_name]
+        if value_name == "PI" and value_name not in self.definitions:
             return math.pi
-        if name not in self.definitions:
-            near = nearest(name, [*self.definitions, *self.audible])
-            raise ModelError(f"nothing is called {quote(name)}", line, near)
-        if name not in self._known:
-            self._enter(name, line)
-            self._known[name] = self._value(self.tree(name), {}, self.definitions[name].line)
+        if value_name not in self.definitions:
+            near = nearest(value_name, [*self.definitions, *self.audible])
+            raise ModelError(f"nothing is called {quote(value_name)}", line_number, near)
+        if value_name not in self._known:
+            self._enter(value_name, line_number)
+            self._known[value_name] = self._value(
+                self.tree(value_name), {}, self.definitions[value_name].line
+            )
             self._open.pop()
-        return self._known[name]
+        return self._known[value_name]
 
     def _enter(self, name: str, line: int) -> None:
         """Begin to read a definition. Raises ModelError."""
@@ -160,50 +162,63 @@ class Values:
         if node.kind == "chain" and node.operators[0] == ",":
             return tuple(self._value(part, arguments, line) for part in node.parts)
         if node.kind == "chain":
-            value = self._value(node.parts[0], arguments, line)
+            node_value = self._value(node.parts[0], arguments, line)
             for sign, part in zip(node.operators, node.parts[1:], strict=True):
                 if sign == ":":
-                    value = self._through(part, value, arguments, line)
+                    node_value = self._through(part, node_value, arguments, line)
                 else:
-                    value = _pair(sign, value, self._value(part, arguments, line), line)
-            return value
+                    node_value = _pair(sign, node_value, self._value(part, arguments, line), line)
+            return node_value
         raise ModelError(f"{quote(node.word)} has no value by itself", line)
 
     # --- functions ------------------------------------------------------------------------------
 
     def _call(self, node: Node, scope: Mapping[str, Value], line: int) -> Value:
-        name = node.word
-        if name in SLIDERS and name not in self.definitions:
+        function_name = node.word
+        if function_name in SLIDERS and function_name not in self.definitions:
             if len(node.parts) != 5:
-                message = f"{name} is written {name}(label, value, least, most, step)"
-                raise ModelError(message, line)
-            return self._value(node.parts[1], scope, line)
-        if name in ("checkbox", "button") and name not in self.definitions:
-            return 0.0
-        if name == "mytake" and name not in self.definitions and len(node.parts) == 3:
-            return self._value(node.parts[2], scope, line)  # the list of a table
-        arguments = [self._value(part, scope, line) for part in node.parts]
-        if name == "rdtable" and name not in self.definitions and len(arguments) == 3:
-            return _row(arguments, line)
-        if (definition := self.definitions.get(name)) is not None:
-            if len(definition.arguments) != len(arguments):
                 message = (
-                    f"{name} has {len(definition.arguments)} arguments, and here {len(arguments)}"
+                    f"{function_name} is written {function_name}(label, value, least, most, step)"
                 )
                 raise ModelError(message, line)
-            self._enter(name, line)
-            inner = dict(zip(definition.arguments, arguments, strict=True))
-            value = self._value(self.tree(name), inner, definition.line)
+            return self._value(node.parts[1], scope, line)
+        if function_name in ("checkbox", "button") and function_name not in self.definitions:
+            return 0.0
+        if (
+            function_name == "mytake"
+            and function_name not in self.definitions
+            and len(node.parts) == 3
+        ):
+            return self._value(node.parts[2], scope, line)  # the list of a table
+        call_values = [self._value(part, scope, line) for part in node.parts]
+        if (
+            function_name == "rdtable"
+            and function_name not in self.definitions
+            and len(call_values) == 3
+        ):
+            return _row(call_values, line)
+        if (definition := self.definitions.get(function_name)) is not None:
+            if len(definition.arguments) != len(call_values):
+                message = (
+                    f"{function_name} has {len(definition.arguments)} arguments, and here "
+                    f"{len(call_values)}"
+                )
+                raise ModelError(message, line)
+            self._enter(function_name, line)
+            inner = dict(zip(definition.arguments, call_values, strict=True))
+            value = self._value(self.tree(function_name), inner, definition.line)
             self._open.pop()
             return value
-        numbers = [argument for argument in arguments if isinstance(argument, float)]
-        if len(numbers) == len(arguments) == 1 and name in _NUMBERS:
-            return _computed(_NUMBERS[name], numbers, line)
-        if len(numbers) == len(arguments) == 2 and name in _PAIRS:
-            return _computed(_PAIRS[name], numbers, line)
+        numbers = [argument for argument in call_values if isinstance(argument, float)]
+        if len(numbers) == len(call_values) == 1 and function_name in _NUMBERS:
+            return _computed(_NUMBERS[function_name], numbers, line)
+        if len(numbers) == len(call_values) == 2 and function_name in _PAIRS:
+            return _computed(_PAIRS[function_name], numbers, line)
         known_functions = [*_NUMBERS, *_PAIRS, *SLIDERS, *self.definitions]
         raise ModelError(
-            f"of Faust {quote(name)} is not read here", line, nearest(name, known_functions)
+            f"of Faust {quote(function_name)} is not read here",
+            line,
+            nearest(function_name, known_functions),
         )
 
     def _takes(self, node: Node, arguments: Mapping[str, Value], depth: int = 0) -> bool:
@@ -276,30 +291,36 @@ class Values:
         return total
 
     def _filtered(
-        self, node: Node, value: Value, arguments: Mapping[str, Value], line: int
+        self, node: Node, filtered_value: Value, arguments: Mapping[str, Value], line_number: int
     ) -> Value:
-        numbers = [self._value(part, arguments, line) for part in node.parts]
+        numbers = [self._value(part, arguments, line_number) for part in node.parts]
         if len(numbers) != 2 or not all(isinstance(number, float) for number in numbers):
-            raise ModelError("highpass is written highpass(order, frequency)", line)
-        order, cutoff = (number for number in numbers if isinstance(number, float))
-        if not (1.0 <= order <= 64.0 and order == int(order) and 0.0 < cutoff < RATE / 2):
+            raise ModelError("highpass is written highpass(order, frequency)", line_number)
+        filter_order, cutoff = (number for number in numbers if isinstance(number, float))
+        if not (
+            1.0 <= filter_order <= 64.0
+            and filter_order == int(filter_order)
+            and 0.0 < cutoff < RATE / 2
+        ):
             message = "highpass has an order from 1 to 64 and a frequency between 0 and 22,050 Hz"
-            raise ModelError(message, line)
-        if not isinstance(value, Sound):
+            raise ModelError(message, line_number)
+        if not isinstance(filtered_value, Sound):
             return 0.0  # of what stands still
-        return Sound(value.terms, (*value.filters, Filter(int(order), cutoff)), 0.0)
+        return Sound(
+            filtered_value.terms, (*filtered_value.filters, Filter(int(filter_order), cutoff)), 0.0
+        )
 
 
-def text_of_slider(node: Node) -> tuple[str, str] | None:
+def text_of_slider(slider_node: Node) -> tuple[str, str] | None:
     """The label and the initial value of a slider, with any smoothing skipped."""
-    while node.kind == "chain" and node.operators[0] == ":":
-        if not all(part.word in _SMOOTHERS for part in node.parts[1:]):
+    while slider_node.kind == "chain" and slider_node.operators[0] == ":":
+        if not all(part.word in _SMOOTHERS for part in slider_node.parts[1:]):
             return None
-        node = node.parts[0]
-    if node.kind != "call" or node.word not in SLIDERS or len(node.parts) != 5:
+        slider_node = slider_node.parts[0]
+    if slider_node.kind != "call" or slider_node.word not in SLIDERS or len(slider_node.parts) != 5:
         return None
-    label = node.parts[0].word if node.parts[0].kind == "text" else ""
-    return re.sub(r"\s+", " ", label), node.parts[1].text
+    label = slider_node.parts[0].word if slider_node.parts[0].kind == "text" else ""
+    return re.sub(r"\s+", " ", label), slider_node.parts[1].text
 
 
 def _smooth(value: Value, line: int) -> Value:
@@ -310,14 +331,14 @@ def _smooth(value: Value, line: int) -> Value:
 
 def _row(arguments: list[Value], line: int) -> Value:
     """A value of a table."""
-    _, rows, index = arguments
+    _, table_rows, row_index = arguments
     if (
-        not isinstance(rows, tuple)
-        or not isinstance(index, float)
-        or not 0 <= int(index) < len(rows)
+        not isinstance(table_rows, tuple)
+        or not isinstance(row_index, float)
+        or not 0 <= int(row_index) < len(table_rows)
     ):
         raise ModelError("rdtable is written rdtable(size, mytake(...), index) here", line)
-    return rows[int(index)]
+    return table_rows[int(row_index)]
 
 
 def _finite(value: float, line: int) -> float:
@@ -335,38 +356,42 @@ def _computed(by: Callable[..., float], values: list[float], line: int) -> float
         ) from (None)
 
 
-def _pair(sign: str, a: Value, b: Value, line: int) -> Value:
+def _pair(operator_sign: str, first_value: Value, second_value: Value, line_number: int) -> Value:
     """Two values joined by an operator. Raises ModelError if the result is not a sum."""
-    if isinstance(a, tuple) or isinstance(b, tuple):
-        raise ModelError(f"{sign} of a list is not built", line)
-    if isinstance(a, float) and isinstance(b, float):
-        return _computed(_OPERATORS[sign], [a, b], line)
-    if sign in "+-":
-        return _sum(a, b if sign == "+" else _pair("*", -1.0, b, line), line)
-    if sign == "*" and isinstance(a, float):
-        a, b = b, a
-    if isinstance(a, Sound) and isinstance(b, float) and sign in "*/":
+    if isinstance(first_value, tuple) or isinstance(second_value, tuple):
+        raise ModelError(f"{operator_sign} of a list is not built", line_number)
+    if isinstance(first_value, float) and isinstance(second_value, float):
+        return _computed(_OPERATORS[operator_sign], [first_value, second_value], line_number)
+    if operator_sign in "+-":
+        return _sum(
+            first_value,
+            second_value if operator_sign == "+" else _pair("*", -1.0, second_value, line_number),
+            line_number,
+        )
+    if operator_sign == "*" and isinstance(first_value, float):
+        first_value, second_value = second_value, first_value
+    if isinstance(first_value, Sound) and isinstance(second_value, float) and operator_sign in "*/":
 
         def scaled(x: float) -> float:
-            return _computed(_OPERATORS[sign], [x, b], line)
+            return _computed(_OPERATORS[operator_sign], [x, second_value], line_number)
 
-        scaled_parts = {name: scaled(factor) for name, factor in a.terms.items()}
-        return Sound(scaled_parts, a.filters, scaled(a.constant))
-    raise ModelError("a product of sounds is not built: outputs are sums with factors", line)
+        scaled_parts = {name: scaled(factor) for name, factor in first_value.terms.items()}
+        return Sound(scaled_parts, first_value.filters, scaled(first_value.constant))
+    raise ModelError("a product of sounds is not built: outputs are sums with factors", line_number)
 
 
-def _sum(a: Value, b: Value, line: int) -> Sound:
-    parts = [
+def _sum(a: Value, b: Value, line_number: int) -> Sound:
+    sound_parts = [
         summand if isinstance(summand, Sound) else Sound({}, (), summand)
         for summand in (a, b)
         if not isinstance(summand, tuple)
     ]
-    chains = {summand.filters for summand in parts if summand.terms}
+    chains = {summand.filters for summand in sound_parts if summand.terms}
     if len(chains) > 1:
-        raise ModelError("a sum of sounds with filters of their own is not built", line)
+        raise ModelError("a sum of sounds with filters of their own is not built", line_number)
     factors: dict[str, float] = {}
-    for summand in parts:
+    for summand in sound_parts:
         for name, factor in summand.terms.items():
-            factors[name] = _finite(factors.get(name, 0.0) + factor, line)
-    constant = _finite(sum(summand.constant for summand in parts), line)
+            factors[name] = _finite(factors.get(name, 0.0) + factor, line_number)
+    constant = _finite(sum(summand.constant for summand in sound_parts), line_number)
     return Sound(factors, chains.pop() if chains else (), constant)

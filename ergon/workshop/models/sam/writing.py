@@ -50,73 +50,92 @@ class Writing:
 
 def let(
     writing: Writing,
-    name: str,
-    text: str,
+    parameter_name: str,
+    value_text: str,
     comment: str,
     comments_before: tuple[str, ...] = (),
-    unit: str = "",
+    unit_name: str = "",
 ) -> None:
     """Add a parameter under `let:`. Raises ModelError."""
-    param_name = writing.params.new_names[name]
-    writing.parameters[param_name] = Line(param_name, f"{text}{unit}", comment, comments_before)
+    param_name = writing.params.new_names[parameter_name]
+    writing.parameters[param_name] = Line(
+        param_name, f"{value_text}{unit_name}", comment, comments_before
+    )
     try:
-        writing.amounts[param_name] = evaluate(f"{text}{unit}", writing.amounts)
+        writing.amounts[param_name] = evaluate(f"{value_text}{unit_name}", writing.amounts)
     except TextError as error:
-        definition = writing.values.definitions.get(name)
-        raise ModelError(f"{name}: {error.message}", definition.line if definition else 0) from None
+        definition = writing.values.definitions.get(parameter_name)
+        raise ModelError(
+            f"{parameter_name}: {error.message}", definition.line if definition else 0
+        ) from None
 
 
-def _named(writing: Writing, name: str, line: int) -> bool:
+def _named(writing: Writing, value_name: str, line: int) -> bool:
     """Whether a name can be used under `let:`; it is added there, with the names that it needs."""
-    definition = writing.values.definitions.get(name)
-    if name in writing.params.new_names and writing.params.new_names[name] in writing.parameters:
+    definition = writing.values.definitions.get(value_name)
+    if (
+        value_name in writing.params.new_names
+        and writing.params.new_names[value_name] in writing.parameters
+    ):
         return True
     if definition is None or definition.arguments:
         return False
-    value = writing.values.by_name(name, line)
-    if not isinstance(value, float):
+    named_value = writing.values.by_name(value_name, line)
+    if not isinstance(named_value, float):
         return False
-    if name in writing.values.overrides:
-        let(writing, name, number(value), f"{definition.text} in the model")
+    if value_name in writing.values.overrides:
+        let(writing, value_name, number(named_value), f"{definition.text} in the model")
         return True
-    slider = text_of_slider(writing.values.tree(name))
+    slider = text_of_slider(writing.values.tree(value_name))
     label, source = (definition.comment, definition.text) if slider is None else slider
-    text = _expression(writing, source, value, definition.line)
+    text = _expression(writing, source, named_value, definition.line)
     remark = [label if slider is not None or text is not None else definition.text]
     remark += [definition.comment] if definition.comment and remark != [definition.comment] else []
-    let(writing, name, text or number(value), "  ".join(filter(None, remark)), definition.before)
+    let(
+        writing,
+        value_name,
+        text or number(named_value),
+        "  ".join(filter(None, remark)),
+        definition.before,
+    )
     return True
 
 
-def _expression(writing: Writing, text: str, value: float, line: int) -> str | None:
+def _expression(
+    writing: Writing, expression_text: str, model_value: float, line_number: int
+) -> str | None:
     """An expression of the score for one of the model, if it can be written and has the same
     value.
     """
-    tree = parse(text, line)
+    tree = parse(expression_text, line_number)
     if tree.kind == "number":
-        return number(value)
-    if not is_plain(tree) or len(text) > _TEXT_MAX:
+        return number(model_value)
+    if not is_plain(tree) or len(expression_text) > _TEXT_MAX:
         return None
     order = {name: position for position, name in enumerate(writing.values.definitions)}
     used_names = sorted(names(tree), key=lambda name: order.get(name, -1))
-    if not all(_named(writing, name, line) for name in used_names):
+    if not all(_named(writing, name, line_number) for name in used_names):
         return None
-    expression = writing.params.written(text)
+    score_expression = writing.params.written(expression_text)
     try:
-        amount = evaluate(expression, writing.amounts)
+        amount = evaluate(score_expression, writing.amounts)
     except TextError:
         return None
-    same = math.isclose(float(amount.number), value, rel_tol=1e-15, abs_tol=0.0)
-    return expression if same and not amount.unit and len(expression) <= _TEXT_MAX else None
+    same = math.isclose(float(amount.number), model_value, rel_tol=1e-15, abs_tol=0.0)
+    return (
+        score_expression
+        if same and not amount.unit and len(score_expression) <= _TEXT_MAX
+        else None
+    )
 
 
-def value_of(writing: Writing, statement: Statement, index: int) -> float:
+def value_of(writing: Writing, model_statement: Statement, value_index: int) -> float:
     """A value of a statement as a number. Raises ModelError."""
-    field_names = MASSES.get(statement.word) or LINKS[statement.word]
+    field_names = MASSES.get(model_statement.word) or LINKS[model_statement.word]
     return writing.values.number(
-        statement.values[index],
-        statement.line,
-        f"{field_names[index % len(field_names)]} of {statement.name}",
+        model_statement.values[value_index],
+        model_statement.line,
+        f"{field_names[value_index % len(field_names)]} of {model_statement.name}",
     )
 
 
