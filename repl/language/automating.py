@@ -186,13 +186,13 @@ def follow_file(
     start: str | None = None,
     until: str | None = None,
     when: When,
-    field_words: Mapping[str, Word],
+    words: Mapping[str, Word],
 ) -> Automate:
     """`set bell.m.K from tune.mid by cc 1 range 1..5`."""
     others = {"channel": channel, "start": start, "until": until}
-    written = {name: field_words[name].text for name, value in others.items() if value is not None}
+    written = {name: words[name].text for name, value in others.items() if value is not None}
     fields = {"from": file, "by": source, "range": ends, **written}
-    return Automate(target, "set", fields, when=when, words=field_words)
+    return Automate(target, "set", fields, when=when, words=words)
 
 
 MIDI_FILE = v.Value("the name of a MIDI file, such as tune.mid", v.FILE.read, _midi_files)

@@ -111,13 +111,13 @@ def couple(
     viscosity: float | None,
     *,
     when: When,
-    key_words: Words,
+    words: Words,
 ) -> Couple:
     """Couple two keys by a REF with K, Z or both. Raises TextError."""
     if stiffness is None and viscosity is None:
-        end = key_words["b"].end
+        end = words["b"].end
         raise TextError("a coupling needs K, Z or both: couple k1 k2 K=40N/m", offset=end)
-    return Couple(a, b, stiffness or 0.0, viscosity or 0.0, when=when, words=key_words)
+    return Couple(a, b, stiffness or 0.0, viscosity or 0.0, when=when, words=words)
 
 
 def build(

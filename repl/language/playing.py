@@ -161,26 +161,22 @@ OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in _
 PLAYING = v.Value("a gesture or a take", _read, _offers)
 
 
-def plays(
-    player: str, parsed_play: ParsedPlay, when: When, line_words: Mapping[str, Word]
-) -> Plays:
+def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) -> Plays:
     """Make the command. Raises TextError if the line says twice when it begins."""
-    play_options = dict(parsed_play.options)
+    play_options = dict(play.options)
     words_by_field = {
-        "player": line_words["player"],
-        "what": _word(parsed_play.written.what, line_words["play"]),
+        "player": words["player"],
+        "what": _word(play.written.what, words["play"]),
     }
     words_by_field |= {
-        name: _word(word, line_words["play"]) for name, word in parsed_play.written.options.items()
+        name: _word(word, words["play"]) for name, word in play.written.options.items()
     }
     if when is not None:
-        words_by_field["when"] = line_words["when"]
-    if parsed_play.do:
-        text = line_words["play"].text
-        chain = ", ".join(text[t.offset : t.offset + t.length] for t in parsed_play.do)
-        words_by_field["do"] = _word(
-            play_words.Word(chain, parsed_play.do[0].offset), line_words["play"]
-        )
+        words_by_field["when"] = words["when"]
+    if play.do:
+        text = words["play"].text
+        chain = ", ".join(text[t.offset : t.offset + t.length] for t in play.do)
+        words_by_field["do"] = _word(play_words.Word(chain, play.do[0].offset), words["play"])
     written_position: Position | None = play_options.pop("at", None)
     if written_position is not None and when is not None:
         message = "this line says twice when it begins: keep one"
@@ -190,17 +186,17 @@ def plays(
     if written_position is not None:
         words_by_field["when"] = words_by_field.pop("at")
     words_by_field["play"] = Word(
-        _part_text(words_by_field, parsed_play), line_words["play"].start, line_words["play"].end
+        _part_text(words_by_field, play), words["play"].start, words["play"].end
     )
     return Plays(
         player,
-        parsed_play.what,
+        play.what,
         play_options.get("every"),
         play_options.get("times"),
         play_options.get("until"),
-        parsed_play.do,
+        play.do,
         playing_options(cast("OptionValues", play_options)),
-        entry_of_play(parsed_play.written, line_words["play"].text).with_fields(at=None),
+        entry_of_play(play.written, words["play"].text).with_fields(at=None),
         when=written_position or when,
         words=words_by_field,
     )

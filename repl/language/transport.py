@@ -60,14 +60,14 @@ class Quant(Command):
 
 
 def tempo(
-    bpm: tuple[float, float | None], over: Length | None, *, when: When, line_words: Words
+    bpm: tuple[float, float | None], over: Length | None, *, when: When, words: Words
 ) -> Tempo:
     """Set a tempo, or a ramp, which needs both tempos and a length. Raises TextError."""
     if (bpm[1] is None) != (over is None):
-        word = line_words["over" if bpm[1] is None else "bpm"]
+        word = words["over" if bpm[1] is None else "bpm"]
         message = "a ramp needs two tempos and a length: tempo 60 -> 84 over 4bar"
         raise TextError(message, offset=word.start, length=len(word.text))
-    return Tempo(*bpm, over, when=when, words=line_words)
+    return Tempo(*bpm, over, when=when, words=words)
 
 
 # fmt: off

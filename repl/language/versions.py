@@ -80,18 +80,16 @@ class Reload(Command):
     """Read the score's files again, and take over what has changed in them."""
 
 
-def scene(
-    names: tuple[str, str | None], over: Length | None, *, line_time: When, line_words: Words
-) -> Scene:
+def scene(names: tuple[str, str | None], over: Length | None, *, when: When, words: Words) -> Scene:
     """Play a scene, or go from one scene to another, which needs a length. Raises TextError."""
     first_scene, second = names
     if second is None:
-        return Scene(first_scene, None, over, when=line_time, words=line_words)
+        return Scene(first_scene, None, over, when=when, words=words)
     if over is None:
-        word = line_words["names"]
+        word = words["names"]
         message = "the way from one scene to another needs a length: scene A -> B over 4bar"
         raise TextError(message, offset=word.start, length=len(word.text))
-    return Scene(second, first_scene, over, when=line_time, words=line_words)
+    return Scene(second, first_scene, over, when=when, words=words)
 
 
 # fmt: off
