@@ -133,23 +133,25 @@ def _peaks(admittance: Admittance, point_index: int) -> str:
         f"the highest {_SHOWN} of {len(all_peaks):,} peaks" if all_peaks[_SHOWN:].size else ""
     )
     table_rows = [("", "note", "cents", "frequency", "level", "phase")]
-    for number, i in enumerate(peaks, 1):
-        note, cents = nearest_note(float(f[i]))
+    for peak_number, i in enumerate(peaks, 1):
+        note_name, cents = nearest_note(float(f[i]))
         level = "no bound" if math.isinf(levels_db[i]) else f"{levels_db[i]:.1f} dB"
         turned = "" if math.isinf(levels_db[i]) else f"{round(phases[i]):+d}°"
-        table_rows.append((str(number), note, f"{cents:+.1f}", f"{f[i]:.2f} Hz", level, turned))
+        table_rows.append(
+            (str(peak_number), note_name, f"{cents:+.1f}", f"{f[i]:.2f} Hz", level, turned)
+        )
     return (
         f"{heading}: {peak_count or 'peaks'} from {range_text}\n{columns(table_rows, right=True)}"
     )
 
 
 def _records(console: Console, admittance: Admittance) -> None:
-    for i, name in enumerate(admittance.observed):
+    for i, observed_name in enumerate(admittance.observed):
         levels = admittance.decibels[i].tolist()
         console.record(
             "admittance",
             forced=admittance.forced,
-            heard=name,
+            heard=observed_name,
             parts=list(admittance.parts),
             frequency_hz=admittance.frequencies.tolist(),
             level_db=[None if math.isinf(level) else level for level in levels],

@@ -124,19 +124,19 @@ def group() -> None:
     """Write the gesture, hear the matter: scores of ergons for CORDIS-ANIMA instruments."""
 
 
-def main(arguments: list[str] | None = None) -> None:
+def main(argument_words: list[str] | None = None) -> None:
     """Run a command line and exit with the code of its outcome."""
     set_umask()
-    code = run(sys.argv[1:] if arguments is None else arguments)
+    code = run(sys.argv[1:] if argument_words is None else argument_words)
     gc.freeze()  # what is left goes with the process: no search for cycles in it
     sys.exit(code)
 
 
-def run(arguments: list[str]) -> int:
+def run(argument_words: list[str]) -> int:
     """Run a command line and return its exit code; when this returns, every message is printed."""
     make_whole()
     try:
-        code = _outcome(arguments)
+        code = _outcome(argument_words)
     except BrokenPipeError:  # the reader has seen enough
         code = 0
     except OSError:  # not even the message about an error can be written
@@ -189,17 +189,19 @@ def _outcome(argument_words: list[str]) -> int:
         return outcome.exit_code
 
 
-def _with_example(error: click.ClickException, arguments: list[str]) -> click.ClickException:
+def _with_example(error: click.ClickException, argument_words: list[str]) -> click.ClickException:
     """The error, with what to write: an example of the command where an argument or an option is
     missing, the form of an option without its value, what an option of other programs is here.
     """
     if isinstance(error, click.MissingParameter) and error.ctx is not None:
-        rows = EXAMPLES.get(error.ctx.command_path.removeprefix(f"{ROOT} "))
-        if rows:
+        example_rows = EXAMPLES.get(error.ctx.command_path.removeprefix(f"{ROOT} "))
+        if example_rows:
             error_sentence = error.format_message().rstrip(".")
-            return click.UsageError(f"{error_sentence}; for example: {rows[0][0]}", error.ctx)
+            return click.UsageError(
+                f"{error_sentence}; for example: {example_rows[0][0]}", error.ctx
+            )
     if isinstance(error, click.BadOptionUsage):
-        params = _command_of(arguments).params
+        params = _command_of(argument_words).params
         option = next((param for param in params if error.option_name in param.opts), None)
         if option is not None:
             form = f"{error.option_name} {option.metavar or str(option.name).upper()}"
@@ -212,10 +214,10 @@ def _with_example(error: click.ClickException, arguments: list[str]) -> click.Cl
     return error
 
 
-def _command_of(arguments: list[str]) -> click.Command:
+def _command_of(argument_words: list[str]) -> click.Command:
     """The command that a line begins with; the group where it names none."""
     command: click.Command = group
-    for word in arguments:
+    for word in argument_words:
         subcommand = (
             command.get_command(click.Context(command), word)
             if isinstance(command, click.Group)
@@ -278,10 +280,10 @@ def _refused(error: ErgonError) -> Outcome:
 def _engine(error: BaseException, core: Any) -> Outcome:
     """The outcome for an error of the engine, whose message names the module as in the score."""
     module_name = getattr(error, "module", None)
-    sentence = str(error)
+    error_sentence = str(error)
     if isinstance(error, core.DivergedError):
-        return Diverged(sentence, code="E401", module=module_name, frame=error.frame)
-    return Findings(sentence, code="E309", module=module_name)
+        return Diverged(error_sentence, code="E401", module=module_name, frame=error.frame)
+    return Findings(error_sentence, code="E309", module=module_name)
 
 
 assert Outcome.exit_code == INTERNAL

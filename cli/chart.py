@@ -89,11 +89,11 @@ def chart(
     stem = laboratory.stem(output, score_path, "chart", force, loaded.inputs)
     piece = score.piece_of(loaded)
     chosen_settings = [*settings(chosen_methods, PRECISIONS, upto), *stars]
-    total = work(chosen_settings, round(seconds * piece.rate))
+    total_work = work(chosen_settings, round(seconds * piece.rate))
     try:
         with (
             laboratory.workers(on, score_path, loaded, trust, console) as workers,
-            console.progress(f"charting {score_path}", total, piece.rate) as progress,
+            console.progress(f"charting {score_path}", total_work, piece.rate) as progress,
         ):
             scene, chart_metric = Score(piece), cast("Metric", metric)
             measured_chart = measure(

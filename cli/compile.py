@@ -40,7 +40,7 @@ def compile_score(
     piece = score.piece_of(loaded)
     output_form: Form = "json" if console.json else "csv"
     reaches = {name: key.reach for name, key in piece.keys.items()}
-    names = Names(
+    ergon_names = Names(
         struck=stage.network.name_of,
         source=lambda index: str(stage.sources[index]),
         reach=lambda struck: reaches.get(struck.partition(".")[0], 1.0),
@@ -57,6 +57,8 @@ def compile_score(
             output_form, title=piece.title, rate=stage.rate, score=score.digest(piece)
         )
         output_file.write(header_text.encode())
-        for text, frame in stream(stage.simulation, stage.n_analysed_frames, output_form, names):
+        for text, frame in stream(
+            stage.simulation, stage.n_analysed_frames, output_form, ergon_names
+        ):
             output_file.write(text.encode())
             progress.update(frame)

@@ -157,10 +157,10 @@ def _fish() -> str:
         "complete -c ergon -n '__fish_seen_subcommand_from plot; and __ergon_score >/dev/null' "
         f"-a '(__ergon_names {plotted})'"
     )
-    for command_name, words in _groups().items():
+    for command_name, group_words in _groups().items():
         script_lines.append(
             f"complete -c ergon -n '__fish_seen_subcommand_from {command_name}' -f -a "
-            f"'{' '.join(words)}'"
+            f"'{' '.join(group_words)}'"
         )
     shells = " ".join(SHELLS)
     script_lines.append(

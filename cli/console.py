@@ -128,14 +128,14 @@ class Console(Report):
         return bar(clean(task), total, rate, self.quiet, self.record if self.json else None)
 
 
-def line(event: str, **record_fields: Any) -> str:
+def line(event_name: str, **record_fields: Any) -> str:
     """One JSON line; a number that JSON does not have (inf, nan) becomes null.
 
     Characters that stdout cannot encode are escaped as in JSON, and so are bytes of file names
     that are not text.
     """
     record_fields = {name: _finite(value) for name, value in record_fields.items()}
-    return _sayable(json_text({"v": VERSION, "event": event, **record_fields}))
+    return _sayable(json_text({"v": VERSION, "event": event_name, **record_fields}))
 
 
 def _sayable(spoken_text: str) -> str:

@@ -110,14 +110,14 @@ def _axis_with_ends(
     console: Console,
     device: Device,
     axis: Axis,
-    number: int,
+    axis_number: int,
     push_seconds: float,
     travel: float | None,
 ) -> Axis:
     from ergon.live.calibration import axis_between_ends
 
     console.say(f"move the key from end to end, for {push_seconds:g} s")
-    low_end, high_end = device.ends(push_seconds, _PERIOD)[number].tolist()
+    low_end, high_end = device.ends(push_seconds, _PERIOD)[axis_number].tolist()
     least, greatest = device.range
     if high_end - low_end < _TRAVEL_MIN * (greatest - least):
         raise Refused(
@@ -141,7 +141,7 @@ def _with_options(measured_axis: Axis, turned: bool, force_max: float | None) ->
     return measured_axis
 
 
-def _say(console: Console, device_name: str, axis: Axis, unit: str, path: str) -> None:
+def _say(console: Console, device_name: str, axis: Axis, unit_name: str, path: str) -> None:
     if console.json:
         console.record(
             "calibrated",
@@ -157,6 +157,6 @@ def _say(console: Console, device_name: str, axis: Axis, unit: str, path: str) -
     low, high = axis.range
     direction = "as it should" if axis.sign > 0 else "the other way round, which is corrected"
     console.say(
-        f"{device_name}: a force moves it {direction}; {low:.4g} to {high:.4g} {unit}, "
+        f"{device_name}: a force moves it {direction}; {low:.4g} to {high:.4g} {unit_name}, "
         f"{axis.force_max:g} N at most; kept in {path}"
     )

@@ -130,10 +130,10 @@ def _safety(console: Console) -> None:
         )
 
 
-def _hands(console: Console, addresses: tuple[str, ...], seconds: float) -> None:
+def _hands(console: Console, addresses: tuple[str, ...], wait_seconds: float) -> None:
     from ergon.api.hand_checks import measure_hands
 
-    findings = measure_hands(addresses, seconds, console)
+    findings = measure_hands(addresses, wait_seconds, console)
     for finding in findings:
         _tell(console, finding)
     if missing := [f"{f.numbers['url']}: nothing came" for f in findings if not f.numbers["taken"]]:
@@ -167,13 +167,13 @@ def _urls(devices: tuple[str, ...]) -> list[str]:
         raise Refused(f"--device: {error}") from None
 
 
-def _device(console: Console, url: str, seconds: float, ticks: bool) -> None:
+def _device(console: Console, url: str, test_seconds: float, ticks: bool) -> None:
     from ergon import _core
     from ergon.live import fitness, tick_rates
 
     measure = tick_rates.measure_tick_rates if ticks else fitness.measure_device
     try:
-        for finding in measure(url, seconds):
+        for finding in measure(url, test_seconds):
             _tell(console, finding)
     except _core.EngineError as error:
         raise DeviceMissing(str(error)) from None

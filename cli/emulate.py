@@ -30,23 +30,23 @@ def emulate(console: Console, device: api.DeviceName, **arguments: Any) -> None:
     same seed and the same packets give the same positions.
     """
 
-    def tell(event: str, text: str) -> None:
-        if event == "ready":
+    def tell(event_name: str, event_text: str) -> None:
+        if event_name == "ready":
             if console.json:
-                console.record("ready", url=text)
+                console.record("ready", url=event_text)
             else:
-                print(text, flush=True)
-        elif event == "over":
-            periods, packets, positions = text.split()
+                print(event_text, flush=True)
+        elif event_name == "over":
+            periods, packets, positions = event_text.split()
             _over(console, int(periods), int(packets), positions)
         elif console.json:
-            console.record(event)
+            console.record(event_name)
         else:
             console.say(
                 {
                     "let-go": "no packet in time: the force is zero",
                     "host-gone": "the host has disconnected",
-                }[event]
+                }[event_name]
             )
 
     api.emulate(device, api.EmulationOptions(**arguments), tell)

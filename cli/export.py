@@ -101,14 +101,14 @@ def export(
     csound: SCORE.csd, or PART.csd of each part that is named: a resonator for each mode, and the
     strikes.
     """
-    arguments = {
+    call_arguments = {
         "PART": parts or None,
         "--no-stems": stems,
         "--wet": wet,
         "--bits": bits,
         "--upto": upto,
     }
-    for name, value in arguments.items():
+    for name, value in call_arguments.items():
         if value is not None and name not in _OPTIONS[to]:
             raise Refused(f"{name} cannot be used with --to {to}; leave it out")
     if output.suffix in _FILES and not output.is_dir():
@@ -139,14 +139,18 @@ def export(
 
 
 def _write(
-    console: Console, exported: Sequence[ExportedPart], output: Path, ending: str, force: bool
+    console: Console,
+    exported: Sequence[ExportedPart],
+    output_folder: Path,
+    ending: str,
+    force: bool,
 ) -> None:
     """Write a file for each part; none if one of them cannot be written."""
     from ergon.exchange.safe import file_group
 
     if not exported:
         raise Refused("nothing in this score moves")
-    paths = {output / f"{part.part}{ending}": part for part in exported}
+    paths = {output_folder / f"{part.part}{ending}": part for part in exported}
     inputs = {file for part in exported for file in part.inputs}
     with file_group(force=force, inputs=inputs) as files:
         for path, exported_part in paths.items():

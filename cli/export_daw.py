@@ -49,7 +49,7 @@ def export_daw(
         else None
     )
     stage = (prepared or score.stage_piece(loaded, None, console)).stage
-    piece, end = stage.piece, stage.n_analysed_frames / stage.rate
+    piece, end_seconds = stage.piece, stage.n_analysed_frames / stage.rate
     tempo_path, marks_path = output_folder / "tempo.mid", output_folder / "marks.csv"
     project_path = output_folder / "project.rpp"
     paths = [tempo_path, marks_path, *([project_path] if is_rendered else [])]
@@ -58,7 +58,7 @@ def export_daw(
     marks = [
         (name, score.where(piece, instant), instant) for name, instant in score.mark_instants(piece)
     ]
-    clock = _clock(piece, end)
+    clock = _clock(piece, end_seconds)
     file_bytes = {marks_path: markers_csv(marks).encode()}
     try:
         midi_bytes = tempo_file(*clock, piece.title, _note_tracks(stage))
@@ -103,29 +103,29 @@ def _clock(
     tempo = piece.tempo_map
     ramps = [tempo.after(beat, entry.over) for beat, entry in tempo.placed if entry.over]
     last_beat = max([tempo.beats(end_seconds), *ramps, *(beat for beat, _ in tempo.placed)])
-    length = min(last_beat, tempo.beats(end_seconds + _AFTER))  # a ramp may last for years
+    length_beats = min(last_beat, tempo.beats(end_seconds + _AFTER))  # a ramp may last for years
     meters = [Meter(beat, meter.beats, meter.unit) for beat, _, meter in tempo.bars.changes()]
     marks = [Marker(name, beats) for name, beats in score.marks_of(piece)]
-    return tempo.seconds, length, meters, marks
+    return tempo.seconds, length_beats, meters, marks
 
 
 def _project(
     clock: tuple[Callable[[float], float], float, list[Meter], list[Marker]],
-    title: str,
+    piece_title: str,
     completed: Completed,
-    output: Path,
+    output_folder: Path,
 ) -> bytes:
     """The project of REAPER: a track for each stem, and the mix, which is muted."""
     from ergon.exchange.reaper import SoundFormat, SoundTrack, project
 
     format = completed.job.format
     tracks = [
-        SoundTrack(path.stem.partition("_")[2], path.relative_to(output).as_posix())
+        SoundTrack(path.stem.partition("_")[2], path.relative_to(output_folder).as_posix())
         for path in (Path(stem.path) for stem in completed.files.stems)
     ]
     mix = SoundTrack("mix", Path(completed.files.mix.path).name, is_muted=bool(tracks))
     sounds = SoundFormat(completed.files.n_frames / format.rate, format.rate, format.n_channels)
-    return project(*clock, title, [*tracks, mix], sounds).encode()
+    return project(*clock, piece_title, [*tracks, mix], sounds).encode()
 
 
 def _project_room(

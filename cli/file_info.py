@@ -41,10 +41,12 @@ def content(console: Console, path: Path) -> bool:
         fields = {"form": report.form, **report.read, "passed_over": report.passed_over}
         console.record("file", file=str(path), **fields)
         return True
-    lines = [f"{path}: {report.form}"]
-    lines += [f"  {name}: {value}" for name, value in report.read.items()]
-    lines += [f"  passed over: {passed_over}" for passed_over in report.passed_over or ["nothing"]]
-    console.data("\n".join(map(printable, lines)) + "\n")
+    text_lines = [f"{path}: {report.form}"]
+    text_lines += [f"  {name}: {value}" for name, value in report.read.items()]
+    text_lines += [
+        f"  passed over: {passed_over}" for passed_over in report.passed_over or ["nothing"]
+    ]
+    console.data("\n".join(map(printable, text_lines)) + "\n")
     return True
 
 
@@ -78,10 +80,10 @@ def unknown(path: Path) -> str:
 
 
 def _data(path: Path) -> bytes:
-    data = read_bounded(path, _BYTES_MAX)
-    if len(data) > _BYTES_MAX:
+    file_bytes = read_bounded(path, _BYTES_MAX)
+    if len(file_bytes) > _BYTES_MAX:
         raise Refused(f"{path} is larger than {_BYTES_MAX >> 20} MB")
-    return data
+    return file_bytes
 
 
 # --- meshes -------------------------------------------------------------------------------------
@@ -111,14 +113,14 @@ def _obj(path: Path) -> Content:
 def _counts(mesh: object) -> dict[str, object]:
     mesh_points, mesh_edges, faces = (getattr(mesh, name) for name in ("points", "edges", "faces"))
     axes = zip(*mesh_points, strict=True)
-    size = " × ".join(f"{max(axis) - min(axis):.4g}" for axis in axes)
+    size_text = " × ".join(f"{max(axis) - min(axis):.4g}" for axis in axes)
     bodies = _n_bodies(len(mesh_points), mesh_edges)
     return {
         "points": len(mesh_points),
         "edges": len(mesh_edges),
         "triangles": len(faces),
         "bodies": bodies,
-        "size in units of the file": size,
+        "size in units of the file": size_text,
     }
 
 
@@ -126,11 +128,11 @@ def _n_bodies(n: int, edges: object) -> int:
     """How many parts no edge joins."""
     parents = list(range(n))
 
-    def top(point: int) -> int:
-        while parents[point] != point:
-            parents[point] = parents[parents[point]]
-            point = parents[point]
-        return point
+    def top(point_index: int) -> int:
+        while parents[point_index] != point_index:
+            parents[point_index] = parents[parents[point_index]]
+            point_index = parents[point_index]
+        return point_index
 
     for a, b in edges:  # type: ignore[attr-defined]
         parents[top(a)] = top(b)
@@ -203,13 +205,15 @@ def _sofa(path: Path) -> Content:
         raise Refused(str(error)) from None
     n, _, taps = sofa_header.responses.shape
     longest = float(sofa_header.delays.max() - sofa_header.delays.min()) * 1e3
-    read = {
+    figures_read = {
         "directions": n,
         "samples of each response": taps,
         "rate": f"{sofa_header.rate:g} Hz",
         "delays": f"up to {longest:.3g} ms apart",
     }
-    return Content("head (SOFA)", read, ["distances, and places of the listener and the ears"])
+    return Content(
+        "head (SOFA)", figures_read, ["distances, and places of the listener and the ears"]
+    )
 
 
 def _xml(path: Path) -> Content | None:
@@ -244,20 +248,20 @@ def _layout(path: Path) -> Content | None:
 
 def _yaml(path: Path) -> Content | None:
     """Loudspeakers, of ergon or of the EBU ADM renderer; None for a score."""
-    data = _data(path)
-    if not _LAYOUT.search(data):
+    file_bytes = _data(path)
+    if not _LAYOUT.search(file_bytes):
         return None
-    if not _OURS.search(data):
+    if not _OURS.search(file_bytes):
         return _layout(path)
     from ergon.api.layouts import read_layout
 
     layout = read_layout(path)
-    read = {
+    figures_read = {
         "title": layout.title or "none",
         "loudspeakers": len(layout.speakers),
         "outputs": _numbers([channel + 1 for channel in layout.channels]),
     }
-    return Content("loudspeakers (a layout of ergon)", read, [])
+    return Content("loudspeakers (a layout of ergon)", figures_read, [])
 
 
 def _numbers(outputs: list[int]) -> str:
@@ -276,10 +280,10 @@ def _model(path: Path) -> Content | None:
     if not is_named_so and not is_model(_data(path).decode("utf-8", "replace")):
         return None
     model = import_model(path)
-    read = {"statements": model.n_statements, "to use it": f"ergon import {path}"}
+    figures_read = {"statements": model.n_statements, "to use it": f"ergon import {path}"}
     passed_over = [f"input {name}, which has no file" for name in model.unfed]
     return Content(
-        f"model ({model.dialect})", read, [*passed_over, "comments and what is only shown"]
+        f"model ({model.dialect})", figures_read, [*passed_over, "comments and what is only shown"]
     )
 
 
@@ -291,14 +295,14 @@ def _gms(path: Path) -> Content:
         walked = chunks(_data(path))
     except NotIffError as error:
         raise Refused(f"{path}: {error}") from None
-    read = {
+    figures_read = {
         f"{chunk.depth}.{number} {chunk.name} {chunk.group}".rstrip(): plural(chunk.size, "byte")
         for number, chunk in enumerate(walked, 1)
     }
     unknown_reason = (
         "what the bytes in these chunks mean: ACROE's public description has no table of them"
     )
-    return Content("gestures and motion (GMS, an IFF file)", read, [unknown_reason])
+    return Content("gestures and motion (GMS, an IFF file)", figures_read, [unknown_reason])
 
 
 READERS: Mapping[str, Callable[[Path], Content | None]] = {

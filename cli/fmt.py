@@ -66,10 +66,10 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     except UnicodeDecodeError:
         raise Refused(f"{path}: the file is not text in UTF-8") from None
     except TextError as error:
-        line = text_before.count("\n", 0, error.offset) + 1
+        error_line = text_before.count("\n", 0, error.offset) + 1
         column = error.offset - (text_before.rfind("\n", 0, error.offset) + 1) + 1
-        place = {"file": path, "line": line, "column": column}
-        message = f"{path}:{line}:{column}: {error.message}"
+        place = {"file": path, "line": error_line, "column": column}
+        message = f"{path}:{error_line}:{column}: {error.message}"
         raise Findings(message, code=error.code, **place) from None
     if not _SCORE.search(text_before):
         raise Refused(
@@ -78,13 +78,13 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
         )
     different: bool = formatted_text != text_before
     if diff:
-        lines = difflib.unified_diff(
+        diff_lines = difflib.unified_diff(
             text_before.splitlines(keepends=True),
             formatted_text.splitlines(keepends=True),
             path,
             path,
         )
-        _print("".join(lines))
+        _print("".join(diff_lines))
     elif path == "-" and not only_check:
         _print(formatted_text)
     elif different and not only_check:
@@ -98,8 +98,8 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
     return different
 
 
-def _print(text: str) -> None:
+def _print(shown_text: str) -> None:
     """Write to stdout byte by byte; on a terminal, without characters that steer it."""
     from ergon.exchange.safe import write_text
 
-    write_text("-", text)
+    write_text("-", shown_text)

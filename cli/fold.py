@@ -82,8 +82,8 @@ def fold(
         peaks = f"peak {level(decibels(folded.peak), 'dBFS')}"
         if folded.peak:
             peaks += f", true peak {level(decibels(folded.true_peak), 'dBTP')}"
-        channels, length = (
+        channels, frame_count = (
             plural(folded.n_channels, "channel"),
             seconds(folded.n_frames / folded.rate),
         )
-        console.say(f"{folded.path}: {channels}, {length}, {peaks}")
+        console.say(f"{folded.path}: {channels}, {frame_count}, {peaks}")

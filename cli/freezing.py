@@ -18,27 +18,27 @@ _EXCLUDED = ("from_", "until", "stems", "channels", "bits", "hands")
 def freeze_parts(
     console: Console,
     path: str,
-    parts: str,
+    parts_text: str,
     output_path: str | None,
     file_options: FileOptions,
     *,
     dry: bool,
 ) -> None:
-    """Compute `parts`, names with commas or spaces between them, into a folder."""
+    """Compute `parts_text`, names with commas or spaces between them, into a folder."""
     for name in _EXCLUDED:
         if getattr(file_options, name) is not None:
             option = f"--{name.strip('_')}"
             raise Refused(f"--freeze writes whole parts as they are, and excludes {option}")
     if output_path == "-":
         raise Refused("--freeze writes a folder; -o - is stdout")
-    part_names = list(dict.fromkeys(filter(None, parts.replace(",", " ").split())))
+    part_names = list(dict.fromkeys(filter(None, parts_text.replace(",", " ").split())))
     if not part_names:
         raise Refused("--freeze: name an instrument, or several with commas between them")
     shared = {field.name: getattr(file_options, field.name) for field in fields(FreezeOptions)}
-    options = FreezeOptions(**shared)
-    prepared = prepare(path, part_names, output_path, options, console)
+    freeze_options = FreezeOptions(**shared)
+    prepared = prepare(path, part_names, output_path, freeze_options, console)
     if not dry:
-        write(prepared, options, console)
+        write(prepared, freeze_options, console)
     _say(console, prepared, dry=dry)
     if not dry:
         print_finer_steps(console, prepared.stage.simulation)
@@ -58,10 +58,10 @@ def _say(console: Console, prepared: PreparedFreeze, *, dry: bool) -> None:
             disk_bytes=n_bytes,
         )
         return
-    word = "would hold" if dry else "holds"
+    holds_word = "would hold" if dry else "holds"
     length, outputs = seconds(n_frames / prepared.stage.rate), plural(n_taps, "output")
     console.say(
-        f"{prepared.folder} {word} {', '.join(taps)}: {length}, {outputs}, {octets(n_bytes)}"
+        f"{prepared.folder} {holds_word} {', '.join(taps)}: {length}, {outputs}, {octets(n_bytes)}"
     )
     if prepared.stage.fades_from is not None:
         tail = seconds((n_frames - prepared.stage.fades_from) / prepared.stage.rate)

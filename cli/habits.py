@@ -89,22 +89,22 @@ BEHIND = ("-v", "--verbose", "-q", "--quiet", "--json", "-f", "--force")
 _SINGLE_DASH = re.compile(r"-[a-z][a-z-]+")
 
 
-def option_instead(name: str, options: Iterable[str]) -> str | None:
+def option_instead(option_name: str, known_options: Iterable[str]) -> str | None:
     """What does here what an option of other programs does there; None for others, and where the
     command has no such option.
     """
-    advice = OPTIONS_INSTEAD.get(name)
+    advice = OPTIONS_INSTEAD.get(option_name)
     meant = advice.split()[0] if advice is not None else ""
-    return advice if not meant.startswith("-") or meant in set(options) else None
+    return advice if not meant.startswith("-") or meant in set(known_options) else None
 
 
 def instead(command_words: list[str]) -> str | None:
     """The line that does what `command_words` most likely mean; None for others."""
-    file = next(
+    score_file = next(
         iter(command_words[1:2] if command_words[0] == "convert" else command_words[:1]), ""
     )
-    if advice := FILES_INSTEAD.get(Path(file).suffix.lower()):
-        return advice.format(file=file, stem=Path(file).stem)
+    if advice := FILES_INSTEAD.get(Path(score_file).suffix.lower()):
+        return advice.format(file=score_file, stem=Path(score_file).stem)
     line = INSTEAD.get(command_words[0])
     further_words = "".join(f" {word}" for word in command_words[1:])
     return None if line is None else line.format(rest=further_words)
@@ -113,24 +113,29 @@ def instead(command_words: list[str]) -> str | None:
 def reordered(command_words: list[str], commands: Iterable[str]) -> str | None:
     """The line with its command first, where options or a score precede it; else None."""
     command_names = set(commands)
-    place = next((i for i, word in enumerate(command_words) if word in command_names), None)
-    if not place:
+    command_index = next((i for i, word in enumerate(command_words) if word in command_names), None)
+    if not command_index:
         return None
     return " ".join(
-        ["ergon", command_words[place], *command_words[place + 1 :], *command_words[:place]]
+        [
+            "ergon",
+            command_words[command_index],
+            *command_words[command_index + 1 :],
+            *command_words[:command_index],
+        ]
     )
 
 
-def single_dash(words: Iterable[str], options: Iterable[str]) -> str | None:
+def single_dash(command_words: Iterable[str], known_options: Iterable[str]) -> str | None:
     """The long option that a word with one dash was meant for (`-output`); None if there is none.
 
     Such a word would be read as short options in a row, and the next one as a score.
     """
-    option_names = set(options)
-    for word in words:
-        if word == "--":
+    option_names = set(known_options)
+    for dashed_word in command_words:
+        if dashed_word == "--":
             break
-        name = word.partition("=")[0]
+        name = dashed_word.partition("=")[0]
         if _SINGLE_DASH.fullmatch(name) and f"-{name}" in option_names:
             return f"-{name}"
     return None

@@ -89,10 +89,10 @@ def _titled(words: str, pages: dict[str, manual.Page]) -> str | None:
     return next((title for title in titles.values() if phrase and phrase in title.casefold()), None)
 
 
-def _command(root: click.Context, words: tuple[str, ...]) -> click.Context | None:
+def _command(root: click.Context, command_words: tuple[str, ...]) -> click.Context | None:
     """The context of a command that words name (`take trim`); None if they do not."""
     context, command = root, root.command
-    for command_word in words:
+    for command_word in command_words:
         if not isinstance(command, click.Group):
             return None
         subcommand = command.get_command(context, command_word)

@@ -74,12 +74,12 @@ def import_command(
     imported = import_model(model, model_options, beside=score_folder)
     write_text(output_path, imported.text, force=force, inputs=read_files)
     if console.json:
-        fields = {
+        report_fields = {
             "dialect": imported.dialect,
             "statements": imported.n_statements,
             "unfed": imported.unfed,
         }
-        console.record("wrote", file=output_path, **fields)
+        console.record("wrote", file=output_path, **report_fields)
         return
     if output_path != "-":
         console.say(

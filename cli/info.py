@@ -151,10 +151,10 @@ def _fields(path: Path, wav: WaveInfo) -> dict[str, object]:
 
 def _lines(path: Path, wav: WaveInfo, samples: str) -> str:
     bits = wav.format.bits
-    form = {"float": "32-bit float", "double": "64-bit float"}.get(str(bits), f"{bits} bits")
+    sample_form = {"float": "32-bit float", "double": "64-bit float"}.get(str(bits), f"{bits} bits")
     info_lines = [
         f"{path}: {seconds(wav.n_frames / wav.format.rate)} ({wav.n_frames:,} frames), "
-        f"{plural(wav.format.n_channels, 'channel')}, {wav.format.rate} Hz, {form}, "
+        f"{plural(wav.format.n_channels, 'channel')}, {wav.format.rate} Hz, {sample_form}, "
         f"{wav.container}, {octets(wav.offset + wav.size)}",
     ]
     if wav.title:

@@ -22,7 +22,11 @@ FORMS = ("csv", "svg", "png")
 
 
 def stem(
-    output_text: str | None, source_name: str, noun: str, force: bool, inputs: Sequence[Path] = ()
+    output_text: str | None,
+    source_name: str,
+    noun: str,
+    force: bool,
+    input_files: Sequence[Path] = (),
 ) -> Path:
     """NAME for the files NAME.csv, NAME.svg and NAME.png, after checking that all may be written.
 
@@ -39,7 +43,7 @@ def stem(
         if stem_path.suffix[1:] in FORMS:  # one of the three was named: all of them are meant
             stem_path = stem_path.with_suffix("")
     for path in targets(stem_path):
-        check_target(path, force=force, inputs=inputs)
+        check_target(path, force=force, inputs=input_files)
     return stem_path
 
 
@@ -83,14 +87,14 @@ def workers(
 
 
 def write(
-    console: Console, stem: Path, table: str, draw: Callable[[], Figure], force: bool
+    console: Console, stem: Path, table_text: str, draw: Callable[[], Figure], force: bool
 ) -> None:
     """Write the table and the pictures; without matplotlib, the table alone, then raise Refused."""
     from ergon.exchange.safe import file_group
     from ergon.workshop.lab.pictures import MatplotlibMissingError, pictures, targets
 
     csv, missing_library = targets(stem)[0], None
-    content_by_path = {csv: table.encode()}
+    content_by_path = {csv: table_text.encode()}
     try:
         content_by_path |= pictures(draw, stem)
     except MatplotlibMissingError as error:

@@ -73,7 +73,7 @@ def check(console: Console, name: str) -> None:
 def _row(quality: Quality) -> tuple[str, ...]:
     mean, least = quality.energy_length
     angle_off, farthest = quality.off
-    low, high = quality.loudness
+    lowest_db, highest_db = quality.loudness
     return (
         quality.name,
         f"{mean:.3f}",
@@ -81,7 +81,7 @@ def _row(quality: Quality) -> tuple[str, ...]:
         f"{quality.velocity_length:.3f}",
         f"{angle_off:.1f}°",
         f"{farthest:.1f}°",
-        f"{round(low, 1) + 0.0:+.1f}..{round(high, 1) + 0.0:+.1f} dB",
+        f"{round(lowest_db, 1) + 0.0:+.1f}..{round(highest_db, 1) + 0.0:+.1f} dB",
     )
 
 

@@ -64,11 +64,11 @@ def import_layout(
         console.say(f"wrote {output_path}: {len(speakers)} loudspeakers")
 
 
-def _metres(text: str) -> float:
+def _metres(radius_text: str) -> float:
     from ergon.notation.tables.quantities import DISTANCE, quantity
     from ergon.notation.text.errors import TextError
 
     try:
-        return quantity(text, DISTANCE)
+        return quantity(radius_text, DISTANCE)
     except TextError as error:
         raise Refused(f"--radius: {error.message}") from None

@@ -124,21 +124,23 @@ def _play(
     for channel_index, place in sorted(zip(layout.channels, layout.speakers, strict=True)):
         azimuth, elevation, _ = angles(place)
         console.say(f"{channel_index + 1}: azimuth {azimuth:.0f}°, elevation {elevation:.0f}°")
-        frames = np.zeros((len(noise_frames) + int(_GAP * rate), layout.n_channels), np.float32)
-        frames[: len(noise_frames), channel_index] = noise_frames
+        played_frames = np.zeros(
+            (len(noise_frames) + int(_GAP * rate), layout.n_channels), np.float32
+        )
+        played_frames[: len(noise_frames), channel_index] = noise_frames
         try:
-            _core.play_frames(frames, rate, audio)
+            _core.play_frames(played_frames, rate, audio)
         except _core.EngineError as error:
             kind = Refused if error.module == "record" else DeviceMissing
             raise kind(f"--audio {audio}: {error}") from None
 
 
-def _ratio(level: str) -> float:
+def _ratio(level_text: str) -> float:
     from ergon.notation.tables.quantities import gain
     from ergon.notation.text.errors import TextError
 
     try:
-        amplitude_ratio = gain(level)
+        amplitude_ratio = gain(level_text)
     except TextError as error:
         raise Refused(f"--level: {error.message}") from None
     if amplitude_ratio > 0.5:

@@ -31,12 +31,12 @@ class LazyGroup(click.Group):
         *args: Any,
         table: Table,
         sections: Mapping[str, tuple[str, ...]] | None = None,
-        **options: Any,
+        **group_options: Any,
     ) -> None:
         """`table` lists the commands; `sections` are the headings of `--help`, each with its
         commands in order. Without any they are listed under one heading, in the order of the table.
         """
-        super().__init__(*args, **options)
+        super().__init__(*args, **group_options)
         self.table = table
         self.sections = sections or {"Commands": tuple(table)}
 
@@ -68,13 +68,13 @@ class LazyGroup(click.Group):
             and (args[1] in self.table)
         ):
             args = [*args[1:], args[0]]  # `ergon --help render`
-        words = list(args)
+        argument_words = list(args)
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
             if self.name != ROOT:
                 raise
-            message = self._misplaced(words, error)
+            message = self._misplaced(argument_words, error)
             raise click.UsageError(message, ctx) from None
 
     def resolve_command(
@@ -131,9 +131,9 @@ class LazyGroup(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands in `--help`, from the table alone."""
-        width = max(len(name) for name in self.table)
-        for title, names in self.sections.items():
+        name_width = max(len(name) for name in self.table)
+        for title, command_names in self.sections.items():
             with formatter.section(title):
                 formatter.write_dl(
-                    [(f"{name:{width}}", row(self.table, name)[2]) for name in names]
+                    [(f"{name:{name_width}}", row(self.table, name)[2]) for name in command_names]
                 )

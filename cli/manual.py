@@ -35,10 +35,10 @@ def pages() -> dict[str, Page]:
     pages_by_name: dict[str, Page] = {}
     for folder in _FOLDERS:
         for path in sorted((MANUAL / folder).glob("*.md")):
-            name = path.stem if folder in ("", "errors") else f"{folder}/{path.stem}"
+            page_name = path.stem if folder in ("", "errors") else f"{folder}/{path.stem}"
             if path.stem == "README":
-                name = folder or "start"
-            pages_by_name[name] = Page(name, path)
+                page_name = folder or "start"
+            pages_by_name[page_name] = Page(page_name, path)
     return pages_by_name
 
 
@@ -122,10 +122,10 @@ def _rank(page: Page, stems: list[str], patterns: list[re.Pattern[str]]) -> tupl
     """How well the name and the headings of a page fit, 0 the best, and the heading; None if they
     do not.
     """
-    title, *subheadings = page.headings
+    page_title, *subheadings = page.headings
     if _stems(page.name.split("/")[-1]) == stems:
-        return 0, title
-    for heading_rank, headings in ((1, [title]), (3, subheadings)):
+        return 0, page_title
+    for heading_rank, headings in ((1, [page_title]), (3, subheadings)):
         fitting = [
             heading for heading in headings if all(pattern.search(heading) for pattern in patterns)
         ]

@@ -28,12 +28,12 @@ class _Measuring(LazyGroup):
         return super().resolve_command(ctx, args)
 
 
-def _is_named(word: str) -> bool:
+def _is_named(file_word: str) -> bool:
     """Whether a word names a device of the user's list, also with an axis: tgr0.3."""
     from ergon.live.boards import BoardError, device_urls
 
     try:
-        return word.partition(".")[0] in device_urls()
+        return file_word.partition(".")[0] in device_urls()
     except BoardError:
         return False
 

@@ -28,10 +28,10 @@ def calibration(calibration_path: str) -> Calibration:
     from ergon.workshop.metrology.gesture import MeasurementError
 
     try:
-        data = read_bounded(Path(calibration_path), _BYTES_MAX)
-        if len(data) > _BYTES_MAX:
+        calibration_bytes = read_bounded(Path(calibration_path), _BYTES_MAX)
+        if len(calibration_bytes) > _BYTES_MAX:
             raise Refused(f"{calibration_path}: this file is larger than a calibration may be")
-        return read(data.decode())
+        return read(calibration_bytes.decode())
     except OSError as error:
         raise Refused(f"{calibration_path}: {error.strerror or error}") from None
     except UnicodeDecodeError:
@@ -53,10 +53,10 @@ def compare(console: Console, first_path: str, other: str) -> None:
     """
     from ergon.workshop.metrology.comparison import chi_squared, differences, replay_difference
 
-    first, second = calibration(first_path), calibration(other)
-    compared = differences(first, second)
-    squared, n = chi_squared(first, second)
-    moves = replay_difference(first.row, second.row)
+    first_calibration, second = calibration(first_path), calibration(other)
+    compared = differences(first_calibration, second)
+    squared, n = chi_squared(first_calibration, second)
+    moves = replay_difference(first_calibration.row, second.row)
     if console.json:
         for difference in compared:
             console.record(
@@ -90,10 +90,10 @@ def _called(difference: Difference) -> str:
 def _row(difference: Difference) -> str:
     from ergon.workshop.metrology.calibration_file import MODE_FIELDS, UNITS
 
-    name = _called(difference)
-    mode, _, parameter_name = name.partition(".")
-    unit, scale = MODE_FIELDS[parameter_name] if parameter_name else UNITS[name]
-    label = f"{mode.replace('mode', 'mode ')} {parameter_name}" if parameter_name else name
+    figure_name = _called(difference)
+    mode, _, parameter_name = figure_name.partition(".")
+    figure_unit, scale = MODE_FIELDS[parameter_name] if parameter_name else UNITS[figure_name]
+    label = f"{mode.replace('mode', 'mode ')} {parameter_name}" if parameter_name else figure_name
     a, b = (
         f"{'none':>12}" if x is None else f"{x * scale:12.5g}"
         for x in (difference.first, difference.other)
@@ -104,7 +104,10 @@ def _row(difference: Difference) -> str:
         else f"{(difference.other - difference.first) * scale:.4g}"
     )
     deviations_text = "" if difference.deviations is None else f"{difference.deviations:.3g}"
-    return f"{label + ' [' + unit + ']':16}{a}{b}{apart:>14}{deviations_text:>12}".rstrip() + "\n"
+    return (
+        f"{label + ' [' + figure_unit + ']':16}{a}{b}{apart:>14}{deviations_text:>12}".rstrip()
+        + "\n"
+    )
 
 
 def _judge(console: Console, compared: list[Difference], squared: float, n: int) -> None:
@@ -198,10 +201,12 @@ def weigh(console: Console, plain: str, loaded: str, mass: float) -> None:
     if console.json:
         column_names = {"mass": "mass_gain", "position": "position_gain", "force": "force_gain"}
         gain_changes: dict[str, float | None] = {}
-        for name in ("mass", "position", "force", "M", "K", "Z"):
-            gain = measured_gains.get(name)
-            gain_changes[column_names.get(name, name)] = None if gain is None else gain.value
-            gain_changes[f"{column_names.get(name, name)}_deviation"] = (
+        for gain_name in ("mass", "position", "force", "M", "K", "Z"):
+            gain = measured_gains.get(gain_name)
+            gain_changes[column_names.get(gain_name, gain_name)] = (
+                None if gain is None else gain.value
+            )
+            gain_changes[f"{column_names.get(gain_name, gain_name)}_deviation"] = (
                 None if gain is None else gain.deviation
             )
         console.record("gains", **gain_changes)

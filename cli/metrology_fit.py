@@ -155,10 +155,10 @@ def gesture(console: Console, path: Path, hand: str | None, force_step: float) -
     is_of_wire = read_description(take).get("sent") == "wire"
     if not is_of_wire:
         console.say(f"{path}: an older take: its forces are those before the wire rounded them")
-    number = 0 if hand is None else hand_names.index(hand)
+    hand_index = 0 if hand is None else hand_names.index(hand)
     try:
         return gesture_from_recording(
-            take, number, loses_requests=is_of_wire, force_step=force_step
+            take, hand_index, loses_requests=is_of_wire, force_step=force_step
         )
     except MeasurementError as error:
         raise Refused(f"{path}: {error}") from None
@@ -183,7 +183,7 @@ def _say(console: Console, stage: Stage, position_step: float | None) -> None:
         )
         return
     sign = "- " if stage.is_removal else "+ "
-    name = stage.name if stage.name == "M K Z" else sign + stage.name
+    stage_name = stage.name if stage.name == "M K Z" else sign + stage.name
     verdict = _added_part(stage)
     if stage.score is not None and not stage.is_accepted and stage.score < SCORE_MIN:
         verdict = f"none: the highest score is {stage.score:.0f} of {SCORE_MIN:.0f}"
@@ -195,7 +195,7 @@ def _say(console: Console, stage: Stage, position_step: float | None) -> None:
         f"{x * 1e6:7.4g} um" + ("" if position_step is None else f"{x / position_step:9.3g}")
         for x in (fit.rms, stage.replay)
     )
-    console.data(f"{name:14}{stopping_reason}{off}{fit.bic:12,.0f}   {verdict}\n")
+    console.data(f"{stage_name:14}{stopping_reason}{off}{fit.bic:12,.0f}   {verdict}\n")
 
 
 def _numbers(stage: Stage) -> dict[str, dict[str, float]]:
@@ -232,10 +232,10 @@ def _added_part(stage: Stage) -> str:
             return f"{figures['delay'] * 1e3:.4g} ms"
     if not n_modes(fitted_row):
         return "none"
-    mass, frequency, ratio = (
+    mode_mass, frequency, ratio = (
         float(fitted_row[index]) for index in mode_indices(n_modes(fitted_row) - 1)
     )
-    return f"{mass * 1e3:.3g} g at {frequency:.4g} Hz, t60 {t60(frequency, ratio):.3g} s"
+    return f"{mode_mass * 1e3:.3g} g at {frequency:.4g} Hz, t60 {t60(frequency, ratio):.3g} s"
 
 
 def _sum_up(console: Console, measured: Measured, position_step: float | None) -> None:
@@ -259,7 +259,7 @@ def _sum_up(console: Console, measured: Measured, position_step: float | None) -
         console.say(f"the sensor's noise is {noise * 1e6:.3g} um{step_text}")
 
 
-def _picture(measured: Measured, gesture: Gesture, title: str) -> str:
+def _picture(measured: Measured, gesture: Gesture, picture_title: str) -> str:
     """A picture of a gesture on the key, on the fitted model, and on the model of the first
     stage.
     """
@@ -268,7 +268,7 @@ def _picture(measured: Measured, gesture: Gesture, title: str) -> str:
 
     fitted_replay = replay(measured.fit.row, gesture)
     first_replay = replay(measured.stages[0].fit.row, gesture)
-    return picture(fitted_replay, title, first_replay)
+    return picture(fitted_replay, picture_title, first_replay)
 
 
 def _calibration(measured: Measured, takes: list[Path]) -> str:

@@ -160,7 +160,7 @@ def open_axis(
     )
 
 
-def take_header(url: str, number: int) -> str:
+def take_header(url: str, take_number: int) -> str:
     """The header of a take of an axis, as JSON."""
     from ergon import _core
     from ergon.live.boards import Board
@@ -171,7 +171,7 @@ def take_header(url: str, number: int) -> str:
             "made": f"by ergon {_core.__version__}",
             "day": time.strftime("%Y-%m-%d %H:%M:%S"),
             "sent": "wire",
-            "axes": [axis_header(Board(url, (), known_axes(url)), number)],
+            "axes": [axis_header(Board(url, (), known_axes(url)), take_number)],
         }
     )
 
@@ -242,7 +242,7 @@ def _climbed(console: Console, axis: Axis, seed: int) -> Ladder:
 def _taken(
     console: Console,
     ladder: Ladder,
-    seconds: float,
+    take_seconds: float,
     recorder: Recorder,
     seed: int,
     score_forces: Floats | None,
@@ -253,7 +253,7 @@ def _taken(
     read_takes: list[Take] = []
     phrases = []
     for take_kind in takes.KINDS:
-        length = takes.held_out_duration(score_forces) if take_kind == "held-out" else seconds
+        length = takes.held_out_duration(score_forces) if take_kind == "held-out" else take_seconds
         recorded_take = takes.record(ladder, take_kind, length, recorder.target, seed, score_forces)
         lasted = sum(len(take.gesture.force) / take.gesture.rate for take in recorded_take)
         phrases.append(f"{take_kind} {lasted:.0f} s")

@@ -128,16 +128,16 @@ def _pushed(
     return max((take.gesture for take in takes), key=lambda measured: len(measured.force))
 
 
-def _drawn(result: Replay, width: int | None) -> str:
+def _drawn(motion_comparison: Replay, picture_width: int | None) -> str:
     """Force, real and model motion, residual: one plot above the other, over the same time."""
     from ergon.view.braille import panels
     from ergon.workshop.metrology.picture import rows
 
-    columns = width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
-    return panels(rows(result), width=columns, heights=_HEIGHTS)
+    columns = picture_width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
+    return panels(rows(motion_comparison), width=columns, heights=_HEIGHTS)
 
 
-def _show(console: Console, result: Replay, address: str | None) -> None:
+def _show(console: Console, motion_comparison: Replay, address: str | None) -> None:
     """Show force, real motion, model and residual in a browser, until Ctrl-C."""
     from ergon.api.options import FileOptions
     from ergon.api.pages import ANYWHERE
@@ -148,7 +148,7 @@ def _show(console: Console, result: Replay, address: str | None) -> None:
     with TemporaryDirectory(prefix="ergon-replay-") as folder_name:
         folder = Path(folder_name)
         options = FileOptions(motion=True, see="all")
-        shown = render_view(write_scene(result, folder), folder, options, Report())
+        shown = render_view(write_scene(motion_comparison, folder), folder, options, Report())
         serve_shown(console, shown, address or ANYWHERE, [])
 
 

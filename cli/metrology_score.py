@@ -58,10 +58,10 @@ def path(console: Console, score: str | None, key_name: str | None) -> Floats | 
         if moving.size:
             path = path[max(0, int(moving[0]) - 1) :]
             t = np.arange(len(path)) * (tick_frames / piece.rate)
-            seconds = min(HELD_OUT, max(float(t[-1]), _LEAST))
+            path_seconds = min(HELD_OUT, max(float(t[-1]), _LEAST))
             # Resampled to the ticks of a measurement; after its end the path keeps its last
             # position.
-            return np.interp(np.arange(round(seconds * TICK_RATE)) / TICK_RATE, t, path)
+            return np.interp(np.arange(round(path_seconds * TICK_RATE)) / TICK_RATE, t, path)
     raise Refused(f"{score}: nothing moves the key {moved_key}")
 
 

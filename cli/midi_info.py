@@ -84,7 +84,7 @@ def _fields(track: MidiTrack) -> dict[str, object]:
 def _notes(track: MidiTrack) -> str:
     from ergon.notation.tables.notes import name
 
-    words = [
+    note_words = [
         f"channel {channel}: {plural(notes.count, 'note')}, "
         + (
             f"{name(notes.low)} to {name(notes.high)}"
@@ -93,7 +93,7 @@ def _notes(track: MidiTrack) -> str:
         )
         for channel, notes in sorted(track.notes.items())
     ]
-    return "; ".join(words) or "no notes"
+    return "; ".join(note_words) or "no notes"
 
 
 def _understood(midi_survey: MidiSurvey) -> Iterator[str]:
@@ -123,7 +123,7 @@ def changes(value_changes: Sequence[tuple[float, str]], empty_text: str) -> str:
         return empty_text
     if len(value_changes) == 1 and not value_changes[0][0]:
         return value_changes[0][1]
-    words = [f"{value} at {quarter:g}" for quarter, value in value_changes[:_CHANGES_MAX]]
-    if n_unlisted := len(value_changes) - len(words):
-        words.append(f"and {n_unlisted:,} more")
-    return f"{', '.join(words)} (in quarter notes)"
+    change_words = [f"{value} at {quarter:g}" for quarter, value in value_changes[:_CHANGES_MAX]]
+    if n_unlisted := len(value_changes) - len(change_words):
+        change_words.append(f"and {n_unlisted:,} more")
+    return f"{', '.join(change_words)} (in quarter notes)"

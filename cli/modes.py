@@ -84,7 +84,7 @@ def modes(
             console.say(f"wrote {path}")
 
 
-def _shapes(part_modes: Sequence[PartModes], name: str) -> str:
+def _shapes(part_modes: Sequence[PartModes], shape_name: str) -> str:
     import numpy as np
 
     from ergon.view.structure import Shape, shapes
@@ -93,13 +93,13 @@ def _shapes(part_modes: Sequence[PartModes], name: str) -> str:
     for modes_of_part in part_modes:
         x, y = modes_of_part.places[:, 0].tolist(), modes_of_part.places[:, 1].tolist()
         drawn = []
-        for shape, words in zip(modes_of_part.shapes, mode_words(modes_of_part), strict=True):
+        for shape, mode_labels in zip(modes_of_part.shapes, mode_words(modes_of_part), strict=True):
             # With uneven damping, masses do not swing in phase: this is the instant of most motion.
             turned = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
-            drawn.append(Shape(words, x, y, turned.real.tolist()))
+            drawn.append(Shape(mode_labels, x, y, turned.real.tolist()))
         if modes_of_part.masses:
             shape_tables.append((modes_of_part.part, drawn))
-    return shapes(shape_tables, picture_title=f"Shapes of the modes of {name}")
+    return shapes(shape_tables, picture_title=f"Shapes of the modes of {shape_name}")
 
 
 def _warn(console: Console, modes_of_part: PartModes) -> None:
@@ -119,10 +119,10 @@ def _lines(modes_of_part: PartModes) -> str:
     masses = "1 mass" if len(modes_of_part.masses) == 1 else f"{len(modes_of_part.masses):,} masses"
     heading = f"{modes_of_part.part}: {plural(len(modes_of_part.poles), 'mode')} of {masses}"
     if not len(modes_of_part.poles):
-        reason = (
+        missing_reason = (
             "none of its modes is in this range" if modes_of_part.masses else "nothing in it moves"
         )
-        return f"{modes_of_part.part}: no modes: {reason}\n"
+        return f"{modes_of_part.part}: no modes: {missing_reason}\n"
     return f"{heading}\n{columns(mode_rows(modes_of_part), right=True)}"
 
 
@@ -178,14 +178,14 @@ def _mode_rows(part_modes: Sequence[PartModes]) -> Iterator[Sequence[object]]:
         for i, (f, t60) in enumerate(
             zip(modes_of_part.frequencies, modes_of_part.t60, strict=True)
         ):
-            note, cents = modes_of_part.notes[i]
+            note_name, cents = modes_of_part.notes[i]
             level_texts = (
                 f"{levels[point][i]:.3f}" if point in levels else "" for point in point_names
             )
             yield (
                 modes_of_part.part,
                 i + 1,
-                note,
+                note_name,
                 f"{cents:.6f}",
                 repr(float(f)),
                 repr(float(t60)),
@@ -197,9 +197,9 @@ def _shape_rows(part_modes: Sequence[PartModes]) -> Iterator[Sequence[object]]:
     yield "part", "mode", "frequency_hz", "mass", "x_m", "y_m", "real", "imaginary"
     for modes_of_part in part_modes:
         for i, f in enumerate(modes_of_part.frequencies):
-            for name, place, x in zip(
+            for mass_name, mass_place, x in zip(
                 modes_of_part.masses, modes_of_part.places, modes_of_part.shapes[i], strict=True
             ):
-                place_texts = (repr(float(place[0])), repr(float(place[1])))
+                place_texts = (repr(float(mass_place[0])), repr(float(mass_place[1])))
                 moves = (repr(float(x.real)), repr(float(x.imag)))
-                yield modes_of_part.part, i + 1, repr(float(f)), name, *place_texts, *moves
+                yield modes_of_part.part, i + 1, repr(float(f)), mass_name, *place_texts, *moves

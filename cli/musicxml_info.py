@@ -35,7 +35,7 @@ def musicxml(path: Path) -> tuple[dict[str, object], list[str]]:
     if n_unlisted_parts := len(score.parts) - len(notes_by_part):
         notes_by_part["and"] = plural(n_unlisted_parts, "more part")
     tempos = [(quarter, f"{bpm:.6g} bpm") for quarter, bpm in score.tempos]
-    read: dict[str, object] = {
+    figures_read: dict[str, object] = {
         "title": score.title or "none",
         "length": f"{score.length:g} quarters, {plural(score.n_measures, 'bar')} as played",
         **notes_by_part,
@@ -43,4 +43,4 @@ def musicxml(path: Path) -> tuple[dict[str, object], list[str]]:
         "meter": changes(score.meters, "4/4, for the file says none"),
     }
     passed_over = [plural(count, noun) for noun, count in sorted(score.passed.items()) if count]
-    return read, passed_over
+    return figures_read, passed_over

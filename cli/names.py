@@ -17,12 +17,12 @@ _SECTION = re.compile(r"^([a-z]+):\s*(.*)$")
 _ENTRY = re.compile(r"^([ ]+)([^\W\d][\w-]*):")
 
 
-def names_in(text: str) -> dict[str, list[str]]:
+def names_in(score_text: str) -> dict[str, list[str]]:
     """Names of every section of SECTIONS, in the order written."""
     names_by_section: dict[str, list[str]] = {section: [] for section in SECTIONS}
     section_names: list[str] | None = None
     indent = 0
-    for score_line in text.splitlines():
+    for score_line in score_text.splitlines():
         section_match = _SECTION.match(score_line)
         if section_match is not None:
             section_names, indent = names_by_section.get(section_match[1]), 0
@@ -47,10 +47,10 @@ def names_of(path: str, sections: tuple[str, ...]) -> list[str]:
     return [name for section in sections for name in names_by_section[section]]
 
 
-def _top_level(line: str) -> list[str]:
+def _top_level(map_line: str) -> list[str]:
     """Keys of a map in braces on one line, without those of maps inside it."""
     key_names, depth = [], 0
-    for match in re.finditer(r"[{}]|,|[^{},]+", line):
+    for match in re.finditer(r"[{}]|,|[^{},]+", map_line):
         word = match[0]
         depth += (word == "{") - (word == "}")
         key = re.match(r"\s*([^\W\d][\w-]*):", word)

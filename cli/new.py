@@ -57,12 +57,12 @@ def new(console: Console, words: tuple[str, ...], template: str) -> None:
     console.say(f"{folder} is ready: cd {folder} && ergon render score.yaml")
 
 
-def contents(template: str, name: str) -> dict[str, str]:
+def contents(template: str, piece_name: str) -> dict[str, str]:
     """The files of a new piece and their texts."""
     from .schema import schema_text
 
     template_folder = _TEMPLATES / template
-    piece_title = name.replace("-", " ").replace("_", " ").capitalize()
+    piece_title = piece_name.replace("-", " ").replace("_", " ").capitalize()
     contents_by_path = {}
     for path in sorted(template_folder.rglob("*.yaml")):
         text = path.read_text(encoding="utf-8").replace(_TITLE, f"title: {piece_title}", 1)

@@ -29,14 +29,14 @@ _HAS_UNIT = re.compile(r"\d\s*[^\W\d]+$")  # no exponent: that ends in a digit
 
 
 def _quantity(
-    text: str, dimension: str, param: click.Parameter | None, ctx: click.Context | None
+    quantity_text: str, dimension: str, param: click.Parameter | None, ctx: click.Context | None
 ) -> float:
     """The SI value of a number with a unit. Raises click.BadParameter."""
     from ergon.notation.tables import quantities
     from ergon.notation.text.errors import TextError
 
     try:
-        return quantities.quantity(text, getattr(quantities, dimension))
+        return quantities.quantity(quantity_text, getattr(quantities, dimension))
     except TextError as error:
         raise click.BadParameter(error.message, ctx, param) from None
 
@@ -173,12 +173,12 @@ def speaking(command: Callable[..., Any]) -> Callable[..., Any]:
     return spoken
 
 
-def declared(options: Any, names: str = "") -> Callable[[F], F]:
-    """Options of a command from fields of a dataclass of options: from those in `names`, in that
-    order, or from all.
+def declared(option_class: Any, option_names: str = "") -> Callable[[F], F]:
+    """Options of a command from fields of a dataclass of options: from those in `option_names`, in
+    that order, or from all.
     """
-    fields = {field.name: field for field in dataclasses.fields(options)}
-    return several(*(_option(fields[name]) for name in names.split() or fields))
+    fields = {field.name: field for field in dataclasses.fields(option_class)}
+    return several(*(_option(fields[name]) for name in option_names.split() or fields))
 
 
 def _option(option_field: dataclasses.Field[Any]) -> Callable[[F], F]:

@@ -12,12 +12,12 @@ class Outcome(ErgonError):
 
     exit_code: ClassVar[int] = 2
 
-    def __init__(self, message: str = "", *, code: str = "", **place: object) -> None:
-        """`code` and `place` (file, line, column, suggestion) go into the JSON record."""
+    def __init__(self, message: str = "", *, code: str = "", **error_place: object) -> None:
+        """`code` and `error_place` (file, line, column, suggestion) go into the JSON record."""
         super().__init__(message)
         self.message = message
         self.code = code
-        self.place = place
+        self.place = error_place
 
 
 class Findings(Outcome):

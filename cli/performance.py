@@ -156,10 +156,10 @@ class ShownPerformance:
         from ergon.live.display import event_sentence
 
         for event in events:
-            frame, kind, number = event
+            event_frame, event_kind, number = event
             if sentence := event_sentence(event, self._players, self._boards):
-                seconds = number if kind == "lost" else 0.0
-                self._say_at(self._notices.shown(frame, kind, sentence, seconds))
+                seconds = number if event_kind == "lost" else 0.0
+                self._say_at(self._notices.shown(event_frame, event_kind, sentence, seconds))
 
     def _say_at(self, lines: Sequence[tuple[int, str]]) -> None:
         """Say lines, each with the place in the piece of its frame."""
@@ -186,7 +186,7 @@ class ShownPerformance:
         from ergon.live.trouble import gap_count as gaps_of
 
         self._clear()
-        late, seconds, n_gaps = status.late, status.frame / self._stage.rate, gaps_of(status)
+        late, played_seconds, n_gaps = status.late, status.frame / self._stage.rate, gaps_of(status)
         record_fields = {
             "frames": status.frame,
             "late_ticks": late,
@@ -203,7 +203,9 @@ class ShownPerformance:
             self._console.record("played", **record_fields)
         else:
             gaps = f", {n_gaps} gaps" if n_gaps else ""
-            self._console.say(f"played {seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}")
+            self._console.say(
+                f"played {played_seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}"
+            )
         self._summarise()
         if sound_input.missing or sound_input.discarded:
             missing, early = (
@@ -215,11 +217,11 @@ class ShownPerformance:
                 f"{early:.3f} s left out"
             )
         if sound_input.error or sound_input.lost:
-            reason = (
+            end_reason = (
                 sound_input.error
                 or f"{sound_input.lost} frames were lost, for the disk was too slow"
             )
-            self._console.warn(f"the recording of the input: {reason}")
+            self._console.warn(f"the recording of the input: {end_reason}")
         if status.dropped:
             dropped = status.dropped / self._stage.rate
             self._console.warn(

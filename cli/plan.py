@@ -78,10 +78,12 @@ def plan(
     if output is not None:
         accuracy_plan.write(output, force=force)
     if console.json:
-        for row in part_rows:
-            console.record("plan_row", **_fields(row), only_seen=row in accuracy_plan.seen)
-        for row in seen_rows:
-            console.record("plan_row", **_fields(row), only_seen=True)
+        for plan_row in part_rows:
+            console.record(
+                "plan_row", **_fields(plan_row), only_seen=plan_row in accuracy_plan.seen
+            )
+        for plan_row in seen_rows:
+            console.record("plan_row", **_fields(plan_row), only_seen=True)
         correction = machine_speed.read_correction()
         console.record(
             "plan",

@@ -68,7 +68,7 @@ def duet(console: Console, score_path: str, **arguments: Any) -> None:
 
 
 def _play(
-    console: Console, score_path: str, *, plain: bool, strict: bool, **arguments: Any
+    console: Console, score_path: str, *, plain: bool, strict: bool, **play_arguments: Any
 ) -> None:
     """Play a score to its end, or until Ctrl-C."""
     from dataclasses import replace
@@ -78,7 +78,7 @@ def _play(
 
     from .performance import ShownPerformance
 
-    play_options = PlayOptions(**arguments)
+    play_options = PlayOptions(**play_arguments)
     prepared = prepare(score_path, play_options, console)
     stage, config, osc = prepared.stage, prepared.config, prepared.osc
     try:

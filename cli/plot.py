@@ -82,7 +82,12 @@ def plot(
 
 
 def _notes(
-    console: Console, loaded: Loaded, svg: str | None, width: int | None, height: int, force: bool
+    console: Console,
+    loaded: Loaded,
+    svg: str | None,
+    width: int | None,
+    height: int,
+    force: bool,
 ) -> None:
     """Draw the notes of a piece: a line for each, as high as its pitch."""
     from ergon.view.curve import Curve
@@ -106,7 +111,12 @@ def _notes(
 
 
 def _sound(
-    console: Console, path: Path, svg: str | None, width: int | None, height: int, force: bool
+    console: Console,
+    path: Path,
+    svg: str | None,
+    picture_width: int | None,
+    picture_height: int,
+    force: bool,
 ) -> None:
     from ergon.exchange.sound import read_blocks, read_info
     from ergon.exchange.wave_header import NotWaveError
@@ -128,21 +138,27 @@ def _sound(
     from ergon.view.sound import envelope
 
     curves = envelope(read_blocks(path), info.n_frames, rate)
-    console.data(f"{path}\n{_text(curves, width, height, 'mean of channels')}")
+    console.data(f"{path}\n{_text(curves, picture_width, picture_height, 'mean of channels')}")
 
 
-def _text(curves: Sequence[Curve], width: int | None, height: int, label: str) -> str:
+def _text(
+    curves: Sequence[Curve], picture_width: int | None, picture_height: int, axis_label: str
+) -> str:
     from ergon.view.braille import plot as draw
 
-    columns = width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
-    return draw(curves, width=columns, height=height, x_label=label)
+    columns = picture_width or min(shutil.get_terminal_size().columns, _WIDTH_MAX)
+    return draw(curves, width=columns, height=picture_height, x_label=axis_label)
 
 
 def _write(
-    console: Console, output_target: str, text: str, force: bool, inputs: Sequence[Path]
+    console: Console,
+    output_target: str,
+    picture_text: str,
+    force: bool,
+    input_files: Sequence[Path],
 ) -> None:
     from ergon.exchange.safe import write_text
 
-    write_text(output_target, text, force=force, inputs=inputs)
+    write_text(output_target, picture_text, force=force, inputs=input_files)
     if output_target != "-":
         console.say(f"wrote {output_target}")

@@ -44,14 +44,14 @@ class _Bar(Progress):
         from rich.progress import BarColumn, TaskProgressColumn, TextColumn
         from rich.progress import Progress as Rich
 
-        columns: list[Any] = [
+        bar_columns: list[Any] = [
             TextColumn("{task.description}", markup=False),  # a name may hold brackets
             BarColumn(),
             TaskProgressColumn(),
             TextColumn("{task.fields[speed]}"),
         ]
         console = Console(file=sys.stderr, no_color=not may_colour(sys.stderr))
-        self._rich = Rich(*columns, console=console, transient=True, auto_refresh=False)
+        self._rich = Rich(*bar_columns, console=console, transient=True, auto_refresh=False)
         self._task = self._rich.add_task(task, total=total_steps, speed="")
         self._total, self._rate = total_steps, rate
         self._start = self._last = time.monotonic()
@@ -77,11 +77,11 @@ class _Bar(Progress):
         self._rich.update(self._task, completed=n_done, speed=speed_text, refresh=True)
 
 
-def _estimate(n_done: int, total: int, rate: float, elapsed: float) -> tuple[float, float]:
+def _estimate(n_done: int, total_steps: int, rate: float, elapsed: float) -> tuple[float, float]:
     """(speed in times real time, or NaN without a rate; seconds left) from what was done so far."""
     if not n_done or elapsed <= 0:
         return 0.0, 0.0
-    return n_done / rate / elapsed if rate else nan, elapsed * (total - n_done) / n_done
+    return n_done / rate / elapsed if rate else nan, elapsed * (total_steps - n_done) / n_done
 
 
 def bar(

@@ -39,14 +39,14 @@ def read_quietly(path: Path, span: tuple[int, int] | None = None) -> Recording:
         raise Refused(f"{path}: {error.strerror or error}") from None
 
 
-def target(output_text: str, source: Path) -> Path:
+def target(output_text: str, source_path: Path) -> Path:
     """The path to write a recording to, after checking its ending."""
     from ergon.exchange.safe import check_target
 
     path = Path(output_text)
     if path.suffix.lower() != SUFFIX:
         raise Refused(f"{output_text}: the name of a recording ends in {SUFFIX}")
-    check_target(path, force=True, inputs=(source,))
+    check_target(path, force=True, inputs=(source_path,))
     return path
 
 

@@ -27,14 +27,14 @@ def respelt(command: str, command_words: Sequence[str]) -> list[str]:
     for place, command_word in enumerate(command_words):
         if command_word == "--":
             return [*respelt_words, *command_words[place:]]
-        option_name, equals, value = command_word.partition("=")
+        option_name, equals, option_value = command_word.partition("=")
         present = spellings.get(option_name)
         if present is not None:
             _console(command_words).warn(
                 f"{option_name} of `ergon {command}` is written {present} now; "
                 f"version {UNTIL_VERSION} takes {present} alone"
             )
-            command_word = f"{present}{equals}{value}"
+            command_word = f"{present}{equals}{option_value}"
         respelt_words.append(command_word)
     return respelt_words
 

@@ -114,7 +114,9 @@ def _render_several(
     task, count = f"rendering {len(paths)} scores", len(paths)
     # Without --on, scores are rendered one after the other, each with a bar of its own.
     with console.progress(task, count, 0.0) if file_options.on else Progress() as progress:
-        for number, rendered in enumerate(render_several(paths, folder, file_options, console), 1):
+        for render_number, rendered in enumerate(
+            render_several(paths, folder, file_options, console), 1
+        ):
             if rendered.error is not None:
                 failed[rendered.score] = explain(rendered.error)
                 console.outcome(failed[rendered.score])
@@ -122,7 +124,7 @@ def _render_several(
                 _tell(console, rendered.done)
                 if strict and _is_silent(rendered.done):
                     failed[rendered.score] = Findings()
-            progress.update(number)
+            progress.update(render_number)
     if failed:
         message = f"{len(failed)} of {plural(len(paths), 'score')} failed: {', '.join(failed)}"
         kinds = {type(outcome) for outcome in failed.values()}
@@ -130,11 +132,15 @@ def _render_several(
 
 
 def render_file(
-    console: Console, path: str, output: str | None, file_options: FileOptions, dry: bool = False
+    console: Console,
+    path: str,
+    output_path: str | None,
+    file_options: FileOptions,
+    dry: bool = False,
 ) -> Completed | None:
     """Render one score, and print what was written. None after a dry run."""
     return _render(
-        console, path, score.read(path, file_options, console), output, file_options, dry
+        console, path, score.read(path, file_options, console), output_path, file_options, dry
     )
 
 
@@ -142,11 +148,11 @@ def _render(
     console: Console,
     path: str,
     loaded: Loaded,
-    output: str | None,
+    output_path: str | None,
     file_options: FileOptions,
     dry: bool,
 ) -> Completed | None:
-    prepared = prepare(loaded, target(path, loaded, output), file_options, console)
+    prepared = prepare(loaded, target(path, loaded, output_path), file_options, console)
     if dry:
         dry_run(console, prepared.stage, prepared.job)
         return None

@@ -39,10 +39,10 @@ def signals_as_exceptions(
     over: list[bool] = []  # has an item once no signal is to come again
     watched: list[weakref.finalize[[int], Terminated]] = []
 
-    def interrupt(signal_number: int, frame: FrameType | None) -> None:
+    def interrupt(signal_number: int, signal_frame: FrameType | None) -> None:
         if over:  # one that came again too late
             return
-        if _is_rescued(frame):  # an exception raised there is dropped too
+        if _is_rescued(signal_frame):  # an exception raised there is dropped too
             _again(signal_number, over)
             return
         signal.signal(signal.SIGINT, signal.SIG_DFL)

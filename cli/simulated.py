@@ -28,12 +28,12 @@ def simulated(console: Console, path: str, loaded: Loaded, piece: Piece) -> None
     _contacts(console, piece, simulation.rate, simulation.contacts)
     if simulation.left_out:
         console.say(f"{plural(simulation.left_out, 'more point and contact')} not measured")
-    rows = [
+    contact_rows = [
         *never_closed_warnings(piece, simulation),
         *closed_once_warnings(piece, simulation),
         *never_stuck_warnings(simulation),
     ]
-    score.show(console, loaded, rows)
+    score.show(console, loaded, contact_rows)
 
 
 def _swings(console: Console, moved: Sequence[Excursion]) -> None:
@@ -55,7 +55,7 @@ def _contacts(
     console: Console, piece: Piece, rate: float, closed: Sequence[ContactClosings]
 ) -> None:
     for contact in closed:
-        names = f"{contact.contact.a.name} on {contact.contact.b.name}"
+        contact_names = f"{contact.contact.a.name} on {contact.contact.b.name}"
         if console.json:
             console.record(
                 "contact",
@@ -69,7 +69,8 @@ def _contacts(
         elif contact.first is not None:
             first_contact = score.where(piece, contact.first / rate)
             console.data(
-                f"{contact.contact.name} ({names}): closed {plural(contact.times, 'time')}, first "
+                f"{contact.contact.name} ({contact_names}): closed "
+                f"{plural(contact.times, 'time')}, first "
                 "at "
                 f"{first_contact}, {metres(contact.deepest)} deep at most\n"
             )

@@ -113,10 +113,10 @@ def stability(
     stem = laboratory.stem(output, score_path or method, "stability", force, inputs)
     survey_settings = (method, seconds, accurate, metric_name)
     maps, plot_title = _maps(loaded, Path(score_path or "").stem, map_names, survey_settings)
-    total = sum(drawn_map.n_spots for drawn_map in maps.values())
+    total_spots = sum(drawn_map.n_spots for drawn_map in maps.values())
     with laboratory.workers(on, score_path, loaded, trust, console) as workers:
         surveyors = None if workers is None else workers.surveyors(*survey_settings)
-        with console.progress("mapping", total, 0.0) as progress:
+        with console.progress("mapping", total_spots, 0.0) as progress:
             surveys = survey_all(maps, progress.update, surveyors)
     if console.json:
         for record in map_table.records(surveys):
@@ -138,9 +138,9 @@ def _maps(
     piece = None if loaded is None else score.piece_of(loaded)
     method_names, seconds, accurate, metric = survey_settings
     available_maps = map_catalogue.maps(method_names, piece, seconds, accurate, metric)
-    names = laboratory.words(map_names, tuple(available_maps), "--maps")
+    chosen_maps = laboratory.words(map_names, tuple(available_maps), "--maps")
     condition = "it makes no energy" if metric == "energy" else "its sound is right"
-    title = f"where {method_names} is stable, and where {condition}"
+    picture_title = f"where {method_names} is stable, and where {condition}"
     if piece is not None:
-        title = f"{piece.title or score_name}: {title}"
-    return {name: available_maps[name] for name in names}, title
+        picture_title = f"{piece.title or score_name}: {picture_title}"
+    return {name: available_maps[name] for name in chosen_maps}, picture_title

@@ -91,10 +91,10 @@ def _lines(part_stats: PartStats) -> str:
         )
     if part_stats.links:
         table_rows = [("links", "count", "stiffness", "damping")]
-        for link in part_stats.links:
-            stiffness = _range(link.stiffness, lambda k: f"{k:.4g} N/m")
-            damping = _range(link.damping, lambda z: f"{z:.4g} N·s/m")
-            table_rows.append((link.kind, f"{link.count:,}", stiffness, damping))
+        for stiff_link in part_stats.links:
+            stiffness = _range(stiff_link.stiffness, lambda k: f"{k:.4g} N/m")
+            damping = _range(stiff_link.damping, lambda z: f"{z:.4g} N·s/m")
+            table_rows.append((stiff_link.kind, f"{stiff_link.count:,}", stiffness, damping))
         stats_text += f"\n{table(table_rows)}"
     return f"{stats_text}\n{_modes(part_stats)}{_points(part_stats)}"
 
@@ -116,10 +116,10 @@ def _modes(part_stats: PartStats) -> str:
         steps = part_stats.oversampling
         often = "one step a frame" if steps == 1 else f"{steps} steps a frame"
         stable = f"stable by {often} ({part_stats.guarantee})"
-    text = f"{modes_sentence}; highest of all {part_stats.highest:.2f} Hz; {stable}\n"
+    modes_text = f"{modes_sentence}; highest of all {part_stats.highest:.2f} Hz; {stable}\n"
     bands = zip(part_stats.third_octaves, part_stats.counts, strict=True)
     band_texts = [f"{middle:.0f} Hz: {count}" for middle, count in bands if count]
-    return text + (f"modes by third octave: {', '.join(band_texts)}\n" if band_texts else "")
+    return modes_text + (f"modes by third octave: {', '.join(band_texts)}\n" if band_texts else "")
 
 
 def _points(part_stats: PartStats) -> str:
@@ -128,20 +128,30 @@ def _points(part_stats: PartStats) -> str:
     table_rows = [
         ("point", "mass", "static deflection at 1 N", "mean frequency", "modes with most energy")
     ]
-    for point in part_stats.points:
-        answer = "no bound" if math.isinf(point.compliance) else metres(point.compliance)
-        mean = f"{point.centroid:.1f} Hz"
+    for struck_point in part_stats.points:
+        bound_text = (
+            "no bound" if math.isinf(struck_point.compliance) else metres(struck_point.compliance)
+        )
+        mean = f"{struck_point.centroid:.1f} Hz"
         table_rows.append(
-            (point.name, _kilograms(point.mass), answer, mean, _largest_text(part_stats, point))
+            (
+                struck_point.name,
+                _kilograms(struck_point.mass),
+                bound_text,
+                mean,
+                _largest_text(part_stats, struck_point),
+            )
         )
     return f"\n{table(table_rows)}"
 
 
-def _largest_text(part: PartStats, point_stats: PointStats) -> str:
-    order = sorted(range(len(point_stats.shares)), key=lambda i: -point_stats.shares[i])[:_LARGEST]
+def _largest_text(part_stats: PartStats, point_stats: PointStats) -> str:
+    share_order = sorted(range(len(point_stats.shares)), key=lambda i: -point_stats.shares[i])[
+        :_LARGEST
+    ]
     return ", ".join(
-        f"{part.modes.frequencies[i]:.1f} Hz {100 * point_stats.shares[i]:.3g}%"
-        for i in order
+        f"{part_stats.modes.frequencies[i]:.1f} Hz {100 * point_stats.shares[i]:.3g}%"
+        for i in share_order
         if point_stats.shares[i] >= 5e-4
     )
 

@@ -17,10 +17,10 @@ def make_whole() -> None:
     Without this, the first file that is opened gets the number of a closed stream, and messages
     go into that file.
     """
-    for number, (stream_name, stream_mode) in enumerate(_NAMES):
+    for file_number, (stream_name, stream_mode) in enumerate(_NAMES):
         stream = getattr(sys, stream_name)
         if stream is None:
-            null = open(_null(number), stream_mode, encoding="utf-8", closefd=False)  # noqa: SIM115
+            null = open(_null(file_number), stream_mode, encoding="utf-8", closefd=False)  # noqa: SIM115
             setattr(sys, stream_name, null)
         elif isinstance(stream, io.TextIOWrapper) and stream_mode == "w":
             stream.reconfigure(errors="backslashreplace")
@@ -37,7 +37,7 @@ def flush_and_close() -> OSError | None:
     stream as the file name.
     """
     failure = None
-    for stream, name in ((sys.stdout, "standard output"), (sys.stderr, "standard error")):
+    for stream, stream_name in ((sys.stdout, "standard output"), (sys.stderr, "standard error")):
         file_number = _number(stream)
         if file_number is None:
             continue
@@ -49,15 +49,15 @@ def flush_and_close() -> OSError | None:
             os.dup2(null, file_number)
             os.close(null)
             stream.flush()
-            failure = failure or OSError(error.errno, error.strerror, name)
+            failure = failure or OSError(error.errno, error.strerror, stream_name)
     return failure
 
 
 def _lead_to_one_place() -> bool:
-    numbers = [_number(stream) for stream in (sys.stdout, sys.stderr)]
-    if None in numbers:
+    file_numbers = [_number(stream) for stream in (sys.stdout, sys.stderr)]
+    if None in file_numbers:
         return False
-    out, err = (os.fstat(number) for number in numbers if number is not None)
+    out, err = (os.fstat(number) for number in file_numbers if number is not None)
     return os.path.samestat(out, err)
 
 

@@ -219,11 +219,14 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
         )
         return
     channels, bits = plural(job.format.n_channels, "channel"), job.format.bits
-    form = f"{job.format.rate} Hz, " + ("32-bit float" if bits == "float" else f"{bits} bits")
+    format_text = f"{job.format.rate} Hz, " + (
+        "32-bit float" if bits == "float" else f"{bits} bits"
+    )
     bound = "at most " if job.has_open_end else ""
     steps = simulated * (stage.network.n_mat + stage.network.n_lia)
-    lines = [
-        f"{job.target}: {bound}{seconds(job.n_frames / job.format.rate)}, {channels}, {form}",
+    job_lines = [
+        f"{job.target}: {bound}{seconds(job.n_frames / job.format.rate)}, {channels}, "
+        f"{format_text}",
         f"disk: {octets(output_bytes)} in {plural(n_files, 'file')}, {octets(n_bytes_kept)} more "
         "while it "
         "runs",
@@ -231,4 +234,4 @@ def dry_run(console: Console, stage: Stage, job: RenderJob) -> None:
         f"{simulated:,} frames, {steps:.3g} module-steps",
         f"stability: {guarantee}, as planned; {_plain_stability(margin)}",
     ]
-    console.data("\n".join(lines) + "\n")
+    console.data("\n".join(job_lines) + "\n")

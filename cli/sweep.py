@@ -72,10 +72,12 @@ def sweep(console: Console, score_path: str, **arguments: Any) -> None:
         raise outcome(message + failed[0].reason)
 
 
-def _lines(targets: tuple[str, ...], rows: tuple[SweepRow, ...]) -> str:
-    shown = [name for name in _SHOWN if any(row.figures.get(name) is not None for row in rows)]
+def _lines(targets: tuple[str, ...], sweep_rows: tuple[SweepRow, ...]) -> str:
+    shown = [
+        name for name in _SHOWN if any(row.figures.get(name) is not None for row in sweep_rows)
+    ]
     table_rows = [(*targets, *(_SHOWN[name] for name in shown), "")]
-    for row in rows:
+    for row in sweep_rows:
         value_texts = [_value_text(row.figures.get(name)) for name in shown]
         table_rows.append((*row.values, *value_texts, "" if row.status == "ok" else row.status))
     return table(table_rows)

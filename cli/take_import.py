@@ -108,11 +108,11 @@ def import_take(
     recording.write(console, take, recording.target(output, path), force=force, dry=dry)
 
 
-def _hertz(text: str, option: str) -> float:
+def _hertz(rate_text: str, option: str) -> float:
     from ergon.notation.tables.quantities import FREQUENCY, quantity
     from ergon.notation.text.errors import TextError
 
     try:
-        return quantity(text, FREQUENCY)
+        return quantity(rate_text, FREQUENCY)
     except TextError as error:
         raise Refused(f"{option}: {error.message}") from None

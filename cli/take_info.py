@@ -94,10 +94,10 @@ def _recording(console: Console, path: Path) -> None:
         info_lines.append("".join(axis_words))
     if hand_recording.events:
         info_lines.append(f"  {plural(len(hand_recording.events), 'event')}")
-    for name, value in summary.items():
+    for figure_name, value in summary.items():
         setting_values = list(value.values()) if isinstance(value, dict) else [value]
         if axis_words := [word for word in setting_values if isinstance(word, str)]:
-            info_lines.append(f"  {name}: {', '.join(axis_words)}")
+            info_lines.append(f"  {figure_name}: {', '.join(axis_words)}")
     if hand_recording.dropped:
         info_lines.append(
             f"  {plural(hand_recording.dropped, 'row')} or events were lost for want of room"
@@ -149,10 +149,10 @@ def _table(console: Console, path: Path) -> None:
             passed_over=list(table_summary.passed_over),
         )
         return
-    words = [plural(table_summary.n_rows, "sample")]
+    table_words = [plural(table_summary.n_rows, "sample")]
     if duration_text and rate:
-        words.append(f"{seconds(duration_text)}, {rate:.3g} Hz on average")
-    info_lines = [f"{path}: " + ", ".join(words)]
+        table_words.append(f"{seconds(duration_text)}, {rate:.3g} Hz on average")
+    info_lines = [f"{path}: " + ", ".join(table_words)]
     info_lines += [
         f"  {c.name}: {c.low:g} … {c.high:g}, from {c.first:g} to {c.last:g}"
         if c.low <= c.high

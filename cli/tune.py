@@ -80,10 +80,10 @@ def _targets(target_words: tuple[str, ...]) -> Any:
     if not any("=" in word for word in target_words):
         return list(target_words)
     target_texts: dict[int, str] = {}
-    for word in target_words:
-        mode_text, _, frequency = word.partition("=")
+    for target_word in target_words:
+        mode_text, _, frequency = target_word.partition("=")
         if not mode_text.isdecimal() or not frequency:
-            raise Refused(f"TARGET: '{word}' is not MODE=FREQUENCY, such as 3=A5")
+            raise Refused(f"TARGET: '{target_word}' is not MODE=FREQUENCY, such as 3=A5")
         if int(mode_text) in target_texts:
             raise Refused(f"TARGET: mode {int(mode_text)} is given twice")
         target_texts[int(mode_text)] = frequency
@@ -92,10 +92,10 @@ def _targets(target_words: tuple[str, ...]) -> Any:
 
 def _lines(tuned: Tuned) -> str:
     mode_rows = [("mode", "before", "target", "reached", "off")]
-    for i, number in enumerate(tuned.modes):
+    for i, mode_number in enumerate(tuned.modes):
         mode_rows.append(
             (
-                str(number),
+                str(mode_number),
                 f"{tuned.before[i]:.3f} Hz",
                 f"{tuned.targets[i]:.3f} Hz",
                 f"{tuned.frequencies[i]:.3f} Hz",

@@ -27,10 +27,10 @@ def level(value: float, unit: str) -> str:
     return "silent" if value == -math.inf else f"{value:.1f} {unit}"
 
 
-def loudness_of(value: float, peak: float, duration: float) -> str:
+def loudness_of(loudness_lufs: float, peak: float, duration: float) -> str:
     """`-18.2 LUFS` of a sound with a `peak` (ratio) and a duration [s], or why it has none."""
-    if value > -math.inf or peak == 0.0:
-        return level(value, "LUFS")
+    if loudness_lufs > -math.inf or peak == 0.0:
+        return level(loudness_lufs, "LUFS")
     if duration < _LOUDNESS_BLOCK:
         return f"not measured (shorter than {_LOUDNESS_BLOCK:g} s)"
     return f"below {_LOUDNESS_GATE:g} LUFS"

@@ -144,10 +144,11 @@ def shown_of(
             "--sound needs a .motion file, because a score is rendered with "
             "its sound; leave --sound out"
         )
-    name = next((name for name, value in render_options.items() if value is not None), None)
-    if name is not None and is_motion:
+    option_name = next((name for name, value in render_options.items() if value is not None), None)
+    if option_name is not None and is_motion:
         raise Refused(
-            f"--{name} needs a score, because what {path} holds is fixed; leave --{name} out"
+            f"--{option_name} needs a score, because what {path} holds is fixed; leave "
+            f"--{option_name} out"
         )
     if is_motion:
         return _shown_motion(console, path, sound_path, folder)
@@ -158,11 +159,11 @@ def shown_of(
     return render_view(path, folder, rendered, console, check)
 
 
-def _shown_motion(console: Console, path: Path, sound: Path | None, folder: Path) -> Shown:
+def _shown_motion(console: Console, path: Path, sound_path: Path | None, folder: Path) -> Shown:
     from ergon.api.viewing import Shown, for_two_ears, sound_beside
     from ergon.exchange.wave_header import NotWaveError
 
-    sound_file = sound or sound_beside(path, console)
+    sound_file = sound_path or sound_beside(path, console)
     try:
         return Shown(
             path, None if sound_file is None else for_two_ears(sound_file, folder, console)
@@ -208,11 +209,11 @@ def _film(console: Console, maker: MovieMaker, shown: Shown) -> None:
             sound=film_made.has_sound,
         )
         return
-    sound = "with sound" if film_made.has_sound else "no sound"
+    sound_words = "with sound" if film_made.has_sound else "no sound"
     console.say(
         f"{film_made.path}: {film_made.n_pictures:,} pictures of "
         f"{film_made.width}x{film_made.height}, "
-        f"{seconds(film_made.seconds)}, {sound}"
+        f"{seconds(film_made.seconds)}, {sound_words}"
     )
 
 

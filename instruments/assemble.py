@@ -93,14 +93,14 @@ class Assembly:
                         self._starts(first_mat, seen_fields)
 
     def add_followers(
-        self, part_name: str, modules: Iterable[Module], *, ca_rate: float | None = None
+        self, part_name: str, part_modules: Iterable[Module], *, ca_rate: float | None = None
     ) -> None:
         """Add a part's proxies and surfaces; the masses of all parts must exist.
 
         Raises EngineError unless refusals are collected.
         """
         self.network.part(part_name, ca_rate=ca_rate)
-        for part_module in modules:
+        for part_module in part_modules:
             if part_module.kind == "PROXY" and self._are_there(proxies.targets(part_module.fields)):
                 with self._collecting_refusals():
                     labels = part_module.name, part_module.fields
@@ -121,7 +121,7 @@ class Assembly:
     def joins(
         self,
         part_name: str,
-        modules: Iterable[Module],
+        part_modules: Iterable[Module],
         *,
         ca_rate: float | None = None,
         reach: float = 1.0,
@@ -132,7 +132,7 @@ class Assembly:
         out are left out too.
         """
         self.network.part(part_name, ca_rate=ca_rate)
-        for part_module in modules:
+        for part_module in part_modules:
             if self.refused and not self._are_there(following.targets(part_module)):
                 continue
             if part_module.kind == "MAS":
@@ -145,7 +145,7 @@ class Assembly:
             ends = part_module.ends
             if self.refused and any((end.part, end.module) not in self.mats for end in ends):
                 continue
-            first = self.network.n_lia
+            first_link = self.network.n_lia
             with self._collecting_refusals():
                 module_links = list(single_links(part_module))
                 for link in module_links:
@@ -154,7 +154,7 @@ class Assembly:
                     self.walls[part_name, part_module.name] = [
                         self.links[part_name, link.name] for link in module_links
                     ]
-            self.links[part_name, part_module.name] = range(first, self.network.n_lia)
+            self.links[part_name, part_module.name] = range(first_link, self.network.n_lia)
 
     def link(self, part: str, module: Module, a: Target, b: Target, *, reach: float = 1.0) -> int:
         """Add one link between two <M> points, or two points in space; returns its index."""
@@ -188,7 +188,7 @@ class Assembly:
         link_fields = link_module.fields
         first_coordinates, second = self.coordinates(first_end), self.coordinates(second_end)
         if is_pairwise(link_module.kind, link_fields, (first_end, second_end)):
-            groups = sorted(
+            link_groups = sorted(
                 ((first_coordinates, first_end.count), (second, second_end.count)),
                 key=lambda group: group[1],
             )
@@ -200,7 +200,7 @@ class Assembly:
             contact_fields["normal"] = unit(link_fields.get("normal"))
             if (surface := link_fields.get("mesh")) is not None:
                 contact_fields["surface"] = surface.corners, surface.faces
-            return self.network.pairwise(link_module.name, *groups, **contact_fields)
+            return self.network.pairwise(link_module.name, *link_groups, **contact_fields)
         if link_module.kind == "BUT":
             contact_fields = picked(
                 link_fields, "K", "Z", "gap", "exponent", "clamp", "cohesion", "reach"

@@ -133,10 +133,10 @@ class DrawnActs:
                     **written_modules,
                 }
         brought_modules = []
-        for module in modules_of(written_modules):
-            words = [word for word in WORDS if (module.name, word) in self._highest]
-            brought_modules += [part for word in words for part in _mass(module, word)]
-            brought_modules.append(self._following(module, words) if words else module)
+        for part_module in modules_of(written_modules):
+            words = [word for word in WORDS if (part_module.name, word) in self._highest]
+            brought_modules += [part for word in words for part in _mass(part_module, word)]
+            brought_modules.append(self._following(part_module, words) if words else part_module)
         return tuple(brought_modules)
 
     def _is_known(self, body: Values, word: str, led: LinkRange) -> bool:
@@ -171,21 +171,25 @@ class DrawnActs:
             return False
         return True
 
-    def _following(self, link_module: Module, words: Sequence[str]) -> Module:
+    def _following(self, link_module: Module, constant_words: Sequence[str]) -> Module:
         """A link whose constants follow the masses that lead them, from their written values on."""
         follows, field_places = dict(link_module.fields["follows"] or {}), dict(link_module.places)
         constants = dict(link_module.fields["constants"])
-        for constant_word in words:
+        for constant_word in constant_words:
             constant, high_value = (
                 WORDS[constant_word].constant,
                 self._highest[link_module.name, constant_word],
             )
             low_value = -high_value if (link_module.name, constant_word) in self._turning else 0.0
-            rest = constants.pop(constant, 0.0)
-            mass = Name(_mass_name(link_module.name, constant_word), link_module.place)
+            rest_value = constants.pop(constant, 0.0)
+            leading_mass = Name(_mass_name(link_module.name, constant_word), link_module.place)
             span = _TRAVEL * (high_value - low_value)
             follows[constant] = Following(
-                mass, rest + low_value, rest + high_value, -_TRAVEL * low_value, span
+                leading_mass,
+                rest_value + low_value,
+                rest_value + high_value,
+                -_TRAVEL * low_value,
+                span,
             )
             field_places.setdefault("follows", link_module.place)
         fields = {**link_module.fields, "follows": follows, "constants": constants}

@@ -43,22 +43,24 @@ def field(value_shape: Shape, endpoint: Shape, doc: str) -> Field:
         names = ("of", "from", "to", "offset", "span")
         return Following(*(following_values[name] for name in names))
 
-    fields = (
+    module_fields = (
         Field("of", endpoint, "the MAT by whose position it goes", required=True),
         Field("from", value_shape, "its value where that is at 0 m, and below", required=True),
         Field("to", value_shape, "its value where that is at `span`, and beyond", required=True),
         Field("offset", k.POSITION, "added to the position", 0.0),
         Field("span", k.POSITION, "how far it is from one end to the other", 1.0),
     )
-    record = Record("following", "a value that depends on the position of a MAT", fields, build)
+    record = Record(
+        "following", "a value that depends on the position of a MAT", module_fields, build
+    )
     return Field("follows", NamesOf(record, "parameter"), doc, ())
 
 
-def followings(module: Module) -> Mapping[str, Following]:
+def followings(part_module: Module) -> Mapping[str, Following]:
     """The parameters of a module that follow a MAT, by name."""
-    if module.kind not in ("LNL", "MAS"):
+    if part_module.kind not in ("LNL", "MAS"):
         return {}
-    return module.fields.get("follows") or {}
+    return part_module.fields.get("follows") or {}
 
 
 def targets(module: Module) -> Iterator[Target]:
@@ -85,10 +87,13 @@ def written_followings(values: Values) -> Mapping[str, Any]:
 def check_constants(law_values: Values) -> None:
     """Report a constant of a law that has a value of its own too, and too many that follow."""
     written_names = written_followings(law_values)
-    for name in written_names:
-        if name in law_values.nodes:
-            message = f"{law_values.context.label(name)}: it follows a MAT too; keep one of the two"
-            law_values.error("E111", message, name)
+    for written_name in written_names:
+        if written_name in law_values.nodes:
+            message = (
+                f"{law_values.context.label(written_name)}: it follows a MAT too; keep one of the "
+                "two"
+            )
+            law_values.error("E111", message, written_name)
     if len(written_names) > CONSTANTS_MAX:
         message = (
             f"{law_values.context.label('follows')}: at most {CONSTANTS_MAX} constants of a law "
@@ -99,13 +104,13 @@ def check_constants(law_values: Values) -> None:
 
 
 def values(
-    module: Module, mat: Callable[[Target], int]
+    part_module: Module, mat: Callable[[Target], int]
 ) -> list[tuple[str, tuple[int, float, float, float, float]]]:
     """The following parameters by name: index of the MAT, offset, span, and the values at both ends
     of the span.
     """
     return [
         (name, (mat(value.of), value.offset, value.span, value.start, value.stop))
-        for name, value in followings(module).items()
+        for name, value in followings(part_module).items()
         if isinstance(value.of, Target)
     ]

@@ -20,13 +20,13 @@ def resolve(
     written_followings = following.followings(link_module)
     if not written_followings:
         return link_module
-    place = link_module.places.get("follows", link_module.place)
+    follows_place = link_module.places.get("follows", link_module.place)
     if link_part.struck is not None:
         message = (
             f"{module_label}: follows: a value that follows a MAT belongs to an instrument, not to "
             "a key"
         )
-        part_names.collector.error("E304", message, place)
+        part_names.collector.error("E304", message, follows_place)
         return replace(link_module, fields={**link_module.fields, "follows": ()})
     by_parameter: dict[str, following.Following] = {}
     for constant_name, following_value in written_followings.items():

@@ -80,11 +80,11 @@ def resolved(
     for field_name in (*written_constants, *follows):
         if field_name not in used_words:
             message = f"{module_label}: the law has no constant {quote(field_name)}"
-            names = (*fields_of_kind, *sorted(used_words))
+            known_names = (*fields_of_kind, *sorted(used_words))
             law_place = law_module.places[
                 field_name if field_name in written_constants else "follows"
             ]
-            collector.error("E101", message, law_place, word=field_name, names=names)
+            collector.error("E101", message, law_place, word=field_name, names=known_names)
             return law_module
     if check(law_fields, module_label, locate, collector):
         if interval is not None:
@@ -93,7 +93,9 @@ def resolved(
     return law_module
 
 
-def check(law_fields: Mapping[str, Any], who: str, locate: Locate, collector: Collector) -> bool:
+def check(
+    law_fields: Mapping[str, Any], module_label: str, locate: Locate, collector: Collector
+) -> bool:
     """Whether the core compiles the law; reports the characters at fault if not."""
     compile_law = getattr(_core, "Law", None)
     if compile_law is None:  # a core built without laws checks them when it makes the network
@@ -109,6 +111,6 @@ def check(law_fields: Mapping[str, Any], who: str, locate: Locate, collector: Co
         name = error.args[1] if len(error.args) > 1 else "law"
         offset, length = getattr(error, "offset", 0), getattr(error, "length", 1)
         place = locate(name if law_fields[name] is not None else "law", offset, length)
-        collector.error("E207", f"{who}: {error.args[0]}", place)
+        collector.error("E207", f"{module_label}: {error.args[0]}", place)
         return False
     return True

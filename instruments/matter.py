@@ -54,13 +54,13 @@ def from_material(body_kind: str, body_values: Values, *, quietly: bool = False)
             where = body_values.context.label(refused.field)
             body_values.error(refused.code, f"{where}: {refused.message}", refused.field)
         return None
-    place = body_values.nodes["material"]
+    material_node = body_values.nodes["material"]
     gone = (*MATTER, "masses") if body_kind == "PLATE" else MATTER
-    fields = {name: value for name, value in body_values.by_name.items() if name not in gone}
+    module_fields = {name: value for name, value in body_values.by_name.items() if name not in gone}
     nodes = {name: node for name, node in body_values.nodes.items() if name not in gone}
     resolved = {name: value for name, value in resolved.items() if value is not None}
-    nodes |= {name: nodes.get(name, place) for name in resolved}
-    return replace(body_values, by_name={**fields, **resolved}, nodes=nodes)
+    nodes |= {name: nodes.get(name, material_node) for name in resolved}
+    return replace(body_values, by_name={**module_fields, **resolved}, nodes=nodes)
 
 
 def _needs_material(kind: str, body_values: Values) -> None:
@@ -69,13 +69,13 @@ def _needs_material(kind: str, body_values: Values) -> None:
         if body_values.written(field_name):
             message = "a size in metres needs a material; write for instance `material: steel` too"
             raise _Refused("E103", message, field_name)
-    for field_name, count in (
+    for field_name, member_count in (
         ("radius", "radius: 12, rings"),
         ("sides", "sides: [40, 25], masses"),
     ):
         if _is_size(body_values.by_name.get(field_name)):
             message = "a size in metres needs a material; write for instance `material: bronze` "
-            message += f"too, or {count}"
+            message += f"too, or {member_count}"
             raise _Refused("E103", message, field_name)
 
 
@@ -84,18 +84,20 @@ def _is_size(value: Any) -> bool:
     return any(isinstance(one, float) for one in (value if isinstance(value, tuple) else (value,)))
 
 
-def _open(values: Values, field_names: tuple[str, ...], what: str) -> str:
+def _open(module_values: Values, field_names: tuple[str, ...], what_noun: str) -> str:
     """The name in `field_names` that is not written, and follows from the others; refuses none or
     several.
     """
-    missing_names = [name for name in field_names if name not in values.by_name]
+    missing_names = [name for name in field_names if name not in module_values.by_name]
     names_text = f"{', '.join(field_names[:-1])} and {field_names[-1]}"
     if not missing_names:
         others = f"{', '.join(field_names[:-2])} and {field_names[-2]}"
         message = f"{others} already determine it; remove one of {names_text}"
         raise _Refused("E111", message, field_names[-1])
     if len(missing_names) > 1:
-        need = f"{what} needs all but one of {names_text}; write {' or '.join(missing_names)} too"
+        need = (
+            f"{what_noun} needs all but one of {names_text}; write {' or '.join(missing_names)} too"
+        )
         raise _Refused("E103", need)
     return missing_names[0]
 
@@ -107,10 +109,10 @@ def _root(square: float) -> float:
     return sqrt(square)
 
 
-def _pitch(f: float) -> float:
-    if 0.0 < f <= 1e6:
-        return f
-    message = f"its lowest mode would sound at {f:.3g} Hz; the maximum is 1e+06 Hz"
+def _pitch(pitch_hertz: float) -> float:
+    if 0.0 < pitch_hertz <= 1e6:
+        return pitch_hertz
+    message = f"its lowest mode would sound at {pitch_hertz:.3g} Hz; the maximum is 1e+06 Hz"
     raise _Refused("E202", message + ": make it larger or slacker", "material")
 
 
@@ -331,10 +333,13 @@ def _mesh(
         return {"shape": "disc", "radius": ring_count}, mass_share
     # The number of gaps between masses, including those to a fixed rim.
     more = 1 if rim == "fixed" else -1
-    low, rings_max = _SIDES[0] + more, (_SIDES[1] if not is_membrane else 4 * _SIDES[1]) + more
+    least_side, rings_max = (
+        _SIDES[0] + more,
+        (_SIDES[1] if not is_membrane else 4 * _SIDES[1]) + more,
+    )
     short, long = min(wide, plate_height), max(wide, plate_height)
     side_ratio = long / short
-    first = max(low, round(sqrt(masses / side_ratio)) + more)
+    first = max(least_side, round(sqrt(masses / side_ratio)) + more)
     gaps = [n for n in range(first, first + 4) if n * side_ratio <= rings_max]
     if not gaps:
         message = (
@@ -374,10 +379,10 @@ _BENT = (
 
 
 def _polynomial(coefficients: tuple[float, ...], x: float) -> float:
-    total = 0.0
+    term_sum = 0.0
     for coefficient in reversed(coefficients):
-        total = total * x + coefficient
-    return total
+        term_sum = term_sum * x + coefficient
+    return term_sum
 
 
 def _disc(rim: str, poisson: float, radius: float) -> float:

@@ -109,7 +109,7 @@ def listed(bank_values: Values) -> Values | None:
 
 def from_file(
     bank_values: Values,
-    read: Callable[[str, Place], Document | None],
+    read_document: Callable[[str, Place], Document | None],
     moved: Callable[[str, Any, Any], Any],
     collector: Collector,
 ) -> Values:
@@ -127,17 +127,17 @@ def from_file(
         )
         bank_values.error("E111", message, conflicting[0])
         return _without(bank_values)
-    table = read(file_name, bank_values.place_of("modes"))
+    table = read_document(file_name, bank_values.place_of("modes"))
     file_columns = None if table is None else _columns(table, bank_values, collector)
     if file_columns is None:
         return _without(bank_values)
     bank_fields = {field: value for field, value in bank_values.by_name.items() if field != "modes"}
-    bank_nodes, node = dict(bank_values.nodes), bank_values.nodes["modes"]
+    bank_nodes, modes_node = dict(bank_values.nodes), bank_values.nodes["modes"]
     for field, column in file_columns.items():
         bank_fields[field] = (
             moved(field, column, bank_fields["interval"]) if "interval" in bank_fields else column
         )
-        bank_nodes[field] = node
+        bank_nodes[field] = modes_node
     bank_fields.pop("interval", None)
     return replace(bank_values, by_name=bank_fields, nodes=bank_nodes)
 
@@ -159,10 +159,10 @@ def _columns(
     format = _BANK_ROW if is_bank else _places_row([DEFAULT_PLACE])
     mode_rows: list[tuple[float, ...]] = []
     is_whole = True
-    for number, table_line in enumerate(table_document.text.splitlines(), 1):
+    for line_number, table_line in enumerate(table_document.text.splitlines(), 1):
         if not table_line.strip() or table_line.lstrip().startswith("#"):
             continue
-        line_place = Place(table_document.file, number, 1)
+        line_place = Place(table_document.file, line_number, 1)
         if not mode_rows and is_whole and _is_heading(table_line):
             place_names = [cell.strip() for cell in table_line.split(",")][2:]
             if is_bank or not place_names:
@@ -172,10 +172,10 @@ def _columns(
                 return None
             format = _places_row(place_names)
             continue
-        row = _row(table_line, line_place, bank_label, format, collector)
-        is_whole &= row is not None
-        if row is not None:
-            mode_rows.append(row)
+        mode_row = _row(table_line, line_place, bank_label, format, collector)
+        is_whole &= mode_row is not None
+        if mode_row is not None:
+            mode_rows.append(mode_row)
         if len(mode_rows) > MAX_MODES:
             message = f"{bank_label}: the file has more than {MAX_MODES:,} modes"
             collector.error("E105", message, asked)
@@ -240,14 +240,14 @@ def _row(
         )
         return None
     row_values, cell_column = [], 1
-    for cell_text, read in zip(line_cells, format.reads, strict=False):
-        word = cell_text.strip()
-        begin = cell_column + len(cell_text) - len(cell_text.lstrip())
+    for cell_text, cell_reader in zip(line_cells, format.reads, strict=False):
+        cell_word = cell_text.strip()
+        cell_begin = cell_column + len(cell_text) - len(cell_text.lstrip())
         try:
-            row_values.append(_value(word, read))
+            row_values.append(_value(cell_word, cell_reader))
         except TextError as error:
             error_place = replace(
-                line_place, column=begin + error.offset, length=max(1, error.length)
+                line_place, column=cell_begin + error.offset, length=max(1, error.length)
             )
             message = f"{bank_label}: {error.message}"
             collector.error(error.code, message, error_place, suggestion=error.suggestion)
@@ -275,10 +275,10 @@ def _value(cell_text: str, cell_reader: Text) -> float:
 
 
 def _level(text: str) -> float:
-    word = text.strip()
-    if word.startswith("x") or word.endswith("dB"):
-        return float(k.GAIN.parse(word))
-    return float(k.NUMBER.parse(word))
+    level_word = text.strip()
+    if level_word.startswith("x") or level_word.endswith("dB"):
+        return float(k.GAIN.parse(level_word))
+    return float(k.NUMBER.parse(level_word))
 
 
 LEVEL = Text(
@@ -367,10 +367,10 @@ def placed(modes_values: Values) -> Values | None:
     return replace(modes_values, by_name=modes_fields, nodes=modes_nodes)
 
 
-def _wrong_band(drawn: Band, names: Sequence[str], listed_modes: int) -> str | None:
+def _wrong_band(drawn: Band, place_names: Sequence[str], listed_modes: int) -> str | None:
     """Why a band cannot be added to modes that are listed; None if it can."""
-    if strange := sorted(set(drawn.levels) - set(names)):
-        return f"there is no place {quote(strange[0])}; its places are {', '.join(names)}"
+    if strange := sorted(set(drawn.levels) - set(place_names)):
+        return f"there is no place {quote(strange[0])}; its places are {', '.join(place_names)}"
     if listed_modes + drawn.count > _core.MAX_MODAL:
         return (
             f"there are {listed_modes + drawn.count} modes with it; the most is {_core.MAX_MODAL}"

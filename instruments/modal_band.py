@@ -45,14 +45,16 @@ class Band:
         drawn_frequencies, t60 = [], []
         levels_by_place: dict[str, list[float]] = {name: [] for name in names}
         for i in range(self.count):
-            height = (i + chance.random()) / self.count
-            drawn_frequencies.append(_between(self.f, height))
+            share_below = (i + chance.random()) / self.count
+            drawn_frequencies.append(_between(self.f, share_below))
             scatter = _core.pow(2.0, _SCATTER * (2.0 * chance.random() - 1.0))
-            t60.append(_rounded(_between(self.t60, 1.0 - height) * scatter))
-            for number, name in enumerate(names):
+            t60.append(_rounded(_between(self.t60, 1.0 - share_below) * scatter))
+            for number, place_name in enumerate(names):
                 share = _WEAKEST + (1.0 - _WEAKEST) * chance.random()
                 sign = -1.0 if number and (i >> (number - 1)) % 2 else 1.0
-                levels_by_place[name].append(_rounded(self.levels.get(name, 0.0) * share * sign))
+                levels_by_place[place_name].append(
+                    _rounded(self.levels.get(place_name, 0.0) * share * sign)
+                )
         return (
             tuple(drawn_frequencies),
             tuple(t60),
@@ -71,14 +73,14 @@ def _rounded(value: float) -> float:
 
 def _build(values: Values) -> Any:
     names = ("count", "f", "t60", "places", "seed")
-    count, f, t60, places, seed = (values[name] for name in names)
-    if any(value is None for value in (count, f, t60, places)) or MISSING in places.values():
+    mode_count, f, t60, places, seed = (values[name] for name in names)
+    if any(value is None for value in (mode_count, f, t60, places)) or MISSING in places.values():
         return MISSING  # reported already
-    return Band(count, f, t60, {name: level[0] for name, level in places.items()}, seed)
+    return Band(mode_count, f, t60, {name: level[0] for name, level in places.items()}, seed)
 
 
-def band(level: Shape) -> Record:
-    """The table of a band; `level` is that of a mode at a place."""
+def band(level_shape: Shape) -> Record:
+    """The table of a band; `level_shape` is that of a mode at a place."""
     return Record(
         "band",
         "modes of a body that are drawn between two frequencies",
@@ -88,7 +90,7 @@ def band(level: Shape) -> Record:
             Field("t60", k.DURATIONS, "decays: low for high f", required=True),
             Field(
                 "places",
-                NamesOf(ListOf(level, 1, 1, single=True), "place"),
+                NamesOf(ListOf(level_shape, 1, 1, single=True), "place"),
                 "how far they move at each place at most",
                 required=True,
             ),

@@ -55,10 +55,10 @@ class Family:
         """The part of a note by the word of its pitch; None if there is none."""
         with tuning.used(self.tuning):
             try:
-                height = pitch(word)
+                note_height = pitch(word)
             except TextError:  # a key that the tuning leaves out
                 return None
-        return None if height is None else tuning.nearby(self.parts, height)
+        return None if note_height is None else tuning.nearby(self.parts, note_height)
 
 
 @dataclass(slots=True)
@@ -81,10 +81,10 @@ class PartNames:
         """
         name_targets = []
         for each in self.members(name):
-            target = self.target(each, wanted, who)
-            if target is None:
+            named_target = self.target(each, wanted, who)
+            if named_target is None:
                 return []
-            name_targets.append(target)
+            name_targets.append(named_target)
         return name_targets
 
     def struck(self, name: Name, who: str) -> list[Target]:
@@ -95,10 +95,10 @@ class PartNames:
         for member_name in self.members(name):
             named_part, act = self._act(member_name)
             if act is None:
-                target = self.target(member_name, "mats", who)
-                if target is None:
+                named_target = self.target(member_name, "mats", who)
+                if named_target is None:
                     return []
-                struck_targets.append(target)
+                struck_targets.append(named_target)
                 continue
             # What is wrong with the act itself is reported where it is written.
             quiet = replace(self, collector=Collector())
@@ -140,7 +140,7 @@ class PartNames:
             if any(module.name == struck_target.module for module in act.modules):
                 self._bring(target_part, act)
 
-    def bring_ready(self, act_owner: Part, names: Sequence[Name], who: str) -> None:
+    def bring_ready(self, act_owner: Part, names: Sequence[Name], module_label: str) -> None:
         """Add the modules of acts by their names; reports names of none."""
         for act_name in names:
             if act_name in act_owner.acts:
@@ -148,7 +148,9 @@ class PartNames:
             else:
                 known = tuple(act_owner.acts)
                 problem = f"{quote(act_owner.name)} has no act {quote(act_name)}"
-                self._refuse(act_name, who, problem, "E301", word=str(act_name), names=known)
+                self._refuse(
+                    act_name, module_label, problem, "E301", word=str(act_name), names=known
+                )
 
     def _bring(self, owner: Part, act: Act) -> None:
         owner.modules = _with(owner.modules, act)
@@ -183,14 +185,15 @@ class PartNames:
         if part is not None and act in part.acts and part.acts[act].is_drawn:
             yield Name(f"{owner}.{act}", instrument_name.place)
 
-    def sure_reach(self, struck_target: Target, who: str) -> ImpulseRange | None:
+    def sure_reach(self, struck_target: Target, module_label: str) -> ImpulseRange | None:
         """The impulses of the softest and the hardest stroke at a target; reports an instrument
         that does not say how it is played.
         """
         impulse_reach = self.reach(struck_target)
         if impulse_reach is None:
             message = (
-                f"{who}: how strongly? {quote(struck_target.part)} has no `play` that says what "
+                f"{module_label}: how strongly? {quote(struck_target.part)} has no `play` that "
+                "says what "
             )
             message += "soft and hard are; write an impulse with its unit, such as impulse: 2mNs"
             self.collector.error("E103", message, struck_target.place)
@@ -201,10 +204,14 @@ class PartNames:
         named_part = self.parts.get(name)
         if named_part is not None and named_part.acts:
             return named_part, next(iter(named_part.acts.values()))
-        head, _, tail = name.rpartition(".")
+        head, _, path_tail = name.rpartition(".")
         named_part = self.parts.get(head)
-        if named_part is not None and tail in named_part.acts and tail not in named_part.modules:
-            return named_part, named_part.acts[tail]
+        if (
+            named_part is not None
+            and path_tail in named_part.acts
+            and path_tail not in named_part.modules
+        ):
+            return named_part, named_part.acts[path_tail]
         return Part("", {}), None
 
     def members(self, name: Name, prefix: str = "") -> list[Name]:
@@ -305,7 +312,7 @@ class PartNames:
         return self._members(name, target_part, target_module, members_text, wanted, who)
 
     def _coordinate(
-        self, path: str, part: Part | None, prefix: str
+        self, path: str, seen_from: Part | None, prefix: str
     ) -> tuple[tuple[Part, str | None] | None, str | None, int | None]:
         """The part and module, the members, and the axis of a path that names a coordinate in
         space; None otherwise.
@@ -314,10 +321,10 @@ class PartNames:
         members_match = _MEMBERS.fullmatch(head)
         if axis_name not in AXES or members_match is None:
             return None, None, None
-        target = self._find(members_match[1], part, prefix)
-        if target is None or target[0].axes == 1:
+        coordinate_target = self._find(members_match[1], seen_from, prefix)
+        if coordinate_target is None or coordinate_target[0].axes == 1:
             return None, None, None
-        return target, members_match[2], AXES.index(axis_name)
+        return coordinate_target, members_match[2], AXES.index(axis_name)
 
     def _in_space(
         self,
@@ -393,20 +400,20 @@ class PartNames:
         otherwise.
         """
         head, _, place_name = path.rpartition(".")
-        target = self._find(head, part, prefix) if head else None
-        if target is None:
+        place_target = self._find(head, part, prefix) if head else None
+        if place_target is None:
             return None, None
-        place_part, name = target
+        place_part, name = place_target
         bodies = [
             m for n, m in place_part.modules.items() if m.kind == "MODES" and name in (None, n)
         ]
         if len(bodies) != 1:
             return None, None
-        module = bodies[0]
-        names = [place for place, _ in module.fields["places"]]
+        modes_module = bodies[0]
+        place_names = [place for place, _ in modes_module.fields["places"]]
         return (
-            ((place_part, module.name), str(names.index(place_name)))
-            if place_name in names
+            ((place_part, modes_module.name), str(place_names.index(place_name)))
+            if place_name in place_names
             else (None, None)
         )
 
@@ -532,12 +539,14 @@ class PartNames:
         if "." in path and (head := path.rpartition(".")[0]) in self.parts:
             written = name.written.rpartition(".")[0] if name.written != name else head
             known_names = [f"{written}.{own}" for own in _inside(self.parts[head].modules.values())]
-        known = [known for known in known_names if known]  # a lone generator's module has no name
+        near_names = [
+            known for known in known_names if known
+        ]  # a lone generator's module has no name
         problem = f"nothing is called {quote(name.written)}"
         if family is not None:
             notes = [full.rpartition(".")[2] for full in family[0].parts.values()]
             problem += f"; the notes of {quote(instrument)} are {notes[0]} to {notes[-1]}"
-        self._refuse(name, who, problem, "E301", word=name.written, names=known)
+        self._refuse(name, who, problem, "E301", word=name.written, names=near_names)
 
     def _refuse(self, name: Name, who: str, problem: str, code: str = "E304", **more: Any) -> None:
         """Report what is wrong with a name; `who` says whose name it is, or is empty."""
@@ -548,16 +557,21 @@ class PartNames:
         """Whether the name was refused already: each mistake is reported once."""
         words = path.split(".")
         cuts = [(".".join(words[:i]), ".".join(words[i:])) for i in range(1, len(words) + 1)]
-        for head, tail in cuts:  # a part, a module of the same part, or a module of another
-            if head in self.broken or (seen_from is not None and head in seen_from.broken):
+        for (
+            path_head,
+            path_tail,
+        ) in cuts:  # a part, a module of the same part, or a module of another
+            if path_head in self.broken or (
+                seen_from is not None and path_head in seen_from.broken
+            ):
                 return True
-            owner = self.parts.get(head)
-            if owner is not None and (not owner.modules or tail.split(".")[0] in owner.broken):
+            owner = self.parts.get(path_head)
+            if owner is not None and (not owner.modules or path_tail.split(".")[0] in owner.broken):
                 return True
         return False
 
     def _wrong_family(
-        self, target_name: Name, target_module: Module, wanted: Wanted, who: str
+        self, target_name: Name, target_module: Module, wanted: Wanted, module_label: str
     ) -> None:
         if wanted in ("link", "links"):
             error_sentence = (
@@ -573,7 +587,7 @@ class PartNames:
             error_sentence = (
                 f"{quote(target_name)} is a {target_module.kind}: it has no <M> point of its own"
             )
-        self._refuse(target_name, who, error_sentence)
+        self._refuse(target_name, module_label, error_sentence)
 
 
 def _who_plays(owner: Part) -> str:

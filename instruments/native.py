@@ -64,7 +64,7 @@ def address(rows: Sequence[Row]) -> int:
         return int(_compiled[law_key].address)
 
 
-def _compile(text: str) -> Any:
+def _compile(source_text: str) -> Any:
     numba, reason = load_numba()
     if numba is None:
         raise ImportError(reason)
@@ -73,7 +73,7 @@ def _compile(text: str) -> Any:
     function = ctypes.CFUNCTYPE(None, room, integer, integer, integer, integer)
     functions_by_name: dict[str, Any] = {name: function(at) for name, at in _core.law_functions()}
     functions_by_name["sqrt"] = math.sqrt
-    exec(compile(text, "<law>", "exec"), functions_by_name)
+    exec(compile(source_text, "<law>", "exec"), functions_by_name)
     pointer: Any = types.CPointer
     signature = types.void(*[pointer(types.float64)] * 5, types.int64)
     # error_model="numpy": a division by zero gives a number, as in the core. No fast math: results

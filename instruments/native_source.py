@@ -49,10 +49,13 @@ def _operands(row: Row) -> tuple[int, ...]:
         return ()
     if operation_name == "whole_power":
         return (operands[0],)
-    text = _OPERATIONS.get(operation_name, "")
+    operation_text = _OPERATIONS.get(operation_name, "")
     return tuple(
         operands[
-            : _FUNCTIONS.get(operation_name, 3 if "{2}" in text else 2 if "{1}" in text else 1)
+            : _FUNCTIONS.get(
+                operation_name,
+                3 if "{2}" in operation_text else 2 if "{1}" in operation_text else 1,
+            )
         ]
     )
 
@@ -109,10 +112,10 @@ class _Writer:
             yield f"out[{link}] = r{_FIRST + len(self.rows) - 1}"
 
     def _calls(self, stage: int) -> Iterator[str]:
-        for i, (name, a, b, _) in enumerate(self.rows):
-            if self.stage[i] == stage and name in _FUNCTIONS:
+        for i, (operation_name, a, b, _) in enumerate(self.rows):
+            if self.stage[i] == stage and operation_name in _FUNCTIONS:
                 places = ", ".join(str(_place(at)) for at in (a, b, _FIRST + i))
-                yield f"{name}(room, {places}, m)"
+                yield f"{operation_name}(room, {places}, m)"
 
     def _shared(self, stage: int) -> set[int]:
         """Operands that `room` must hold after a loop, because a function or a later loop reads

@@ -56,25 +56,27 @@ _LISTENERS = {name: _names(kind) for name, kind in OUTPUTS.items()}
 
 
 def _listening(output_values: Values) -> Any:
-    value = output_values.by_name.get(output_values.kind, MISSING)
-    if value is MISSING:
+    between_value = output_values.by_name.get(output_values.kind, MISSING)
+    if between_value is MISSING:
         return MISSING
     nearest = None
-    is_distance = isinstance(value, Values) and value.record is DISTANCE
+    is_distance = isinstance(between_value, Values) and between_value.record is DISTANCE
     if is_distance:
-        value = value["between"] or ()
-    elif isinstance(value, Values):  # SOF: {BUT: b} or {nearest: file}
-        nearest = value["nearest"]
-        if (nearest is None) == (not value.kind):
+        between_value = between_value["between"] or ()
+    elif isinstance(between_value, Values):  # SOF: {BUT: b} or {nearest: file}
+        nearest = between_value["nearest"]
+        if (nearest is None) == (not between_value.kind):
             output_values.error(
                 "E111", "SOF names a link by its kind, or a layout: nearest", output_values.kind
             )
             return MISSING
-        value = value.by_name.get(value.kind, ()) if value.kind else ()
-    names = (value,) if isinstance(value, Name) else value
+        between_value = (
+            between_value.by_name.get(between_value.kind, ()) if between_value.kind else ()
+        )
+    end_names = (between_value,) if isinstance(between_value, Name) else between_value
     place = output_values.place_of(output_values.kind)
     return Listening(
-        output_values.context.name, output_values.kind, names, nearest, place, is_distance
+        output_values.context.name, output_values.kind, end_names, nearest, place, is_distance
     )
 
 
@@ -98,11 +100,13 @@ class Outputs(Shape):
             bare = Context(context.collector, f"out of {context.owner}", "", node.place)
             value = _LISTENER.read(node, name, bare)
             return MISSING if value is MISSING else (value,)
-        for entry_word, (key, child) in node.entries.items():
+        for entry_word, (key_node, child) in node.entries.items():
             is_close = entry_word.isupper() or near_word(entry_word.upper(), _LISTENERS) is not None
             if not isinstance(child, document.Mapping) and is_close:
                 message = f"unknown output {quote(entry_word)} of {context.owner}"
-                context.error("E101", message, key.place, word=entry_word, names=tuple(_LISTENERS))
+                context.error(
+                    "E101", message, key_node.place, word=entry_word, names=tuple(_LISTENERS)
+                )
                 return MISSING
         named = _NAMED.read(node, name, context)
         if named is MISSING:

@@ -37,26 +37,26 @@ RELEASE = Record(
 )
 
 
-def play_table(module: Record) -> NamesOf:
-    """The table of `play:`, in which modules are written as `module` says."""
-    fields = (
+def play_table(module_record: Record) -> NamesOf:
+    """The table of `play:`, in which modules are written as `module_record` says."""
+    module_fields = (
         Field("at", _MODULES, "what is struck", shown="its only module"),
         Field("impulse", k.IMPULSES, "those of its softest and of its hardest stroke"),
         *FIELDS,
         Field(
             "with",
-            NamesOf(module, "module", has_loops=True),
+            NamesOf(module_record, "module", has_loops=True),
             "modules that are there once a line plays it",
         ),
         Field("release", RELEASE, "what the end of a note does", shown="nothing"),
         Field("lasts", k.CONTACT_TIME, "how long a stroke lasts; 0s: an instant", shown="0.19ms"),
         Field("turns", k.BOOLEAN, "each second stroke goes backwards, as a bow does", False),
     )
-    return NamesOf(Record("act", "a way in which an instrument is played", fields), "act")
+    return NamesOf(Record("act", "a way in which an instrument is played", module_fields), "act")
 
 
 def acts(
-    values: Values, modules_of: Callable[[Mapping[str, Any]], tuple[Module, ...]]
+    module_values: Values, modules_of: Callable[[Mapping[str, Any]], tuple[Module, ...]]
 ) -> tuple[Act, ...]:
     """The acts of an instrument; the first is what a stroke without further words means.
 
@@ -64,16 +64,16 @@ def acts(
     that have no range.
     """
     written_acts = []
-    written: dict[str, Any] = values["play"] or {}
+    written: dict[str, Any] = module_values["play"] or {}
     drawn = DrawnActs(written)
-    for name, act_body in written.items():
+    for act_name, act_body in written.items():
         if act_body is MISSING or (act_body.written("impulse") and act_body["impulse"] is None):
             continue
         pressing = drawn.pressing(act_body)
-        struck = _struck(act_body, pressing)
-        if struck is None:
+        struck_act = _struck(act_body, pressing)
+        if struck_act is None:
             continue
-        struck_places, reach = struck
+        struck_places, reach = struck_act
         brought = drawn.modules(act_body, modules_of)
         holds = tuple(
             Hold((Name(mass, act_body.place),), each)
@@ -82,7 +82,7 @@ def acts(
         )
         written_acts.append(
             Act(
-                name,
+                act_name,
                 struck_places,
                 reach,
                 act_body.place,

@@ -17,7 +17,7 @@ _WAYS = ("shares", "at", "follows")
 
 def table(endpoint: Shape) -> Record:
     """The fields of a PROXY; `endpoint` reads one module or some of its members."""
-    fields = (
+    module_fields = (
         Field(
             "of",
             ListOf(endpoint, 1, single=True),
@@ -45,7 +45,7 @@ def table(endpoint: Shape) -> Record:
         ),
         Field("rim", endpoint, "what holds the masses all around: the first and last place"),
     )
-    return Record("module", "a massless point between masses", fields)
+    return Record("module", "a massless point between masses", module_fields)
 
 
 def check(proxy_values: Values) -> None:

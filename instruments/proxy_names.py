@@ -100,10 +100,10 @@ def _columns(masses: list[Target], part_names: PartNames) -> int | None:
     return int(sides[0]) if sides and masses[0].count == sides[0] * sides[1] else None
 
 
-def _sides(count: int, column_count: int, has_rim: bool) -> tuple[int, int]:
+def _sides(mass_count: int, column_count: int, has_rim: bool) -> tuple[int, int]:
     """The numbers of rows and columns including the rim; a single row has the rim at its ends
     only.
     """
-    rows = count // column_count
+    rows = mass_count // column_count
     more = 2 * has_rim
     return (1 if rows == 1 else rows + more, column_count + more)

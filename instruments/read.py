@@ -57,7 +57,7 @@ def module_table(form: Form) -> Record:
 
 def member_table(instrument_form: Form) -> Record:
     """The fields that one note of an instrument may have of its own."""
-    fields = (
+    module_fields = (
         Field(
             "modules",
             NamesOf(module_table(instrument_form), "module", has_loops=True),
@@ -76,7 +76,7 @@ def member_table(instrument_form: Form) -> Record:
         name: with_optional_fields(table)
         for name, table in tables(instrument_form, HOLDERS).items()
     }
-    return Record("member", "what one note has of its own", fields, kinds=kinds)
+    return Record("member", "what one note has of its own", module_fields, kinds=kinds)
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ _ELSEWHERE = {
 
 def instrument_table(instrument_form: Form) -> Record:
     """The fields of an instrument of a form."""
-    fields = (
+    module_fields = (
         Field(
             "like",
             Reference("an instrument", ("instruments",)),
@@ -189,7 +189,9 @@ def instrument_table(instrument_form: Form) -> Record:
         name: with_optional_fields(table)
         for name, table in tables(instrument_form, HOLDERS).items()
     }
-    return Record("instrument", "a CORDIS-ANIMA network", fields, kinds=kinds, elsewhere=_ELSEWHERE)
+    return Record(
+        "instrument", "a CORDIS-ANIMA network", module_fields, kinds=kinds, elsewhere=_ELSEWHERE
+    )
 
 
 @dataclass(frozen=True)
@@ -279,33 +281,35 @@ def has_required_fields(kind_name: str, module_values: Values, axes: int = 1) ->
     return all(field.name in module_values.by_name for field in required)
 
 
-def modules(values: Values, axes: int = 1, recall: Recall = make_anew) -> tuple[Module, ...]:
+def modules(module_values: Values, axes: int = 1, recall: Recall = make_anew) -> tuple[Module, ...]:
     """The modules of a key or an instrument; modules that were refused are left out.
 
     `recall` gives those of values that were read before.
     """
-    return _modules_of(values["modules"] or {}, axes, recall)
+    return _modules_of(module_values["modules"] or {}, axes, recall)
 
 
 def _modules_of(bodies: Mapping[str, Any], axes: int, recall: Recall) -> tuple[Module, ...]:
-    known = (
+    known_fields = (
         # The values are kept, so that no others get their id.
         recall(("module", name, id(body), axes), partial(_with_modules, name, body, axes))[1]
         for name, body in bodies.items()
         if body is not MISSING
     )
-    return tuple(chain.from_iterable(known))
+    return tuple(chain.from_iterable(known_fields))
 
 
 def _with_modules(
-    name: str, module_values: Values, axis_count: int
+    module_name: str, module_values: Values, axis_count: int
 ) -> tuple[Values, tuple[Module, ...]]:
     """The values of a module, and the modules that they make: none if they were refused."""
     _core.poll(_MODULE_STEPS)
     body = _followed(module_values.kind, module_values.by_name[module_values.kind], axis_count)
     if body is None or not has_required_fields(module_values.kind, body, axis_count):
         return module_values, ()
-    return module_values, with_ground_point(module(name, module_values.kind, body, axis_count))
+    return module_values, with_ground_point(
+        module(module_name, module_values.kind, body, axis_count)
+    )
 
 
 def with_ground_point(module_made: Module) -> tuple[Module, ...]:
@@ -340,16 +344,16 @@ def module(module_name: str, kind_name: str, module_values: Values, axis_count: 
     )
 
 
-def _in_space(name: str, kind_name: str, module_values: Values, axis_count: int) -> Module:
+def _in_space(module_name: str, kind_name: str, module_values: Values, axis_count: int) -> Module:
     module_fields = {field.name: module_values[field.name] for field in module_values.record.fields}
     if kind_name in HOLDERS:
         module_fields["axes"] = axis_count
     check_in_space(kind_name, module_fields, module_values, axis_count)
-    return _completed(name, kind_name, module_fields, module_values)
+    return _completed(module_name, kind_name, module_fields, module_values)
 
 
 def _completed(
-    name: str, kind_name: str, written_fields: dict[str, object], module_values: Values
+    module_name: str, kind_name: str, written_fields: dict[str, object], module_values: Values
 ) -> Module:
     """A module of the fields that are built from those that are written."""
     module_kind = KINDS[kind_name]
@@ -359,7 +363,12 @@ def _completed(
     module_kind.check(module_values)
     becomes, written = (module_kind.becomes, kind_name) if module_kind.becomes else (kind_name, "")
     return Module(
-        name, becomes, written_fields, module_values.place, Places(module_values.nodes), written
+        module_name,
+        becomes,
+        written_fields,
+        module_values.place,
+        Places(module_values.nodes),
+        written,
     )
 
 
@@ -407,7 +416,7 @@ def instrument(instrument_values: Values, recall: Recall = make_anew) -> Instrum
             f"{instrument_values.kind} already; keep one of the two"
         )
         instrument_values.error("E111", message, "modules")
-    outputs = tuple(
+    built_outputs = tuple(
         Output(
             output.name,
             output.kind,
@@ -419,11 +428,16 @@ def instrument(instrument_values: Values, recall: Recall = make_anew) -> Instrum
         for output in instrument_values["out"] or ()
     )
     pitch = None if instrument_values.kind else named_pitch(instrument_values)
-    arguments = tuple(built), outputs, _ca_rate(instrument_values), instrument_values.place
+    instrument_arguments = (
+        tuple(built),
+        built_outputs,
+        _ca_rate(instrument_values),
+        instrument_values.place,
+    )
     placing = _placing(instrument_values["place"])
     return Instrument(
         instrument_values.context.name,
-        *arguments,
+        *instrument_arguments,
         pitch=pitch,
         placing=placing,
         space=space,
@@ -461,11 +475,11 @@ def _space(space_values: Values) -> Space | None:
     return Space(axis_count, space_values["gravity"] or 0.0)
 
 
-def _placing(values: Values | None) -> Placing | None:
-    if values is None:
+def _placing(module_values: Values | None) -> Placing | None:
+    if module_values is None:
         return None
-    position = values["at"] if len(values["at"]) == 2 else (0.0, 0.0)
-    return Placing(values["across"], position, values["height"])
+    position = module_values["at"] if len(module_values["at"]) == 2 else (0.0, 0.0)
+    return Placing(module_values["across"], position, module_values["height"])
 
 
 def _ca_rate(instrument_values: Values) -> float | None:

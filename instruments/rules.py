@@ -86,7 +86,7 @@ def with_checked_law(
     law_module: Module,
     laws: Mapping[str, LawText],
     body: Values | None,
-    who: str,
+    module_label: str,
     collector: Collector,
 ) -> Module:
     """The module with its law written out and checked; other modules, and laws that were refused,
@@ -96,7 +96,7 @@ def with_checked_law(
     refused = (n in law_module.places and fields[n] is None for n in ("law", "damping", "points"))
     if law_module.kind != "LNL" or any(refused):
         return law_module
-    return resolved(law_module, laws, who, _locator(law_module, body), collector)
+    return resolved(law_module, laws, module_label, _locator(law_module, body), collector)
 
 
 def _ends(
@@ -122,20 +122,23 @@ def _ends(
     return ends
 
 
-def _body(module: Module, part: Part, part_names: PartNames, module_label: str) -> Target | None:
+def _body(
+    part_module: Module, seen_from: Part, part_names: PartNames, module_label: str
+) -> Target | None:
     """The masses that carry a surface, which must be those of a STRING or PLATE; None if an error
     was reported.
     """
-    body_name = module.fields["of"]
+    body_name = part_module.fields["of"]
     body_target = (
-        None if body_name is None else part_names.target(body_name, "body", module_label, part)
+        None if body_name is None else part_names.target(body_name, "body", module_label, seen_from)
     )
     if body_target is None:
         return None
-    kind = part_names.parts[body_target.part].modules[body_target.module].kind
-    if kind not in BODIES:
+    body_kind = part_names.parts[body_target.part].modules[body_target.module].kind
+    if body_kind not in BODIES:
         message = (
-            f"{module_label}: of: {quote(body_target.text)} is a {kind}; a surface is that of a "
+            f"{module_label}: of: {quote(body_target.text)} is a {body_kind}; a surface is that of "
+            "a "
             "STRING or a "
         )
         part_names.collector.error("E304", f"{message}PLATE: of: gong", body_name.place)
@@ -143,7 +146,7 @@ def _body(module: Module, part: Part, part_names: PartNames, module_label: str) 
     return body_target
 
 
-def _starts(generator_module: Module, who: str, collector: Collector) -> None:
+def _starts(generator_module: Module, module_label: str, collector: Collector) -> None:
     """Report initial values for members that a generator does not have."""
     count = member_count(generator_module.kind, generator_module.fields)
     for field_name in ("X0", "V0"):
@@ -153,7 +156,7 @@ def _starts(generator_module: Module, who: str, collector: Collector) -> None:
                 try:
                     members(str(start_values.at), count, generator_module.name or "it")
                 except TextError as error:
-                    message = f"{who}: {field_name}: {error.message}"
+                    message = f"{module_label}: {field_name}: {error.message}"
                     collector.error("E304", message, start_values.at.place)
 
 
@@ -195,10 +198,11 @@ def _drive(
             "do; drive one "
         )
         part_names.collector.error("E304", f"{message}of its masses instead", drive_module.place)
-    first = driven.setdefault(_point(driven_target), drive_module.name)
-    if first != drive_module.name:
+    first_driver = driven.setdefault(_point(driven_target), drive_module.name)
+    if first_driver != drive_module.name:
         message = (
-            f"{module_label}: {first} already imposes the position of {driven_target.text}; only "
+            f"{module_label}: {first_driver} already imposes the position of {driven_target.text}; "
+            "only "
             "forces add up"
         )
         part_names.collector.error("E304", message, drive_module.place)
@@ -208,15 +212,20 @@ def _check_input(drive_module: Module, take: Any, module_label: str, collector: 
     """Report an input whose unit does not fit what it drives, or that does not begin at the
     beginning.
     """
-    values = getattr(take, "values", None)
-    if not isinstance(values, Values) or values["input"] is None or values["gain"] is None:
+    input_values = getattr(take, "values", None)
+    if (
+        not isinstance(input_values, Values)
+        or input_values["input"] is None
+        or input_values["gain"] is None
+    ):
         return
-    _, is_force = values["gain"]
+    _, is_force = input_values["gain"]
     if is_force != (drive_module.kind == "ENF"):
-        unit, kind = ("force", "ENF") if is_force else ("length", "ENX")
+        unit_noun, drive_kind = ("force", "ENF") if is_force else ("length", "ENX")
         name = quote(str(drive_module.fields["from"]))
         message = (
-            f"{module_label}: the gain of the input {name} is a {unit}, which drives an {kind}"
+            f"{module_label}: the gain of the input {name} is a {unit_noun}, which drives an "
+            f"{drive_kind}"
         )
         collector.error("E304", message, drive_module.places.get("from", drive_module.place))
     if drive_module.fields["at"] is not None:
@@ -258,7 +267,9 @@ def outputs(
     return tuple(resolved_outputs)
 
 
-def _is_distance(output_targets: tuple[Target, ...], who: str, part_names: PartNames) -> bool:
+def _is_distance(
+    output_targets: tuple[Target, ...], output_label: str, part_names: PartNames
+) -> bool:
     """Whether the targets are two different points of spaces with equally many axes; reports an
     error if not.
     """
@@ -277,7 +288,7 @@ def _is_distance(output_targets: tuple[Target, ...], who: str, part_names: PartN
             f"{axis_counts[1]}"
         )
     if problem:
-        part_names.collector.error("E304", f"{who}: {problem}", second_target.place)
+        part_names.collector.error("E304", f"{output_label}: {problem}", second_target.place)
     return not problem
 
 
@@ -306,10 +317,10 @@ def _output_target(
     return part_names.target(target_name, family, output_label, output_part)
 
 
-def _locator(module: Module, body: Values | None) -> Callable[[str, int, int], Place]:
+def _locator(part_module: Module, body: Values | None) -> Callable[[str, int, int], Place]:
     def locate(field: str, offset: int, length: int) -> Place:
         node = body.nodes.get(field) if body else None
         place_at = getattr(node, "place_at", None)
-        return place_at(offset, length) if place_at else module.place
+        return place_at(offset, length) if place_at else part_module.place
 
     return locate

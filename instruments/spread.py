@@ -78,11 +78,11 @@ def size(ends: Sequence[Target]) -> int:
     return max((end.count for end in ends), default=1)
 
 
-def is_pairwise(kind: str, link_fields: Mapping[str, Any], ends: Sequence[Target]) -> bool:
+def is_pairwise(kind_name: str, link_fields: Mapping[str, Any], ends: Sequence[Target]) -> bool:
     """Whether a link in space acts between all points of its ends, touches a wall, or has
     friction.
     """
-    if kind not in ("BUT", "ATTRACTION") or not any(end.points for end in ends):
+    if kind_name not in ("BUT", "ATTRACTION") or not any(end.points for end in ends):
         return False
     return size(ends) > 1 or has_wall(link_fields) or link_fields.get("friction", 0.0) > 0.0
 
@@ -109,22 +109,22 @@ def single_links(link_module: Module) -> Iterator[Module]:
         yield link_module
         return
     for i in range(n):
-        fields = {**link_module.fields, "between": tuple(_member(end, i) for end in ends)}
+        module_fields = {**link_module.fields, "between": tuple(_member(end, i) for end in ends)}
         if isinstance(gap, tuple):
-            fields["gap"] = gap[i]
-        yield replace(link_module, name=f"{link_module.name}.{i}", fields=fields)
+            module_fields["gap"] = gap[i]
+        yield replace(link_module, name=f"{link_module.name}.{i}", fields=module_fields)
 
 
 def _walls(box_module: Module) -> Iterator[Module]:
     """The walls of a box, two for each axis: planes that face its middle."""
     widths = box_module.fields["box"]
-    for axis_index, width in enumerate(widths):
+    for axis_index, box_width in enumerate(widths):
         for sign, side in ((1.0, "from"), (-1.0, "to")):
             normal = tuple(sign if other == axis_index else 0.0 for other in range(len(widths)))
             wall_fields = {
                 "box": None,
                 "normal": normal,
-                "gap": box_module.fields["gap"] - 0.5 * width,
+                "gap": box_module.fields["gap"] - 0.5 * box_width,
             }
             name = f"{box_module.name} {side} {AXES[axis_index]}"
             yield replace(box_module, name=name, fields={**box_module.fields, **wall_fields})
@@ -168,7 +168,7 @@ def is_fitting(ends: Sequence[Target], link_label: str, collector: Collector) ->
 
 
 def may_touch_all(
-    kind: str, ends: Sequence[Target], is_wall: bool, who: str, collector: Collector
+    kind_name: str, ends: Sequence[Target], is_wall: bool, module_label: str, collector: Collector
 ) -> bool:
     """Whether a contact or an attraction may act between all points of both ends; reports an error
     if not.
@@ -176,7 +176,7 @@ def may_touch_all(
     if len(ends) != 2:
         return False
     first_end, second_end = ends
-    pair_kind, pairs_limit = _PAIRS_MAX[kind]
+    pair_kind, pairs_limit = _PAIRS_MAX[kind_name]
     problem = ""
     code = "E304"
     if is_wall and first_end.count > second_end.count:
@@ -191,7 +191,7 @@ def may_touch_all(
         and isinstance(first_end.first, int)
     ):
         is_same = (first_end.first, first_end.count) == (second_end.first, second_end.count)
-        last = (
+        last_reason = (
             min(first_end.first + first_end.count, second_end.first + second_end.count)
             if isinstance(second_end.first, int)
             else 0
@@ -201,7 +201,7 @@ def may_touch_all(
         elif (
             not is_same
             and isinstance(second_end.first, int)
-            and max(first_end.first, second_end.first) < last
+            and max(first_end.first, second_end.first) < last_reason
         ):
             problem = (
                 f"{quote(first_end.text)} and {quote(second_end.text)} have points in common; "
@@ -212,7 +212,7 @@ def may_touch_all(
         code = "E105"
         problem = f"{pair_kind} of all pairs has at most {pairs_limit:,} points, not {size(ends):,}"
     if problem:
-        collector.error(code, f"{who}: {problem}", second_end.place)
+        collector.error(code, f"{module_label}: {problem}", second_end.place)
     return not problem
 
 
@@ -229,7 +229,7 @@ def _shared(first_end: Target, second_end: Target) -> str | None:
     return None
 
 
-def gaps(contact_module: Module, n: int, who: str, collector: Collector) -> Any:
+def gaps(contact_module: Module, n: int, module_label: str, collector: Collector) -> Any:
     """The gap of a contact of n points: one for all, or one for each; reports a list of another
     length.
     """
@@ -237,10 +237,10 @@ def gaps(contact_module: Module, n: int, who: str, collector: Collector) -> Any:
     if isinstance(gap, Profile):
         gap = gap.gaps(n)
     elif isinstance(gap, tuple) and len(gap) != n:
-        place = contact_module.places.get("gap", contact_module.place)
-        message = f"{who}: gap: the number of items is {len(gap)}, but must be {n}"
+        gap_place = contact_module.places.get("gap", contact_module.place)
+        message = f"{module_label}: gap: the number of items is {len(gap)}, but must be {n}"
         message += " (one for each point)" if n > 1 else ": it joins two single points"
-        collector.error("E106", message, place)
+        collector.error("E106", message, gap_place)
         return 0.0
     if not isinstance(gap, tuple):
         return gap

@@ -17,15 +17,15 @@ class Start:
     value: float
 
 
-def start(name: str, value_shape: Shape, value_name: str) -> Shape:
+def start(part_name: str, value_shape: Shape, value_name: str) -> Shape:
     """One value for all members, or values of some."""
 
     def build(values: Values) -> Start:
         return Start(values["at"], values[value_name])
 
-    fields = (
+    module_fields = (
         Field("at", Reference("members, such as centre, 12 or 3..8"), "which members", None, True),
         Field(value_name, value_shape, "the value", None, True),
     )
-    start_record = Record("start", f"{name} of some members", fields, build)
+    start_record = Record("start", f"{part_name} of some members", module_fields, build)
     return Either(value_shape, start_record, ListOf(start_record))

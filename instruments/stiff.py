@@ -16,10 +16,10 @@ INHARMONICITY_MAX = 0.1
 
 def _coefficient(string_values: Values) -> Any:
     """B = π³·E·r⁴/(4·T·L²) of a round wire, with bending stiffness E·π·r⁴/4 and tension T."""
-    young, radius, tension, length = (
+    young, radius, tension, wire_length = (
         float(string_values[name]) for name in ("young", "radius", "tension", "length")
     )
-    stiffness_ratio = math.pi**3 * young * radius**4 / (4.0 * tension * length**2)
+    stiffness_ratio = math.pi**3 * young * radius**4 / (4.0 * tension * wire_length**2)
     if stiffness_ratio <= INHARMONICITY_MAX:
         return stiffness_ratio
     message = (

@@ -53,11 +53,11 @@ class Interval:
             return self.keys
         return 12.0 * math.log2(self.ratio) if self.cents is None else self.cents / 100.0
 
-    def then(self, other: Interval) -> Interval:
+    def then(self, next_interval: Interval) -> Interval:
         """The sum of this interval and another."""
-        if self.cents is not None and other.cents is not None:
-            return interval_of_cents(self.cents + other.cents)
-        return Interval(_times(self.ratio, other.power(1)))
+        if self.cents is not None and next_interval.cents is not None:
+            return interval_of_cents(self.cents + next_interval.cents)
+        return Interval(_times(self.ratio, next_interval.power(1)))
 
     def back(self) -> Interval:
         """The inverse interval."""
@@ -244,10 +244,14 @@ def named_pitch(instrument_values: Values) -> float | None:
     ]
     pitches = []
     for body_values in [instrument_values] if instrument_values.kind else bodies:
-        fields = body_values.by_name.get(body_values.kind)
-        if isinstance(fields, Values):
-            fields = from_material(body_values.kind, fields, quietly=True) or fields
-        body_frequency = fields.by_name.get("f") if isinstance(fields, Values) else None
+        module_fields = body_values.by_name.get(body_values.kind)
+        if isinstance(module_fields, Values):
+            module_fields = (
+                from_material(body_values.kind, module_fields, quietly=True) or module_fields
+            )
+        body_frequency = (
+            module_fields.by_name.get("f") if isinstance(module_fields, Values) else None
+        )
         if isinstance(body_frequency, tuple) and body_values.kind == "MODES":
             body_frequency = min(body_frequency, default=None)
         elif (
@@ -281,10 +285,12 @@ def _instrument(instrument_values: Values, interval: Interval) -> Values:
 
 
 def _body(body: Values, interval: Interval) -> Values:
-    fields = body.by_name.get(body.kind, MISSING)
-    if not isinstance(fields, Values):
+    module_fields = body.by_name.get(body.kind, MISSING)
+    if not isinstance(module_fields, Values):
         return body
-    return replace(body, by_name={**body.by_name, body.kind: _fields(body.kind, fields, interval)})
+    return replace(
+        body, by_name={**body.by_name, body.kind: _fields(body.kind, module_fields, interval)}
+    )
 
 
 def _fields(kind_name: str, module_fields: Values, interval: Interval) -> Values:
@@ -309,11 +315,11 @@ def is_mechanics(kind: str, fields: Values) -> bool:
     return is_slow(kind, fields.by_name)
 
 
-def is_slow(kind_name: str, fields: Mapping[str, Any]) -> bool:
+def is_slow(kind_name: str, module_fields: Mapping[str, Any]) -> bool:
     """Whether a module with these fields, in SI units, is below audible frequencies, or is
     friction.
     """
-    module_frequency, stiffness, module_mass = (fields.get(name) for name in ("f", "K", "M"))
+    module_frequency, stiffness, module_mass = (module_fields.get(name) for name in ("f", "K", "M"))
     if KINDS[kind_name].role == "friction":
         return True  # it belongs to the bow
     if kind_name != "CEL":

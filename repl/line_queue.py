@@ -40,10 +40,10 @@ class LineQueue(Generic[Sender]):
         self._seen = ""
         self._waiting.put((sender, text, self._stops))
 
-    def stop_now(self, text: str) -> None:
+    def stop_now(self, line_text: str) -> None:
         """Let `panic` or `quit` act now, in a line that is about to be entered."""
-        self._seen = text
-        match stop_of(text):
+        self._seen = line_text
+        match stop_of(line_text):
             case "panic":
                 self._stops += 1
                 self._session.panic()
@@ -70,10 +70,10 @@ class LineQueue(Generic[Sender]):
 
     def next(self) -> QueuedLine[Sender] | None:
         """Wait for the next line; None at the end."""
-        while (item := self._waiting.get()) is not None:
-            if isinstance(item, str):  # a panic also ends what lines before it began
+        while (queued_line := self._waiting.get()) is not None:
+            if isinstance(queued_line, str):  # a panic also ends what lines before it began
                 self._session.panic()
                 continue
-            sender, text, stops = item
+            sender, text, stops = queued_line
             return QueuedLine(sender, text, stops == self._stops)
         return None

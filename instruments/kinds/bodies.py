@@ -23,7 +23,7 @@ MATERIAL_FIELD = Field(
 
 def pitched(quantities: Quantities) -> tuple[Field, ...]:
     """M, f and t60 of a body; one of a discrete network is given by K and Z of its links too."""
-    links = (
+    link_shapes = (
         Field("K", k.NUMBER, "K of each of its links, instead of f"),
         Field("Z", k.NUMBER, "Z of each of its links, instead of t60"),
     )
@@ -38,7 +38,7 @@ def pitched(quantities: Quantities) -> tuple[Field, ...]:
         Field(
             "t60", DECAY, "decay of that mode, or of modes at these frequencies", shown="no decay"
         ),
-        *(links if quantities.is_ca else ()),
+        *(link_shapes if quantities.is_ca else ()),
     )
 
 
@@ -61,8 +61,8 @@ def check_pitched(body_values: Values, body_name: str) -> None:
         )
 
 
-def with_pitch_or_links(values: Values, fields: dict[str, object]) -> None:
+def with_pitch_or_links(values: Values, module_fields: dict[str, object]) -> None:
     """Drop K and Z of a body that has a pitch instead."""
-    if fields.get("K") is None:
+    if module_fields.get("K") is None:
         for name in ("K", "Z"):
-            fields.pop(name, None)
+            module_fields.pop(name, None)

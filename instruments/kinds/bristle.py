@@ -25,11 +25,13 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
     )
 
 
-def _check(values: Values) -> None:
-    level, static = values["Fc"], values["Fs"]
+def _check(module_values: Values) -> None:
+    level, static = module_values["Fc"], module_values["Fs"]
     if isinstance(level, float) and isinstance(static, float) and static < level:
-        message = f"{values.context.label('Fs')}: Fs is below Fc; friction falls from Fs to Fc"
-        values.error("E111", message, "Fs")
+        message = (
+            f"{module_values.context.label('Fs')}: Fs is below Fc; friction falls from Fs to Fc"
+        )
+        module_values.error("E111", message, "Fs")
 
 
 def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:

@@ -135,11 +135,11 @@ def picked(fields: Fields, *names: str) -> dict[str, Any]:
     return {name: fields[name] for name in names if fields.get(name) is not None}
 
 
-def needs(module_values: Values, name: str, *alternatives: str) -> None:
+def needs(module_values: Values, kind_name: str, *alternatives: str) -> None:
     """Report a module that has none of some fields."""
     if not module_values.written(*alternatives):
         message = (
-            f"{module_values.context.label('')}: {with_article(name)} needs "
+            f"{module_values.context.label('')}: {with_article(kind_name)} needs "
             f"{' or '.join(alternatives)}"
         )
         module_values.error("E103", message)

@@ -18,11 +18,11 @@ MAX_LAW = 2_000  # characters of a law
 MAX_POINTS = 10_000  # of a law given by points
 
 
-def _law(text: str) -> str:
-    if not text.strip() or len(text) > MAX_LAW:
+def _law(law_text: str) -> str:
+    if not law_text.strip() or len(law_text) > MAX_LAW:
         message = f"a law has from 1 to {MAX_LAW} characters, such as k*d + q*d**3"
-        raise TextError(message, length=max(1, min(len(text), 80)), code="E207")
-    return text
+        raise TextError(message, length=max(1, min(len(law_text), 80)), code="E207")
+    return law_text
 
 
 LAW = Text(_law, "a law, such as k*d + q*d**3, or the name of one", types=("string",))
@@ -47,11 +47,13 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
     )
 
 
-def _check(values: Values) -> None:
-    if values.written("law") and values.written("points"):
-        message = f"{values.context.label('points')}: `law` is written too; keep one of the two"
-        values.error("E111", message, "points")
-    following.check_constants(values)
+def _check(module_values: Values) -> None:
+    if module_values.written("law") and module_values.written("points"):
+        message = (
+            f"{module_values.context.label('points')}: `law` is written too; keep one of the two"
+        )
+        module_values.error("E111", message, "points")
+    following.check_constants(module_values)
 
 
 def _complete(values: Values, fields: dict[str, object]) -> None:

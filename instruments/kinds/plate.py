@@ -80,10 +80,14 @@ def _add(network: _core.Network, name: str, fields: PlateFields, seed: int) -> i
     return network.plate(name, **picked(fields, *options))
 
 
-def _count(fields: PlateFields) -> int:
-    plate_shape, rim, radius = fields["shape"], fields["rim"], fields["radius"] or 1
+def _count(module_fields: PlateFields) -> int:
+    plate_shape, rim, radius = (
+        module_fields["shape"],
+        module_fields["rim"],
+        module_fields["radius"] or 1,
+    )
     if plate_shape == "rectangle":
-        across, up = fields["sides"] or (1, 1)
+        across, up = module_fields["sides"] or (1, 1)
         return across * up
     if plate_shape == "square":
         return (2 * radius + 1) ** 2

@@ -10,20 +10,20 @@ from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Values
 
 
-def _fields(names: tuple[str, ...], quantities: Quantities) -> tuple[Field, ...]:
-    known = {
+def _fields(parameter_names: tuple[str, ...], quantities: Quantities) -> tuple[Field, ...]:
+    known_shapes = {
         "K": Field("K", quantities.stiffness, "stiffness"),
         "Z": Field("Z", quantities.damping, "viscosity"),
         "rest": Field("rest", k.POSITION, "elongation at which the spring has no force", 0.0),
     }
-    return (BETWEEN, *(known[name] for name in names))
+    return (BETWEEN, *(known_shapes[name] for name in parameter_names))
 
 
 def _add(network: _core.Network, name: str, a: int, b: int, fields: Fields, reach: float) -> int:
     return network.ref(name, a, b, **picked(fields, "K", "Z", "rest"))
 
 
-def _kind(kind_name: str, doc: str, fields: str, *parameter_names: str) -> Kind:
+def _kind(kind_name: str, doc: str, field_letters: str, *parameter_names: str) -> Kind:
     def check(values: Values) -> None:
         needs(values, kind_name, *parameter_names)
 
@@ -31,7 +31,7 @@ def _kind(kind_name: str, doc: str, fields: str, *parameter_names: str) -> Kind:
         kind_name,
         "link",
         doc,
-        partial(_fields, tuple(fields.split())),
+        partial(_fields, tuple(field_letters.split())),
         gliding=parameter_names,
         check=check,
         add=_add,

@@ -47,16 +47,17 @@ def add(
     module_name: str,
     module_fields: Any,
     chance: Chance,
-    who: str,
+    module_label: str,
 ) -> int:
     """Add the points of a module, and the springs of a generator; returns the index of the first
     MAT.
 
     `module_fields` are those of the kind (`ChainFields` and so on). `chance` gives the random
-    numbers of a member by its index; `who` names the module in error messages. Raises EngineError.
+    numbers of a member by its index; `module_label` names the module in error messages. Raises
+    EngineError.
     """
     if kind_name == "GRAINS":
-        return add_grains(network, module_name, module_fields, chance, who)
+        return add_grains(network, module_name, module_fields, chance, module_label)
     if kind_name in NETS:
         return nets.add(network, module_name, NETS[kind_name](module_fields), module_fields)
     return add_point(network, module_name, module_fields)

@@ -64,13 +64,14 @@ def _size(kind_name: str, net_fields: _Fields, net_values: Values) -> None:
     """Report a net with too many points or springs."""
     n, axis_count = count(kind_name, net_fields), net_fields["axes"]
     springs_per_point = ((2 * net_fields.get("span", 1) + 1) ** axis_count - 1) // 2
-    for net_size, size_limit, what in (
+    for net_size, size_limit, what_noun in (
         (n, MAX_POINTS, "points"),
         (n * springs_per_point, MAX_SPRINGS, "springs"),
     ):
         if net_size > size_limit:
             message = (
-                f"{net_values.context.label('')}: a {kind_name} has at most {size_limit:,} {what}, "
+                f"{net_values.context.label('')}: a {kind_name} has at most {size_limit:,} "
+                f"{what_noun}, "
                 "not "
             )
             net_values.error("E105", f"{message}{net_size:,}")
@@ -182,11 +183,14 @@ def _has_direction(wall_fields: _Fields, wall_values: Values) -> bool:
     return False
 
 
-def _mesh(fields: _Fields, values: Values) -> None:
+def _mesh(fields: _Fields, module_values: Values) -> None:
     """Report a MESH in an instrument without three axes."""
     if fields["axes"] != 3:
-        message = f"{values.context.label('')}: the points of a file have three coordinates; write "
-        values.error("E111", f"{message}space: 3 in the instrument")
+        message = (
+            f"{module_values.context.label('')}: the points of a file have three coordinates; "
+            "write "
+        )
+        module_values.error("E111", f"{message}space: 3 in the instrument")
 
 
 _CHECKS: dict[str, Callable[[_Fields, Values], None]] = {

@@ -42,13 +42,13 @@ _JSON, _BIN = b"JSON", b"BIN\0"
 _INDICES = {5121: ("B", 1), 5123: ("H", 2), 5125: ("I", 4)}
 
 
-def read(text: str | bytes, binary: bytes | None = None) -> Mesh:
+def read(gltf_text: str | bytes, binary: bytes | None = None) -> Mesh:
     """The mesh of a file's scene; its y axis, which points up, becomes z. Raises MeshFileError.
 
     `binary` is the data chunk of a binary file.
     """
     try:
-        root = parse_json(text)
+        root = parse_json(gltf_text)
     except MalformedTextError as error:
         raise MeshFileError("it is not the JSON of a glTF file") from error
     try:
@@ -73,11 +73,11 @@ def read_binary(file_bytes: bytes) -> Mesh:
     while chunk_offset < file_length and len(chunks) < 2:  # further chunks belong to extensions
         if file_length - chunk_offset < _CHUNK.size:
             raise MeshFileError("it is incomplete: a chunk has no head")
-        chunk_size, kind = _CHUNK.unpack_from(file_bytes, chunk_offset)
+        chunk_size, chunk_kind = _CHUNK.unpack_from(file_bytes, chunk_offset)
         chunk_offset += _CHUNK.size
         if chunk_size > file_length - chunk_offset:
             raise MeshFileError("it is incomplete: a chunk is longer than the file")
-        chunks.append((kind, file_bytes[chunk_offset : chunk_offset + chunk_size]))
+        chunks.append((chunk_kind, file_bytes[chunk_offset : chunk_offset + chunk_size]))
         chunk_offset += chunk_size
     if not chunks or chunks[0][0] != _JSON:
         raise MeshFileError("its first chunk is no JSON")
@@ -110,13 +110,13 @@ class _Reader:
         ]
         n_seen = 0
         while waiting:
-            number, outer = waiting.pop()
+            node_number, outer = waiting.pop()
             n_seen += 1
             if n_seen > MAX_NODES:
                 raise MeshFileError(
                     f"the scene has more than {MAX_NODES:,} nodes, or contains itself"
                 )
-            scene_node = scene_nodes[number]
+            scene_node = scene_nodes[node_number]
             matrix = _product(outer, _placed(scene_node))
             if "mesh" in scene_node:
                 for part in self._root["meshes"][_index(scene_node["mesh"])]["primitives"]:
@@ -149,10 +149,10 @@ class _Reader:
     def _number(self, point: _Point) -> int:
         if not max(map(abs, point)) <= COORDINATE_MAX:
             raise MeshFileError(f"a coordinate is at most {COORDINATE_MAX:,.0f}", "E105")
-        number = self._numbers.setdefault(point, len(self._numbers))
-        if number >= MAX_POINTS:
+        point_number = self._numbers.setdefault(point, len(self._numbers))
+        if point_number >= MAX_POINTS:
             raise MeshFileError(f"the file has more than {MAX_POINTS:,} vertices", "E105")
-        return number
+        return point_number
 
     def _positions(self, part: Mapping[str, Any]) -> Iterator[_Point]:
         accessor = self._root["accessors"][_index(part["attributes"]["POSITION"])]
@@ -170,10 +170,10 @@ class _Reader:
             raise MeshFileError("it has sparse values, which are not read")
         view = self._root["bufferViews"][_index(accessor["bufferView"])]
         byte_offset = _index(view.get("byteOffset", 0))
-        data = self._buffer(_index(view["buffer"]))[
+        buffer_bytes = self._buffer(_index(view["buffer"]))[
             byte_offset : byte_offset + _index(view["byteLength"])
         ]
-        item_count, step = _index(accessor["count"]), _index(view.get("byteStride", size))
+        item_count, byte_step = _index(accessor["count"]), _index(view.get("byteStride", size))
         # The limit counts repeated reads, because many nodes may show one mesh.
         self._n_read += item_count
         if self._n_read > _READ_MAX:
@@ -181,7 +181,10 @@ class _Reader:
         if item_count > 3 * MAX_EDGES:
             raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
         byte_offset = _index(accessor.get("byteOffset", 0))
-        return (struct.unpack_from(form, data, byte_offset + i * step) for i in range(item_count))
+        return (
+            struct.unpack_from(form, buffer_bytes, byte_offset + i * byte_step)
+            for i in range(item_count)
+        )
 
     def _buffer(self, number: int) -> bytes:
         if number not in self._buffers:
@@ -190,24 +193,24 @@ class _Reader:
                 self._buffers[number] = self._binary
                 return self._binary
             address = str(buffer.get("uri", ""))
-            head, comma, data = address.partition(",")
+            head, comma, buffer_bytes = address.partition(",")
             if not head.startswith(_EMBEDDED) or not comma or not head.endswith(";base64"):
                 raise MeshFileError(
                     "its data is in another file; write it as one file: glTF Binary (.glb) or "
                     "Embedded (.gltf)"
                 )
             try:
-                self._buffers[number] = base64.b64decode(data, validate=True)
+                self._buffers[number] = base64.b64decode(buffer_bytes, validate=True)
             except (binascii.Error, ValueError) as error:
                 raise MeshFileError("its data is not base64") from error
         return self._buffers[number]
 
 
-def _index(value: Any) -> int:
+def _index(index_value: Any) -> int:
     """A non-negative integer; a negative index would count from the end of a list."""
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+    if not isinstance(index_value, int) or isinstance(index_value, bool) or index_value < 0:
         raise TypeError
-    return value
+    return index_value
 
 
 def _edges(primitive_mode: Any, corners: Sequence[int]) -> Iterator[tuple[int, int]]:
@@ -267,10 +270,10 @@ def _placed(scene_node: Mapping[str, Any]) -> _Matrix:
 
 
 def _floats(values: Any, n: int) -> list[float]:
-    numbers = [float(value) for value in values]
-    if len(numbers) != n or not all(map(math.isfinite, numbers)):
+    number_list = [float(value) for value in values]
+    if len(number_list) != n or not all(map(math.isfinite, number_list)):
         raise TypeError
-    return numbers
+    return number_list
 
 
 def _product(a: _Matrix, b: _Matrix) -> _Matrix:

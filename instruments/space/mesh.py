@@ -36,15 +36,16 @@ class Surface:
 
 
 def placed(
-    mesh: Mesh, scale: float, up: str, position: Sequence[float]
+    mesh: Mesh, scale: float, up: str, mesh_position: Sequence[float]
 ) -> Iterator[tuple[float, ...]]:
-    """Positions of the points of a file [m]: its origin at `position`, its unit `scale` [m] long.
+    """Positions of the points of a file [m]: its origin at `mesh_position`, its unit `scale` [m]
+    long.
 
     The axis `up` of the file becomes the last one.
     """
     turn = TURNS[up]
     for point in mesh.points:
-        yield tuple(a + scale * point[axis] for a, axis in zip(position, turn, strict=True))
+        yield tuple(a + scale * point[axis] for a, axis in zip(mesh_position, turn, strict=True))
 
 
 def merged(mesh: Mesh) -> Mesh:

@@ -27,7 +27,7 @@ class Read(Protocol):
         """
 
 
-def from_file(mesh_values: Values, read: Read, collector: Collector) -> Values:
+def from_file(mesh_values: Values, read_file: Read, collector: Collector) -> Values:
     """The fields of a MESH, or of a wall, with the mesh of the file that they name; reports
     errors.
     """
@@ -35,10 +35,10 @@ def from_file(mesh_values: Values, read: Read, collector: Collector) -> Values:
     if not isinstance(file_name, str):
         return mesh_values
     file_place, file_label = mesh_values.place_of("file"), mesh_values.context.label("file")
-    kind = PurePath(file_name).suffix.lower()
-    document = read(file_name, file_place, _DECODERS.get(kind, obj_file.decoded))
+    file_ending = PurePath(file_name).suffix.lower()
+    document = read_file(file_name, file_place, _DECODERS.get(file_ending, obj_file.decoded))
     mesh = None
-    if document is not None and kind == _GLTF:
+    if document is not None and file_ending == _GLTF:
         mesh = _gltf(document, file_label, collector)
     elif document is not None:
         mesh = obj_file.Reader(document, file_label, collector).mesh(file_place)
@@ -46,11 +46,11 @@ def from_file(mesh_values: Values, read: Read, collector: Collector) -> Values:
     return replace(mesh_values, by_name=fields if mesh is None else {**fields, "file": mesh})
 
 
-def _gltf(document: Document, who: str, collector: Collector) -> Mesh | None:
+def _gltf(document: Document, module_label: str, collector: Collector) -> Mesh | None:
     try:
         return gltf_file.read(document.text)
     except MeshFileError as error:
-        collector.error(error.code, f"{who}: {error}", Place(document.file, 1, 1))
+        collector.error(error.code, f"{module_label}: {error}", Place(document.file, 1, 1))
         return None
 
 

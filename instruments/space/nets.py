@@ -138,22 +138,22 @@ def chain(chain_fields: ChainFields) -> Net:
     held = [False] * n
     held[0] = chain_fields["ends"] in ("fixed", "left")
     held[-1] = chain_fields["ends"] == "fixed"
-    rest = (
+    rest_length = (
         math.dist(start_position, stop_position) / (n - 1)
         if chain_fields["rest"] is None
         else chain_fields["rest"]
     )
-    return Net(places, held, [Run(0, 1, n - 1, rest, chain_fields["K"], chain_fields["Z"])])
+    return Net(places, held, [Run(0, 1, n - 1, rest_length, chain_fields["K"], chain_fields["Z"])])
 
 
 def cloth(cloth_fields: ClothFields) -> Net:
     """Points row by row, with springs along each row, along each column, and across each cell."""
     (across, rows_up), axes = cloth_fields["sides"], cloth_fields["axes"]
-    corner, right, upwards = cloth_fields["at"], cloth_fields["across"], cloth_fields["up"]
+    corner, right_step, upwards = cloth_fields["at"], cloth_fields["across"], cloth_fields["up"]
     point_positions = [
         tuple(
             corner[axis]
-            + right[axis] * (i / max(1, across - 1))
+            + right_step[axis] * (i / max(1, across - 1))
             + upwards[axis] * (j / max(1, rows_up - 1))
             for axis in range(axes)
         )
@@ -168,12 +168,14 @@ def cloth(cloth_fields: ClothFields) -> Net:
     }.get(cloth_fields["held"], lambda i, j: False)
     held = [is_held(i, j) for j in range(rows_up) for i in range(across)]
 
-    def run(low: int, high: int, count: int, stiffness: float, damping: float) -> Run:
+    def run(
+        low_index: int, high_index: int, spring_count: int, stiffness: float, damping: float
+    ) -> Run:
         return Run(
-            low,
-            high,
-            count,
-            math.dist(point_positions[low], point_positions[high]),
+            low_index,
+            high_index,
+            spring_count,
+            math.dist(point_positions[low_index], point_positions[high_index]),
             stiffness,
             damping,
         )
@@ -193,16 +195,17 @@ def cloth(cloth_fields: ClothFields) -> Net:
 
 def disc(disc_fields: DiscFields) -> Net:
     """Points of a triangular lattice, in rings around a middle."""
-    ring_count, position, axes = disc_fields["rings"], disc_fields["at"], disc_fields["axes"]
+    ring_count, disc_position, axes = disc_fields["rings"], disc_fields["at"], disc_fields["axes"]
     spacing = 0.5 * disc_fields["across"] / ring_count
-    right, upwards = _plane(disc_fields["normal"])
-    height = math.sqrt(0.75)
+    right_step, upwards = _plane(disc_fields["normal"])
+    row_height = math.sqrt(0.75)
     # The axes of the cells are 60 degrees apart.
     numbers = range(-ring_count, ring_count + 1)
     lattice_cells = [(q, r) for r in numbers for q in numbers if abs(q + r) <= ring_count]
     places = [
         tuple(
-            position[axis] + spacing * ((q + 0.5 * r) * right[axis] + height * r * upwards[axis])
+            disc_position[axis]
+            + spacing * ((q + 0.5 * r) * right_step[axis] + row_height * r * upwards[axis])
             for axis in range(axes)
         )
         for q, r in lattice_cells
@@ -222,21 +225,22 @@ def _plane(normal: Vector | None) -> tuple[Vector, Vector]:
     x, y, z = (0.0, 0.0, 1.0) if normal is None else normal
     length = math.hypot(x, y, z)
     x, y, z = x / length, y / length, z / length
-    sign = math.copysign(1.0, z)
-    a = -1.0 / (sign + z)
+    z_sign = math.copysign(1.0, z)
+    a = -1.0 / (z_sign + z)
     b = x * y * a
-    return (1.0 + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)
+    return (1.0 + z_sign * x * x * a, z_sign * b, -z_sign * x), (b, z_sign + y * y * a, -y)
 
 
 def block(block_fields: BlockFields) -> Net:
     """A box of points on a lattice, each joined to its neighbours."""
-    start_corner, stop, stop_corner = (
+    start_corner, stop_corner_index, stop_corner = (
         block_fields["from"],
         block_fields["to"],
         block_fields["sides"],
     )
     spacing = [
-        (b - a) / max(1, n - 1) for a, b, n in zip(start_corner, stop, stop_corner, strict=True)
+        (b - a) / max(1, n - 1)
+        for a, b, n in zip(start_corner, stop_corner_index, stop_corner, strict=True)
     ]
     axis_counts = _cells(stop_corner)
     places = [
@@ -301,10 +305,10 @@ def _in_ball(n: int, axes: int) -> int:
     sums = {0: 1}
     for _ in range(axes):
         wider: dict[int, int] = {}
-        for total, count in sums.items():
+        for cell_sum, cell_count in sums.items():
             for square in squares:
-                if total + square <= (n - 1) ** 2:
-                    wider[total + square] = wider.get(total + square, 0) + count
+                if cell_sum + square <= (n - 1) ** 2:
+                    wider[cell_sum + square] = wider.get(cell_sum + square, 0) + cell_count
         sums = wider
     return sum(sums.values())
 
@@ -330,12 +334,12 @@ def _springs(
     lattice_cells: Sequence[Cell], steps: Iterable[tuple[Cell, float]]
 ) -> Iterator[Spring]:
     """Springs from each cell to the cells one step away, for each step in turn."""
-    numbers = {cell: number for number, cell in enumerate(lattice_cells)}
-    for step, rest in steps:
-        for number, cell in enumerate(lattice_cells):
-            there = numbers.get(tuple(i + j for i, j in zip(cell, step, strict=True)))
+    numbers_by_cell = {cell: number for number, cell in enumerate(lattice_cells)}
+    for step, rest_length in steps:
+        for cell_number, cell in enumerate(lattice_cells):
+            there = numbers_by_cell.get(tuple(i + j for i, j in zip(cell, step, strict=True)))
             if there is not None:
-                yield number, there, rest
+                yield cell_number, there, rest_length
 
 
 def _equal(springs: Iterable[Spring], net_fields: NetFields) -> Iterator[Run]:

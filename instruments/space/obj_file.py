@@ -31,7 +31,7 @@ _CORNER = re.compile(r"([+-]?[0-9]+)(/[+-]?[0-9]*){0,2}")
 _MISSED = frozenset(["curv", "curv2", "surf", "bzp", "bsp", "cdc", "cdp", "res", "call", "csh"])
 
 
-def decoded(file_bytes: bytes, name: str, collector: Collector) -> str | None:
+def decoded(file_bytes: bytes, file_name: str, collector: Collector) -> str | None:
     """The text of a file, whose names and comments may be in Latin-1; None after saying what is
     wrong.
     """
@@ -40,15 +40,15 @@ def decoded(file_bytes: bytes, name: str, collector: Collector) -> str | None:
     except UnicodeDecodeError:
         if file_bytes[:2] not in (b"\xff\xfe", b"\xfe\xff"):
             file_bytes = file_bytes.decode("latin-1").encode()
-    return decode(file_bytes, name, collector)
+    return decode(file_bytes, file_name, collector)
 
 
 def written(mesh: Mesh) -> str:
     """A mesh as text from which `Reader` makes the same mesh."""
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.points]
-    lines += [f"l {a + 1} {b + 1}" for a, b in mesh.edges]
-    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces]
-    return "\n".join([*lines, ""])
+    obj_lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.points]
+    obj_lines += [f"l {a + 1} {b + 1}" for a, b in mesh.edges]
+    obj_lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in mesh.faces]
+    return "\n".join([*obj_lines, ""])
 
 
 class Reader:
@@ -63,11 +63,11 @@ class Reader:
 
     def mesh(self, asked: Place) -> Mesh | None:
         """The mesh of the file; None if an error was reported."""
-        for number, line in self._lines():
+        for line_number, line in self._lines():
             try:
                 self._line(line.split())
             except MeshFileError as error:
-                place = Place(self._document.file, number, 1)
+                place = Place(self._document.file, line_number, 1)
                 self._collector.error(error.code, f"{self._who}: {error}", place)
                 return None
         if self._edges:
@@ -103,10 +103,10 @@ class Reader:
                 f"{quote(line_kind)} is not read; a mesh has vertices (v), faces (f) and lines (l)"
             )
 
-    def _vertex(self, words: list[str]) -> None:
-        if len(words) < 3 or not all(map(_NUMBER.fullmatch, words[:3])):
+    def _vertex(self, line_words: list[str]) -> None:
+        if len(line_words) < 3 or not all(map(_NUMBER.fullmatch, line_words[:3])):
             raise MeshFileError("a vertex has three numbers, such as v 0 0.5 1")
-        x, y, z = map(float, words[:3])
+        x, y, z = map(float, line_words[:3])
         if max(abs(x), abs(y), abs(z)) > COORDINATE_MAX:
             raise MeshFileError(f"a coordinate is at most {COORDINATE_MAX:,.0f}", "E105")
         if len(self._points) == MAX_POINTS:
@@ -118,10 +118,10 @@ class Reader:
         if len(corners) < (3 if line_kind == "f" else 2):
             raise MeshFileError("a face has three corners or more, a line two")
         ends = [*corners, corners[0]] if line_kind == "f" else corners
-        for a, b in pairwise(ends):
-            if a == b:
-                raise MeshFileError(f"vertex {a + 1} is written twice in a row")
-            self._edges[min(a, b), max(a, b)] = None
+        for first_vertex, second_vertex in pairwise(ends):
+            if first_vertex == second_vertex:
+                raise MeshFileError(f"vertex {first_vertex + 1} is written twice in a row")
+            self._edges[min(first_vertex, second_vertex), max(first_vertex, second_vertex)] = None
         if line_kind == "f":  # a fan of triangles
             first, *others = corners
             self._faces += [(first, a, b) for a, b in pairwise(others)]

@@ -72,11 +72,11 @@ def unit(direction: Vector | None) -> Vector | None:
     return (*(one / length for one in direction), 0.0)[:3]
 
 
-def add_point(network: _core.Network, name: str, point_fields: PointFields) -> int:
+def add_point(network: _core.Network, points_name: str, point_fields: PointFields) -> int:
     """Add a single point; returns the index of its first MAT. Raises EngineError."""
     axis_count = point_fields["axes"]
     return network.points(
-        name,
+        points_name,
         axes=axis_count,
         M=[point_fields.get("M", 0.0)],
         X0=point_fields["X0"],
@@ -88,7 +88,7 @@ def add_point(network: _core.Network, name: str, point_fields: PointFields) -> i
 
 def add_points(
     network: _core.Network,
-    name: str,
+    points_name: str,
     point_fields: PointsFields,
     point_positions: Sequence[Vector],
     held: Sequence[bool],
@@ -96,11 +96,11 @@ def add_points(
     """Add points that share a mass; returns the index of the first MAT. Raises EngineError."""
     axis_count, n = point_fields["axes"], len(point_positions)
     v0 = point_fields.get("V0") or (0.0,) * axis_count
-    each = point_fields["M"] / max(1, n - sum(held))
+    point_mass = point_fields["M"] / max(1, n - sum(held))
     return network.points(
-        name,
+        points_name,
         axes=axis_count,
-        M=[0.0 if is_held else each for is_held in held],
+        M=[0.0 if is_held else point_mass for is_held in held],
         X0=[place[axis] for axis in range(axis_count) for place in point_positions],
         V0=[v0[axis] for axis in range(axis_count) for _ in point_positions],
         Z=point_fields["drag"],
@@ -108,7 +108,7 @@ def add_points(
 
 
 def add_surface(
-    network: _core.Network, name: str, surface_fields: SurfaceFields, masses: range
+    network: _core.Network, points_name: str, surface_fields: SurfaceFields, masses: range
 ) -> list[int]:
     """Add fixed points below the masses of a body; returns the first MAT along each axis.
 
@@ -119,7 +119,9 @@ def add_surface(
     x0 = [surface_position[0] + across * place.x for place in places]
     if len(surface_position) > 1:
         x0 += [surface_position[1] + across * place.y for place in places]
-    first = network.points(name, axes=len(surface_position), M=[0.0] * n, X0=x0, V0=[0.0] * len(x0))
+    first = network.points(
+        points_name, axes=len(surface_position), M=[0.0] * n, X0=x0, V0=[0.0] * len(x0)
+    )
     return [*range(first, first + len(x0), n), masses.start]
 
 
@@ -127,7 +129,11 @@ def add_surface(
 
 
 def add_grains(
-    network: _core.Network, name: str, grain_fields: GrainsFields, chance: Chance, module_label: str
+    network: _core.Network,
+    points_name: str,
+    grain_fields: GrainsFields,
+    chance: Chance,
+    module_label: str,
 ) -> int:
     """Add free points in a box; returns the index of the first MAT. Raises EngineError."""
     start_corner, stop_corner, n = grain_fields["from"], grain_fields["to"], grain_fields["count"]
@@ -147,7 +153,7 @@ def add_grains(
             error = _core.EngineError(message)
             error.module, error.refusals = module_label, []
             raise error
-    return add_points(network, name, grain_fields, grain_positions, [False] * n)
+    return add_points(network, points_name, grain_fields, grain_positions, [False] * n)
 
 
 def _lattice(
@@ -191,12 +197,14 @@ def _widest(box_sides: Sequence[float], n: int) -> tuple[float, list[int]]:
     return low_spacing, counts(low_spacing)
 
 
-def _packing(start: Vector, stop: Vector, n: int, apart: float, chance: Chance) -> list[Vector]:
+def _packing(
+    box_start: Vector, box_stop: Vector, n: int, apart: float, chance: Chance
+) -> list[Vector]:
     """Random places, each at least `apart` [m] from those before; fewer than n if no more fit.
 
     Random sequential addition (Widom, Journal of Chemical Physics 44, 1966).
     """
-    sides = [sorted(ends) for ends in zip(start, stop, strict=True)]
+    sides = [sorted(ends) for ends in zip(box_start, box_stop, strict=True)]
     points_by_cell: dict[tuple[int, ...], list[Vector]] = {}
 
     def is_free(place: Vector, cell: tuple[int, ...]) -> bool:

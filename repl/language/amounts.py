@@ -30,17 +30,19 @@ from ergon.scores.reading.automatable import amount_reader
 
 
 def unit_completions(
-    example: str, units: Iterable[str], quantity_name: str
+    example: str, unit_names: Iterable[str], quantity_name: str
 ) -> Callable[[CompletionContext], Iterator[Completion]]:
     """Completions of a quantity: an example, or what is typed with each unit."""
-    words = [unit for unit in units if unit.isascii()]
+    unit_words = [unit for unit in unit_names if unit.isascii()]
 
     def offers(context: CompletionContext) -> Iterator[Completion]:
-        match = NUMBER.match(context.typed)
-        if match is None:
+        number_match = NUMBER.match(context.typed)
+        if number_match is None:
             yield Completion(example, quantity_name)
         else:
-            yield from (Completion(match.group() + unit, quantity_name) for unit in words)
+            yield from (
+                Completion(number_match.group() + unit, quantity_name) for unit in unit_words
+            )
 
     return offers
 
@@ -73,18 +75,18 @@ def dimension_value(shape: Text) -> Value:
     return quantity_value(shape, dimension.example, dimension.units)
 
 
-def _read_level(text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
-    if text in scope.instruments or text in scope.players or text in scope.strikes:
-        message = f"a level is missing: gain {text} -6dB"
-        raise TextError(message, offset=len(text))
-    return k.GAIN.parse(text)
+def _read_level(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> Any:
+    if slot_text in scope.instruments or slot_text in scope.players or slot_text in scope.strikes:
+        message = f"a level is missing: gain {slot_text} -6dB"
+        raise TextError(message, offset=len(slot_text))
+    return k.GAIN.parse(slot_text)
 
 
-def _read_gain(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> float:
-    ratio: float = _read_level(text, scope, slots_read)
+def _read_gain(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> float:
+    ratio: float = _read_level(slot_text, scope, slots_read)
     if ratio > GAIN_MAX:
-        message = f"{text.strip()} is above the highest level, {q.LOUDEST_DB:g}dB"
-        raise TextError(message, length=len(text))
+        message = f"{slot_text.strip()} is above the highest level, {q.LOUDEST_DB:g}dB"
+        raise TextError(message, length=len(slot_text))
     return ratio
 
 
@@ -92,19 +94,19 @@ _LENGTH_UNITS = ("bar", "beats", "s", "ms")
 GAIN_MAX = 10.0 ** (q.LOUDEST_DB / 20.0) * (1.0 + 1e-9)  # 24dB itself is taken
 
 
-def _read_length(text: str, *_: Any) -> Length:
-    parsed_length = parse_length(text)
+def _read_length(slot_text: str, *_: Any) -> Length:
+    parsed_length = parse_length(slot_text)
     if not (parsed_length.bars or parsed_length.beats or parsed_length.seconds):
         raise TextError(
-            f"the length {quote(text)} is zero: write one such as 1bar", length=len(text)
+            f"the length {quote(slot_text)} is zero: write one such as 1bar", length=len(slot_text)
         )
     return parsed_length
 
 
-def _read_signed_length(text: str, *_: Any) -> Length:
-    sign = text[:1] if text[:1] in ("+", "-") else ""
+def _read_signed_length(slot_text: str, *_: Any) -> Length:
+    sign = slot_text[:1] if slot_text[:1] in ("+", "-") else ""
     try:
-        return parse_length(text[len(sign) :]).times(-1.0 if sign == "-" else 1.0)
+        return parse_length(slot_text[len(sign) :]).times(-1.0 if sign == "-" else 1.0)
     except TextError as error:
         error.offset += len(sign)
         raise
@@ -204,11 +206,11 @@ def _read_target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
 def _read_change(
     change_text: str, scope: Scope, slots_read: Mapping[str, Any]
 ) -> tuple[float | None, float | None]:
-    target = slots_read["target"]
-    shape = scope.targets[target]
+    target_path = slots_read["target"]
+    shape = scope.targets[target_path]
     if shape is TRANSPOSITION:
         return shape.parse(change_text), None
-    amount = amount_reader(shape.parse, target.rpartition(".")[2])(change_text)
+    amount = amount_reader(shape.parse, target_path.rpartition(".")[2])(change_text)
     return (None, amount.value) if amount.is_factor else (amount.value, None)
 
 
@@ -237,10 +239,10 @@ TUNING = "tuning"  # what `show` may be followed by, as by a name of the score
 
 
 def _read_shown(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> str:
-    name: str = (
+    shown_name: str = (
         text if text == TUNING or text in scope.targets else ANY_NAME.read(text, scope, slots_read)
     )
-    return name
+    return shown_name
 
 
 def _shown_completions(context: CompletionContext) -> Iterator[Completion]:

@@ -77,10 +77,10 @@ def _options(
         if faulty_word in option_examples:
             error.suggestion = f"{faulty_word} {option_examples[faulty_word]}"
         raise
-    for name, option_word in placed_options.items():
-        field_shape = AUTOMATION.by_name[name].shape
+    for option_name, option_word in placed_options.items():
+        field_shape = AUTOMATION.by_name[option_name].shape
         try:
-            if name == "until":
+            if option_name == "until":
                 amounts.POSITION.read(option_word.text, scope, {})
             elif isinstance(field_shape, Text):
                 field_shape.parse(option_word.text)
@@ -123,11 +123,11 @@ def _read_set(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Ma
 
 def _read_lfo(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of `lfo` as texts."""
-    ends, end, placed_options = _options(slot_text, scope, _LFO_OPTIONS)
+    ends, ends_index, placed_options = _options(slot_text, scope, _LFO_OPTIONS)
     parse_range(ends, _reader(scope, slots_read))
     if "period" not in placed_options:
         message = "the length of one swing is missing: period 4bar"
-        raise TextError(message, offset=end, length=max(1, len(slot_text) - end))
+        raise TextError(message, offset=ends_index, length=max(1, len(slot_text) - ends_index))
     return {"range": ends, **placed_options}
 
 

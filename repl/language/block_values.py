@@ -36,16 +36,16 @@ def checked(value_name: str, value_text: str) -> tuple[str, str]:
     return value_name, value_text
 
 
-def filled(block_lines: Iterable[str], words: Sequence[str]) -> list[str]:
+def filled(block_lines: Iterable[str], value_words: Sequence[str]) -> list[str]:
     """The lines of a block with their values, without the lines that set them.
 
-    `words` are values as they are written where the block is run: `16` for the first that the
+    `value_words` are values as they are written where the block is run: `16` for the first that the
     block sets, or `n=16`. Raises TextError.
     """
     block_lines = [*block_lines]
     values_by_name = defaults(block_lines)
     value_names = [*values_by_name]
-    for word_index, value_word in enumerate(words):
+    for word_index, value_word in enumerate(value_words):
         value_name, equals, value_text = value_word.partition("=")
         if not equals:
             if word_index >= len(value_names):
@@ -82,16 +82,16 @@ def counts_runs(block_lines: Iterable[str]) -> bool:
     return any(match[1] == TICK for line in block_lines for match in _USE.finditer(line))
 
 
-def variants(block_line: str, values: Mapping[str, str]) -> Iterator[str]:
+def variants(block_line: str, values_by_name: Mapping[str, str]) -> Iterator[str]:
     """A line as it is in successive runs, with all of the words in its brackets. Raises
     TextError.
     """
     rings = [len((match[2] or "").split()) for match in _USE.finditer(block_line)]
     for tick in range(min(max(rings, default=1) or 1, _MAX_TICKS)):
-        yield _filled_line(block_line, {**values, TICK: str(tick)})
+        yield _filled_line(block_line, {**values_by_name, TICK: str(tick)})
 
 
-def _filled_line(line: str, values_by_name: Mapping[str, str]) -> str:
+def _filled_line(line_text: str, values_by_name: Mapping[str, str]) -> str:
     def value_of(bracket_match: re.Match[str]) -> str:
         value_name, choice_words = bracket_match[1], bracket_match[2]
         if value_name not in values_by_name:
@@ -105,16 +105,16 @@ def _filled_line(line: str, values_by_name: Mapping[str, str]) -> str:
             return value_text
         choices = choice_words.split()
         if not value_text.isdecimal() or not choices:
-            what = (
+            missing_text = (
                 f"${value_name} is {value_text}, and counts"
                 if choices
                 else f"${value_name}[] needs"
             )
-            message = f"{what} words in brackets from 0 on: $tick[C4 E4 G4]"
+            message = f"{missing_text} words in brackets from 0 on: $tick[C4 E4 G4]"
             raise TextError(message, offset=bracket_match.start(), length=len(bracket_match[0]))
         return choices[int(value_text) % len(choices)]
 
-    return _USE.sub(value_of, line)
+    return _USE.sub(value_of, line_text)
 
 
 def _count(count: int) -> str:

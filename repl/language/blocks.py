@@ -59,7 +59,7 @@ def _name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, tupl
     if not slot_text.endswith(":"):
         message = f"a ':' is missing: def {slot_text}: and then its lines"
         raise TextError(message, length=len(slot_text), suggestion=f"{slot_text}:")
-    first, *values = slot_text[:-1].split()
+    first, *setting_words = slot_text[:-1].split()
     block_name = v.check_new_name(first)
     if block_name in _CONDITION_WORDS:
         message = f"{quote(block_name)} is a word of conditions: give the block another name"
@@ -68,15 +68,17 @@ def _name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, tupl
         if block_name in getattr(scope, f"{what}s"):
             message = f"{quote(block_name)} is the name of a {what}: give the block another name"
             raise TextError(message, length=len(block_name))
-    return block_name, tuple(_setting(value) for value in values)
+    return block_name, tuple(_setting(value) for value in setting_words)
 
 
-def _setting(text: str) -> str:
+def _setting(slot_text: str) -> str:
     """The line of a block that sets a value, from `n=8`."""
-    name, equals, value = text.partition("=")
+    value_name, equals, value_text = slot_text.partition("=")
     if not equals:
-        raise TextError(f"{quote(text)} has no value: write {text}=8", length=len(text))
-    return "${} = {}".format(*checked(name, value))
+        raise TextError(
+            f"{quote(slot_text)} has no value: write {slot_text}=8", length=len(slot_text)
+        )
+    return "${} = {}".format(*checked(value_name, value_text))
 
 
 def _name_words(words: Sequence[str]) -> int:
@@ -84,11 +86,11 @@ def _name_words(words: Sequence[str]) -> int:
     return next((number for number, word in enumerate(words, 1) if word.endswith(":")), 1)
 
 
-def _lines(text: str, *_: Any) -> tuple[str, ...]:
-    block_lines = tuple(line.text.strip() for line in lines(text))
+def _lines(slot_text: str, *_: Any) -> tuple[str, ...]:
+    block_lines = tuple(line.text.strip() for line in lines(slot_text))
     if len(block_lines) > MAX_BLOCK:
         message = f"this block has {len(block_lines)} lines; {MAX_BLOCK} are the most"
-        raise TextError(message, length=len(text))
+        raise TextError(message, length=len(slot_text))
     return block_lines
 
 
@@ -99,11 +101,11 @@ def _rule(rule_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[Condition
         raise TextError(f"a block is missing: when {rule_text} NAME", offset=len(rule_text))
     name_start = rule_text.rindex(rule_words[-1])
     try:
-        name = BLOCK.read(rule_words[-1], scope, {})
+        known_name = BLOCK.read(rule_words[-1], scope, {})
     except TextError as error:
         error.offset += name_start
         raise
-    return parse_condition(rule_text[:name_start].rstrip()), name
+    return parse_condition(rule_text[:name_start].rstrip()), known_name
 
 
 def _rule_completions(context: CompletionContext) -> Iterator[Completion]:
@@ -136,7 +138,11 @@ RULE = Value("a condition and a block", _rule, _rule_completions)
 
 
 def define(
-    name: tuple[str, tuple[str, ...]], lines: tuple[str, ...], *, when: When, words: Words
+    name: tuple[str, tuple[str, ...]],
+    lines: tuple[str, ...],
+    *,
+    when: When,
+    words: Words,
 ) -> DefineBlock:
     """Define a block; the lines that set its values come first."""
     return DefineBlock(name[0], (*name[1], *lines), when=when, words=words)

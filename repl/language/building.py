@@ -21,7 +21,7 @@ FUNCTIONS = {
 WHEN = ("now", "at", "in", "sync")  # the names of a time
 
 
-def build_line(verb: str, values: Sequence[object], named: Mapping[str, object]) -> str:
+def build_line(verb: str, slot_values: Sequence[object], named: Mapping[str, object]) -> str:
     """The line of a verb, from values in the order in which they are written, or by name.
 
     A name is the word that comes before a value (`over`, `as_`, `K`), an option of `plays`, or
@@ -34,13 +34,15 @@ def build_line(verb: str, values: Sequence[object], named: Mapping[str, object])
         for name, value in option_values.items()
         if value is not None and value is not False
     }
-    for form in forms_of(verb):
+    for verb_form in forms_of(verb):
         # A time is accepted only by verbs that take one.
-        when = {name: option_values[name] for name in WHEN if name in option_values and form.timed}
-        rest = {name: value for name, value in option_values.items() if name not in when}
-        words = _words_in_order(form, values, rest)
-        if words is not None and len(when) <= 1:
-            return " ".join([*words, *_options(when)])
+        time_words = {
+            name: option_values[name] for name in WHEN if name in option_values and verb_form.timed
+        }
+        rest = {name: value for name, value in option_values.items() if name not in time_words}
+        words = _words_in_order(verb_form, slot_values, rest)
+        if words is not None and len(time_words) <= 1:
+            return " ".join([*words, *_options(time_words)])
     raise TypeError("write it as " + ", or: ".join(form.written for form in forms_of(verb)))
 
 
@@ -60,7 +62,7 @@ def _words_in_order(
     open_ = [number for number in range(len(verb_form.slots)) if number not in bound]
     # If there are more values than required places, they fill optional places from the left.
     spare = len(slot_values) - sum(not verb_form.slots[number].optional for number in open_)
-    values = iter(slot_values)
+    value_iterator = iter(slot_values)
     for slot_index in open_:
         if verb_form.slots[slot_index].optional:
             if spare <= 0:
@@ -68,7 +70,7 @@ def _words_in_order(
             spare -= 1
         elif spare < 0:
             return None
-        bound[slot_index] = next(values)
+        bound[slot_index] = next(value_iterator)
     option_words = (
         _options(values_left) if any(slot.value is PLAYING for slot in verb_form.slots) else []
     )
@@ -82,10 +84,10 @@ def _words_in_order(
     return words
 
 
-def _slot_text(form_slot: Slot, value: object) -> str | None:
-    slot_text = _text(value)
+def _slot_text(form_slot: Slot, slot_value: object) -> str | None:
+    slot_text = _text(slot_value)
     if form_slot.value is None:  # a word that stands alone
-        return form_slot.lead if value is True or slot_text == form_slot.lead else None
+        return form_slot.lead if slot_value is True or slot_text == form_slot.lead else None
     if form_slot.value is NEW_BLOCK:
         return f"{slot_text}:"
     if form_slot.value in (v.FILE, MIDI_FILE, FAMILY) and " " in slot_text:
@@ -104,7 +106,7 @@ def _options(named: Mapping[str, object]) -> list[str]:
 
 
 def _text(value: object) -> str:
-    text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
-    if "\n" in text:
+    words_text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+    if "\n" in words_text:
         raise ValueError("a value must be on one line")
-    return text
+    return words_text

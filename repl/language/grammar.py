@@ -66,11 +66,11 @@ def read_command(typed_line: Line, scope: Scope, hints: Hints | None = None) -> 
         _first_hints(line_words, scope, hints)
     if not line_words:
         return None
-    verb, arguments = find_verb_of(line_words, scope)
-    after = line_words[-1].end
+    verb, verb_words = find_verb_of(line_words, scope)
+    line_end = line_words[-1].end
     refusals = []
-    for form in _forms(verb, arguments):
-        reading = _FormReader(form, typed_line, list(arguments), after, scope, hints)
+    for form in _forms(verb, verb_words):
+        reading = _FormReader(form, typed_line, list(verb_words), line_end, scope, hints)
         try:
             command_read = reading.command()
         except TextError as error:
@@ -84,11 +84,11 @@ def read_command(typed_line: Line, scope: Scope, hints: Hints | None = None) -> 
     raise max(refusals, key=lambda error: (error.offset, error.suggestion is not None))
 
 
-def _forms(verb: str, arguments: list[Word]) -> Iterator[Form]:
+def _forms(verb: str, verb_words: list[Word]) -> Iterator[Form]:
     """The forms that a line may have: what is in quotes belongs to one alone."""
-    is_quoted = len(arguments) > 1 and arguments[1].text.startswith('"')
+    is_quoted = len(verb_words) > 1 and verb_words[1].text.startswith('"')
     for form in verbs.forms_of(verb):
-        if len(arguments) < 2 or verb != "=" or form.quoted == is_quoted:
+        if len(verb_words) < 2 or verb != "=" or form.quoted == is_quoted:
             yield form
 
 
@@ -146,16 +146,16 @@ class _FormReader:
     def __init__(
         self,
         verb_form: Form,
-        line: Line,
-        words: list[Word],
-        after: int,
+        typed_line: Line,
+        form_words: list[Word],
+        verb_end: int,
         scope: Scope,
         hints: Hints | None,
     ) -> None:
         self.form = verb_form
-        self.line = line
-        self.words = words
-        self.end_of_line = after  # where a missing word would stand
+        self.line = typed_line
+        self.words = form_words
+        self.end_of_line = verb_end  # where a missing word would stand
         self.scope = scope
         self.hints = hints
         self.fields: dict[str, Any] = {
@@ -205,7 +205,7 @@ class _FormReader:
                 length=len(last_word.text),
             )
 
-    def _read_slot(self, form_slot: Slot, later: list[Slot], options: list[Slot]) -> bool:
+    def _read_slot(self, form_slot: Slot, later: list[Slot], option_slots: list[Slot]) -> bool:
         """Read a place that has a fixed order; False if that word is still being typed."""
         needed = sum(
             (slot.value is not None) + bool(slot.lead) for slot in later if not slot.optional
@@ -225,11 +225,11 @@ class _FormReader:
         if form_slot.value is None:
             return True
         if form_slot.many:
-            return self._read_many(form_slot, options)
-        texts = [word.text for word in self.words]
-        word_count = form_slot.value.count(texts)
-        if len(texts) < word_count:
-            self._offer(form_slot.value, tuple(texts))
+            return self._read_many(form_slot, option_slots)
+        word_texts = [word.text for word in self.words]
+        word_count = form_slot.value.count(word_texts)
+        if len(word_texts) < word_count:
+            self._offer(form_slot.value, tuple(word_texts))
             self.words = []
             return form_slot.optional or self._refuse_missing(form_slot)
         words, self.words = self.words[:word_count], self.words[word_count:]
@@ -255,12 +255,12 @@ class _FormReader:
         self.has_when |= any(word.text in _TIME_LEADS for word in slot_words)
         return True
 
-    def _next_option(self, options: list[Slot]) -> Slot | None:
+    def _next_option(self, option_slots: list[Slot]) -> Slot | None:
         """The option whose lead is the next word; that lead is removed."""
         if not self.words:
             return None
         next_word = self.words[0]
-        for option_slot in options:
+        for option_slot in option_slots:
             if option_slot.lead[-1] == "=" and next_word.text.startswith(option_slot.lead):
                 self.words[0] = _split_word(next_word, len(option_slot.lead))[1]
                 return option_slot
@@ -283,17 +283,17 @@ class _FormReader:
         self.fields[slot.field] = self._read_value(slot.value, word)
         self.as_written[slot.field] = word
 
-    def _read_value(self, value: v.Value, word: Word) -> Any:
+    def _read_value(self, value: v.Value, line_word: Word) -> Any:
         try:
-            return value.read(word.text, self.scope, self.fields)
+            return value.read(line_word.text, self.scope, self.fields)
         except TextError as error:
-            error.offset += word.start
+            error.offset += line_word.start
             raise
 
     def _refuse_missing(self, missing_slot: Slot) -> bool:
         if self.hints is not None:
             return False
-        what = (
+        missing_text = (
             f"'{missing_slot.lead}'"
             if missing_slot.lead
             else missing_slot.value.what
@@ -306,15 +306,15 @@ class _FormReader:
             names = [f"{verb} {name}" for name in (*list(self.scope.players)[:4], "all")]
             example = f"{', '.join(names[:-1])} or {names[-1]}"
         where = self.words[0].start if self.words else self.end_of_line
-        raise TextError(f"{what} is missing: {example}", offset=where)
+        raise TextError(f"{missing_text} is missing: {example}", offset=where)
 
     def _check_end(self, options: list[Slot]) -> None:
         if not self.words:
             return
-        word = self.words[0]
-        if not self.form.timed and word.text == "now" and len(self.words) == 1:
+        first_word = self.words[0]
+        if not self.form.timed and first_word.text == "now" and len(self.words) == 1:
             return  # the verb acts at once anyway
-        raise self._unexpected(word, [option.lead for option in options])
+        raise self._unexpected(first_word, [option.lead for option in options])
 
     def _unexpected(self, unexpected_word: Word, leads: list[str]) -> TextError:
         whens = ("now", *_TIME_LEADS) if self.form.timed else ()
@@ -344,13 +344,13 @@ class _FormReader:
             suggestion=nearest_word,
         )
 
-    def _joined_with_unit(self, word: Word) -> str | None:
+    def _joined_with_unit(self, line_word: Word) -> str | None:
         """A number before a unit that is a word of its own, joined with it; None if it is not."""
-        unit = _UNITS.get(word.text)
-        before = self.line.text[: word.start - self.line.start].split()
-        if unit is None or not before or not _NUMBER.fullmatch(before[-1]):
+        unit_name = _UNITS.get(line_word.text)
+        words_before = self.line.text[: line_word.start - self.line.start].split()
+        if unit_name is None or not words_before or not _NUMBER.fullmatch(words_before[-1]):
             return None
-        return before[-1] + unit
+        return words_before[-1] + unit_name
 
     # --- completions ------------------------------------------------------------------------------
 
@@ -365,11 +365,11 @@ class _FormReader:
                 v.Completion(slot.lead, slot.value.what if slot.value else self.form.effect)
             )
 
-    def _offer_rest(self, options: list[Slot]) -> None:
+    def _offer_rest(self, option_slots: list[Slot]) -> None:
         """Offer what may still follow when all required places are filled."""
         if self.hints is None or self.words or self.has_when:
             return
-        for option in options:
+        for option in option_slots:
             self._offer_lead(option)
             if option.lead[-1] == "=" and self.hints.typed.startswith(option.lead):
                 self._offer_joined(option)

@@ -98,10 +98,10 @@ def cheat_sheet() -> str:
         sheet_lines += _table(title, ("write", "effect", "example", "in short"), rows)
     sheet_lines += _table("when a line acts", ("at its end", "effect"), WHEN)
     sheet_lines += _table("notation", ("write", "meaning"), NOTATION)
-    options = (
+    option_lines = (
         (f"{word} {OPTIONS[word] or ''}".strip(), hint) for word, hint in OPTION_HINTS.items()
     )
-    sheet_lines += _table("further words of plays", ("write", "meaning"), options)
+    sheet_lines += _table("further words of plays", ("write", "meaning"), option_lines)
     sheet_lines += _table("what moves, for map", ("write", "meaning"), SOURCES.items())
     sheet_lines += _table("patterns", ("write", "meaning"), PATTERNS)
     sheet_lines += _table("transformations of rhythms", ("write", "meaning"), RHYTHM_EXAMPLES)
@@ -113,13 +113,15 @@ def _shortest(verb: str) -> str:
     return SHORTEST[verb] if SHORTEST[verb] != verb else ""
 
 
-def _table(title: str, heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> Iterator[str]:
+def _table(
+    title: str, heads: tuple[str, ...], table_rows: Iterable[tuple[str, ...]]
+) -> Iterator[str]:
     """A table whose cells are set as code, except those of the second column."""
     yield f"## {title.capitalize()}"
     yield ""
     yield "| " + " | ".join(heads) + " |"
     yield "|---" * len(heads) + "|"
-    for row in rows:
+    for row in table_rows:
         cells = (cell.replace("|", "\\|") for cell in row)
         shown = (f"`{c}`" if c and i != 1 and "`" not in c else c for i, c in enumerate(cells))
         yield "| " + " | ".join(shown) + " |"

@@ -54,22 +54,25 @@ def _lexical(text: str, scope: Scope) -> Iterator[Token]:
             elif verb == 0 and word_matches[0].group() == "py":
                 break
             else:
-                for start, stop, kind in _kinds(word_match.group(), scope):
+                for start, word_stop, token_kind in _kinds(word_match.group(), scope):
                     yield (
                         line_offset + word_match.start() + start,
-                        line_offset + word_match.start() + stop,
-                        kind,
+                        line_offset + word_match.start() + word_stop,
+                        token_kind,
                     )
         if code_end < len(text_line):
             yield line_offset + code_end, line_offset + len(text_line), "comment"
         line_offset += len(text_line) + 1
 
 
-def _verb(words: list[re.Match[str]], scope: Scope) -> int:
+def _verb(word_matches: list[re.Match[str]], scope: Scope) -> int:
     """The index of the verb; -1 if there is none yet."""
-    if not words:
+    if not word_matches:
         return -1
-    first_word, second = words[0].group(), words[1].group() if len(words) > 1 else ""
+    first_word, second = (
+        word_matches[0].group(),
+        word_matches[1].group() if len(word_matches) > 1 else "",
+    )
     if second == "=" or (
         first_word in scope.players and verbs.verbs_matching(second, verbs.SUBJECT_VERBS)
     ):
@@ -85,7 +88,7 @@ def _kinds(line_word: str, scope: Scope) -> Iterator[Token]:
     elif line_word in RESERVED:
         yield 0, len(line_word), "option"
     else:
-        for match in _NUMBER.finditer(line_word):
-            yield match.start("number"), match.end("number"), "number"
-            if match["unit"]:
-                yield match.start("unit"), match.end("unit"), "unit"
+        for word_match in _NUMBER.finditer(line_word):
+            yield word_match.start("number"), word_match.end("number"), "number"
+            if word_match["unit"]:
+                yield word_match.start("unit"), word_match.end("unit"), "unit"

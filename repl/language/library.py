@@ -69,10 +69,12 @@ def _read_family(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[st
     """The name of a family and its file, as a score uses it."""
     if slot_text in library():
         return slot_text, file_of(slot_text)
-    folder, _slash, name = slot_text.rpartition("/")
-    if (known := unused_family(name, scope)) and folder in ("", known):
+    folder, _slash, family_name = slot_text.rpartition("/")
+    if (known := unused_family(family_name, scope)) and folder in ("", known):
         message = f"{quote(slot_text)} is an instrument: type `use {known}` for its family, or "
-        raise TextError(f"{message}`{name} = {known}/{name}` for it alone", length=len(slot_text))
+        raise TextError(
+            f"{message}`{family_name} = {known}/{family_name}` for it alone", length=len(slot_text)
+        )
     path = PurePosixPath(
         slot_text[1:-1]
         if len(slot_text) > 1 and slot_text[0] == slot_text[-1] == '"'

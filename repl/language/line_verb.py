@@ -33,10 +33,10 @@ def find_verb_of(line_words: list[Word], scope: Scope) -> tuple[str, list[Word]]
         return about_player[0], [line_words[0], *line_words[2:]]
     if is_name and _is_stroke(line_words, scope):
         return "hear", line_words
-    some = verbs.verbs_matching(first_word, verbs.VERBS)
-    if len(some) == 1 and not (is_player and first_word != some[0]):
-        return some[0], line_words[1:]
-    raise _unknown_verb(line_words, some, scope)
+    matching_verbs = verbs.verbs_matching(first_word, verbs.VERBS)
+    if len(matching_verbs) == 1 and not (is_player and first_word != matching_verbs[0]):
+        return matching_verbs[0], line_words[1:]
+    raise _unknown_verb(line_words, matching_verbs, scope)
 
 
 def _check_family(unknown_word: Word, second: str, scope: Scope) -> None:
@@ -99,17 +99,19 @@ def _unknown_verb(
         voice = next(iter(scope.strikes), "d1")
         what = " ".join(word.text for word in line_words)
         raise TextError(f"{message}: {voice} do {what}", offset=word_start, length=len(first_word))
-    for i, word in enumerate(line_words[1:], 1):
-        if word.text in ("at", "in") and _is_stroke(line_words[:i], scope):
-            message = f"one stroke acts at once: leave out '{word.text}', or write a rhythm, such "
+    for i, later_word in enumerate(line_words[1:], 1):
+        if later_word.text in ("at", "in") and _is_stroke(line_words[:i], scope):
+            message = (
+                f"one stroke acts at once: leave out '{later_word.text}', or write a rhythm, such "
+            )
             message += f'as {first_word} = "{first_word}*4"'
-            return TextError(message, offset=word.start, length=len(word.text))
+            return TextError(message, offset=later_word.start, length=len(later_word.text))
     if first_word in scope.acts or first_word in scope.instruments:
         return TextError(
             _instrument_lines(line_words, scope), offset=word_start, length=len(first_word)
         )
-    known = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])
-    nearest_verb = verbs.MEANT.get(first_word) or nearest(first_word, known)
+    known_words = (*verbs.VERBS, *list(scope.players)[: v.MAX_COMPARED])
+    nearest_verb = verbs.MEANT.get(first_word) or nearest(first_word, known_words)
     is_meant = first_word in verbs.MEANT
     if (
         not is_meant
@@ -117,7 +119,7 @@ def _unknown_verb(
         and not is_one_slip(first_word, nearest_verb)
     ):
         nearest_verb = nearest(
-            first_word, [verb for verb in known if verb not in verbs.TAKING_AWAY]
+            first_word, [verb for verb in known_words if verb not in verbs.TAKING_AWAY]
         )
     message = f"unknown verb {quote(first_word)}"
     message = message if nearest_verb else f"{message}; `help` lists them all"

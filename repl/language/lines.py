@@ -92,11 +92,11 @@ def is_whole(submitted_text: str) -> bool:
     if is_continued(submitted_text[submitted_text.rfind("\n") + 1 :][-MAX_LINE:]):
         return False
     is_open = False
-    for line in submitted_text[:MAX_PASTE].split("\n"):
+    for line_text in submitted_text[:MAX_PASTE].split("\n"):
         if is_open:
-            is_open = line.strip() not in ("", _END)
+            is_open = line_text.strip() not in ("", _END)
         else:
-            is_open = _BLOCK.fullmatch(_COMMENT.sub("", line)) is not None
+            is_open = _BLOCK.fullmatch(_COMMENT.sub("", line_text)) is not None
     return not is_open
 
 
@@ -112,16 +112,18 @@ def comment_start(line: str) -> int:
     return match.start() if match else len(line)
 
 
-def _check_characters(line_text: str, offset: int) -> None:
+def _check_characters(line_text: str, text_offset: int) -> None:
     if line_text.isprintable():
         return
     strange = [i for i, c in enumerate(line_text) if not c.isprintable() and c not in "\t\r"]
     if strange:
-        first_strange, last = strange[0], strange[-1]
+        first_strange, last_strange = strange[0], strange[-1]
         message = (
             "this line contains a character that has no meaning here "
             f"(U+{ord(line_text[first_strange]):04X})"
         )
-        part = line_text[first_strange : last + 1]
+        part = line_text[first_strange : last_strange + 1]
         clean = "".join(c if c.isprintable() else " " if c.isspace() else "" for c in part)
-        raise TextError(message, offset=offset + first_strange, length=len(part), suggestion=clean)
+        raise TextError(
+            message, offset=text_offset + first_strange, length=len(part), suggestion=clean
+        )

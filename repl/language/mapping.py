@@ -35,11 +35,11 @@ class MapControl(Command):
         """The line that makes the map."""
         if self.unit == BPM_UNIT:
             return f"map {self.name} tempo {self.range[0]!r}..{self.range[1]!r}"
-        low, high = (f"{end!r}{self.unit}" for end in self.range)
-        what = (
+        low_end, high_end = (f"{end!r}{self.unit}" for end in self.range)
+        target_text = (
             " ".join(filter(None, ("gain", self.sounding))) if self.target is None else self.target
         )
-        return f"map {self.name} {what} {low}..{high}"
+        return f"map {self.name} {target_text} {low_end}..{high_end}"
 
 
 EVEN = "even"  # the curve of a map whose strengths follow the velocity as it is

@@ -50,10 +50,10 @@ def _read_source(source_text: str, *_: Any) -> str:
     return str(parse_source(source_text))
 
 
-def is_source(text: str) -> bool:
+def is_source(slot_text: str) -> bool:
     """Whether a text names what moves, as a map has it."""
     try:
-        return text != LEARN and _read_source(text) == text
+        return slot_text != LEARN and _read_source(slot_text) == slot_text
     except TextError:
         return False
 
@@ -91,18 +91,20 @@ SOURCE = Value(
 # --- what it leads to ----------------------------------------------------------------------------
 
 
-def _range_ends(text: str, example: str) -> tuple[str, str]:
+def _range_ends(slot_text: str, example: str) -> tuple[str, str]:
     """Both ends of a range; a single value is both."""
-    low, dots, high = text.partition("..")
-    if dots and not (low and high):
-        raise TextError(f"a range has two ends, such as {example}", length=max(1, len(text)))
-    return low, high or low
+    low_end, dots, high_end = slot_text.partition("..")
+    if dots and not (low_end and high_end):
+        raise TextError(f"a range has two ends, such as {example}", length=max(1, len(slot_text)))
+    return low_end, high_end or low_end
 
 
-def _read_range(text: str, scope: Scope, slots: Mapping[str, Any]) -> tuple[float, float, str]:
+def _read_range(slot_text: str, scope: Scope, slots: Mapping[str, Any]) -> tuple[float, float, str]:
     shape = scope.targets[slots["target"]]
     dimension = amounts.DIMENSIONS.get(shape, q.NUMBER)
-    low, high = (float(shape.parse(end)) for end in _range_ends(text, f"{dimension.example}..…"))
+    low, high = (
+        float(shape.parse(end)) for end in _range_ends(slot_text, f"{dimension.example}..…")
+    )
     # A constant of a law is in SI units, whatever its dimension.
     return low, high, "" if shape is k.CONSTANT else dimension.si
 
@@ -121,11 +123,11 @@ def _read_levels(range_text: str, *_: Any) -> tuple[float, float]:
     return low_level, high_level
 
 
-def _read_tempos(text: str, *_: Any) -> tuple[float, float]:
-    low, high = (parse_bpm(end) for end in _range_ends(text, "60..180"))
-    if low[1] is not None or high[1] is not None:
-        raise TextError("a range of tempos is two numbers, such as 60..180", length=len(text))
-    return low[0], high[0]
+def _read_tempos(slot_text: str, *_: Any) -> tuple[float, float]:
+    low_end, high_end = (parse_bpm(end) for end in _range_ends(slot_text, "60..180"))
+    if low_end[1] is not None or high_end[1] is not None:
+        raise TextError("a range of tempos is two numbers, such as 60..180", length=len(slot_text))
+    return low_end[0], high_end[0]
 
 
 RANGE = Value("two values with their units, such as 1kN/m..9kN/m", _read_range, _range_completions)
@@ -142,7 +144,12 @@ TEMPOS = Value(
 
 
 def map_control(
-    source: str, target: str, range: tuple[float, float, str], *, when: When, words: Words
+    source: str,
+    target: str,
+    range: tuple[float, float, str],
+    *,
+    when: When,
+    words: Words,
 ) -> MapControl | Learn:
     """Map a controller to a parameter."""
     low, high, unit = range
@@ -186,11 +193,11 @@ def _learnt(control: MapControl) -> MapControl | Learn:
 # --- notes ---------------------------------------------------------------------------------------
 
 
-def _read_notes(text: str, *_: Any) -> tuple[int, int]:
-    low, high = (note_number(end) for end in _range_ends(text, "C3..C5"))
-    if low > high:
-        raise TextError(f"the range {quote(text)} goes down: write the lower note first")
-    return low, high
+def _read_notes(slot_text: str, *_: Any) -> tuple[int, int]:
+    low_end, high_end = (note_number(end) for end in _range_ends(slot_text, "C3..C5"))
+    if low_end > high_end:
+        raise TextError(f"the range {quote(slot_text)} goes down: write the lower note first")
+    return low_end, high_end
 
 
 def _read_impulses(text: str, *_: Any) -> tuple[float, float]:

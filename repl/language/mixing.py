@@ -94,7 +94,12 @@ def route(
 
 
 def filtered(
-    name: str, kind: str, fields: Mapping[str, str], *, when: When, words: Words
+    name: str,
+    kind: str,
+    fields: Mapping[str, str],
+    *,
+    when: When,
+    words: Words,
 ) -> Filter:
     """Set a filter or the delay of an instrument, or remove it."""
     return Filter(name, kind, fields, when=when, words=words)

@@ -37,10 +37,10 @@ def parse(submitted_text: str, scope: Scope) -> tuple[Command, ...]:
         raise Refusal(message, error.offset, error.length, try_) from None
 
 
-def first_error(text: str, scope: Scope) -> TextError | None:
+def first_error(submitted_text: str, scope: Scope) -> TextError | None:
     """The first mistake of a text; None where it is accepted."""
     try:
-        for _ in _commands(text, scope):
+        for _ in _commands(submitted_text, scope):
             pass
     except TextError as error:
         return error
@@ -80,29 +80,29 @@ def _check_block(defined_block: DefineBlock, scope: Scope) -> None:
         message = f"{quote(defined_block.name)} is a verb: give the block another name"
         raise TextError(message, offset=word.start, length=len(defined_block.name))
     lines_word = defined_block.words["lines"]
-    values = defaults(defined_block.lines)
+    values_by_name = defaults(defined_block.lines)
     for block_line in lines(lines_word.text):
         if setting(block_line.text) is not None:
             continue
         if "$" in block_line.text:
-            scope = _check_variants(block_line, lines_word.start, values, scope)
+            scope = _check_variants(block_line, lines_word.start, values_by_name, scope)
             continue
         if (read := _block_command(block_line, lines_word.start, scope)) is not None:
             scope = _scope_after(scope, read)
 
 
 def _check_variants(
-    block_line: Line, offset: int, values: Mapping[str, str], scope: Scope
+    block_line: Line, block_offset: int, values_by_name: Mapping[str, str], scope: Scope
 ) -> Scope:
     """Check a line in which values are filled in; returns the scope of those below it.
 
     A mistake has the place of the whole line: what was filled in has none. Raises TextError.
     """
-    for variant_text in variants(block_line.text, values):
+    for variant_text in variants(block_line.text, values_by_name):
         try:
             command_read = _block_command(Line(variant_text, 0), 0, scope)
         except TextError as error:
-            start, length = offset + block_line.start, len(block_line.text.rstrip())
+            start, length = block_offset + block_line.start, len(block_line.text.rstrip())
             message = f"{error.message}; the line is {quote(variant_text.strip())}"
             raise TextError(message, offset=start, length=length) from None
         if command_read is not None:
@@ -118,12 +118,12 @@ def _block_command(block_line: Line, block_offset: int, scope: Scope) -> Command
     ):
         return command_read
     line_content = block_line.text.strip()
-    place = block_offset + block_line.start + block_line.text.index(line_content)
+    content_place = block_offset + block_line.start + block_line.text.index(line_content)
     why = "says when it acts, and the lines of a block act when the block is run"
     if not isinstance(command_read, BlockCommand):
         why = "does not change the music, moves a real hand, or is about files, history or blocks"
     message = f"a block cannot hold {quote(line_content)}: the line {why}"
-    raise TextError(message, offset=place, length=len(line_content))
+    raise TextError(message, offset=content_place, length=len(line_content))
 
 
 def _scope_after(scope: Scope, command_read: Command) -> Scope:
@@ -148,11 +148,11 @@ def _scope_after(scope: Scope, command_read: Command) -> Scope:
     return scope
 
 
-def _scope_after_strikes(scope: Scope, read: StrikeModules) -> Scope:
+def _scope_after_strikes(scope: Scope, strikes_read: StrikeModules) -> Scope:
     """The scope with the name of strikes, and with the instruments that they begin to play."""
-    for name in {path.partition(".")[0] for path in read.struck} & scope.available.keys():
+    for name in {path.partition(".")[0] for path in strikes_read.struck} & scope.available.keys():
         scope = with_name(scope, "instruments", name)
-    return with_name(scope, "strikes", read.name)
+    return with_name(scope, "strikes", strikes_read.name)
 
 
 def _corrected(submitted_text: str, scope: Scope, error: TextError) -> str | None:

@@ -50,11 +50,11 @@ def _entries(entries_text: str, *_: Any) -> tuple[Entry, ...]:
     phrase_entries: list[Entry] = []
     entry_start = 0
     for entry_text in entries_text.split(","):
-        words = [(w.group(), entry_start + w.start()) for w in re.finditer(r"\S+", entry_text)]
-        if not words:
+        slot_words = [(w.group(), entry_start + w.start()) for w in re.finditer(r"\S+", entry_text)]
+        if not slot_words:
             message = "an entry is missing: write for instance 0 C4 1mNs, 1/2 E4"
             raise TextError(message, offset=entry_start)
-        phrase_entries.append(_entry(words))
+        phrase_entries.append(_entry(slot_words))
         entry_start += len(entry_text) + 1
     if len(phrase_entries) > _ENTRIES_MAX:
         raise TextError(
@@ -73,10 +73,10 @@ def _entry(words: list[tuple[str, int]]) -> Entry:
     if not 1 <= len(struck_words) <= MAX_CHORD:
         message = "what is struck is missing: write for instance 1/2 E4 G4 1mNs"
         raise TextError(message, offset=time_offset, length=len(time_text))
-    for word, offset in struck_words:
-        if notes.word_of(word) is None and not re.fullmatch(r"[^\W\d][\w.#-]*", word):
-            message = f"{quote(word)} is neither a note nor a module, such as C4 or bell.m"
-            raise TextError(message, offset=offset, length=len(word))
+    for entry_word, word_offset in struck_words:
+        if notes.word_of(entry_word) is None and not re.fullmatch(r"[^\W\d][\w.#-]*", entry_word):
+            message = f"{quote(entry_word)} is neither a note nor a module, such as C4 or bell.m"
+            raise TextError(message, offset=word_offset, length=len(entry_word))
     return {**entry_fields, "what": " ".join(word for word, _ in struck_words)}
 
 

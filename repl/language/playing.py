@@ -77,29 +77,33 @@ class ParsedPlay:
     written: play_words.PlayWords
 
 
-def _read(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> ParsedPlay:
+def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> ParsedPlay:
     gesture_names: list[play_words.Word] = []
 
     def called(word: str, at: int) -> str:
         gesture_names.append(play_words.Word(word, at))
         return word
 
-    parsed = play_words.parse(text, called=called)
+    parsed = play_words.parse(slot_text, called=called)
     for played in gesture_names or [parsed.what]:
         _with_offset(played.offset, v.PLAYED, played.text, scope)
     play_options = {}
-    for name, word in parsed.options.items():
-        if name in _SCORE_ONLY:
-            raise TextError(_SCORE_ONLY[name], offset=word.offset, length=len(word.text))
-        play_options[name] = _with_offset(word.offset, _value(name), word.text, scope)
+    for option_name, option_word in parsed.options.items():
+        if option_name in _SCORE_ONLY:
+            raise TextError(
+                _SCORE_ONLY[option_name], offset=option_word.offset, length=len(option_word.text)
+            )
+        play_options[option_name] = _with_offset(
+            option_word.offset, _value(option_name), option_word.text, scope
+        )
     return ParsedPlay(" ".join(parsed.what.text.split()), play_options, parsed.do, parsed)
 
 
-def _with_offset(offset: int, value: v.Value, text: str, scope: Scope) -> Any:
+def _with_offset(word_offset: int, value: v.Value, text: str, scope: Scope) -> Any:
     try:
         return value.read(text, scope, {})
     except TextError as error:
-        error.offset += offset
+        error.offset += word_offset
         raise
 
 

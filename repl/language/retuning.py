@@ -40,11 +40,11 @@ def _tunings(scope: Scope) -> dict[str, str]:
     return {"tuning": "of the score"} | {f"{name}.tuning": names[name] for name in instruments}
 
 
-def _target(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+def _target(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
     known = _tunings(scope)
-    if text not in known:
-        raise v.unknown_name(text, "a tuning", tuple(known))
-    return text
+    if slot_text not in known:
+        raise v.unknown_name(slot_text, "a tuning", tuple(known))
+    return slot_text
 
 
 def _targets(context: v.CompletionContext) -> Iterator[v.Completion]:
@@ -52,16 +52,16 @@ def _targets(context: v.CompletionContext) -> Iterator[v.Completion]:
         yield v.Completion(target, f"the tuning {hint}" if target == "tuning" else hint)
 
 
-def _fields(text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str, str]:
+def _fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str, str]:
     """The fields of a tuning; none for `off`. Raises TextError."""
-    placed_words = [(match.start(), match.group()) for match in _WORD.finditer(text)]
-    if text.strip() == _NONE:
+    placed_words = [(match.start(), match.group()) for match in _WORD.finditer(slot_text)]
+    if slot_text.strip() == _NONE:
         return {}
     for field_name, pattern in TUNING.lone.items():
         if len(placed_words) == 1 and (match := re.fullmatch(pattern, placed_words[0][1])):
             return {field_name: match[1]}
     tuning_fields: dict[str, str] = {}
-    for (name_offset, field_name), (offset, value_text) in zip(
+    for (name_offset, field_name), (word_offset, value_text) in zip(
         placed_words[::2], placed_words[1::2], strict=False
     ):
         if field_name not in TUNING.by_name or field_name in tuning_fields:
@@ -69,7 +69,7 @@ def _fields(text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str, str
             message = f"{quote(field_name)} says nothing of a tuning; it has {known}, each once"
             near = TUNING.meant.get(field_name) or nearest(field_name, TUNING.by_name)
             raise TextError(message, offset=name_offset, length=len(field_name), suggestion=near)
-        v.check_word(TUNING, field_name, value_text, offset)
+        v.check_word(TUNING, field_name, value_text, word_offset)
         tuning_fields[field_name] = value_text
     if len(placed_words) % 2:
         name_offset, field_name = placed_words[-1]

@@ -31,11 +31,15 @@ _OPTIONS = {
 
 def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes with a rhythm, as texts; the form is tried for quotes alone."""
-    end = slot_text.find('"', 1)
-    if end < 0:
+    quote_end = slot_text.find('"', 1)
+    if quote_end < 0:
         message = "the quote at the end of the rhythm is missing"
         raise TextError(message, length=len(slot_text), suggestion=f'{slot_text}"')
-    rhythm, text_after, after_offset = slot_text[1:end], slot_text[end + 1 :], end + 1
+    rhythm, text_after, after_offset = (
+        slot_text[1:quote_end],
+        slot_text[quote_end + 1 :],
+        quote_end + 1,
+    )
     before, do = split_at_do(text_after)
     placed_words, placed_options = parse_strikes(before, _OPTIONS)
     placed_words, placed_options = with_level(placed_words, placed_options, ())

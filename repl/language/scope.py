@@ -118,10 +118,10 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
 
 def with_name(scope: Scope, section_name: str, new_name: str) -> Scope:
     """The scope with a name added to one section, because a line above defines it."""
-    known = getattr(scope, section_name)
-    if new_name in known:
+    known_section = getattr(scope, section_name)
+    if new_name in known_section:
         return scope
-    added: Any = {section_name: {**known, new_name: "defined above"}}
+    added: Any = {section_name: {**known_section, new_name: "defined above"}}
     return replace(scope, **added)
 
 
@@ -176,13 +176,13 @@ def _gesture_hint(gesture: Gesture) -> str:
 
 
 def _acts(piece: Piece) -> Iterator[tuple[str, Sequence[str]]]:
-    known = {name: name for name in (*piece.instruments, *piece.families)} | families.unplayed(
-        piece
-    )
-    for name, full in known.items():
+    names_by_word = {
+        name: name for name in (*piece.instruments, *piece.families)
+    } | families.unplayed(piece)
+    for act_name, full in names_by_word.items():
         instrument = piece.playable(full)
         if instrument is not None and instrument.acts:
-            yield name, tuple(act.name for act in instrument.acts)
+            yield act_name, tuple(act.name for act in instrument.acts)
 
 
 def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:

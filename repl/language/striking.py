@@ -71,10 +71,10 @@ OPTIONS = {
 
 def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of the strikes, as texts."""
-    first = slot_text.split()[0]
-    if first in scope.phrases and first not in playable(scope):  # the next form reads it
+    first_word = slot_text.split()[0]
+    if first_word in scope.phrases and first_word not in playable(scope):  # the next form reads it
         raise v.unknown_instrument(
-            first, "an instrument or a key", (*playable(scope), *scope.keys), scope
+            first_word, "an instrument or a key", (*playable(scope), *scope.keys), scope
         )
     text_before, do = split_at_do(slot_text)
     module_words, placed_options = parse_strikes(text_before, OPTIONS)
@@ -85,10 +85,10 @@ def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mappin
         message = "the modules are missing: rain strikes bell.m every 1 impulse 2mNs"
         raise TextError(message, length=len(slot_text))
     for module_word in module_words:
-        part = module_word.text.split(".")[0]
-        if part not in playable(scope) and part not in scope.keys:
+        part_name = module_word.text.split(".")[0]
+        if part_name not in playable(scope) and part_name not in scope.keys:
             error = v.unknown_instrument(
-                part, "an instrument or a key", (*playable(scope), *scope.keys), scope
+                part_name, "an instrument or a key", (*playable(scope), *scope.keys), scope
             )
             error.offset += module_word.offset
             raise error
@@ -113,13 +113,15 @@ def _do(text: str, start: int | None) -> dict[str, str]:
 
 
 def with_level(
-    words_before: Sequence[PlacedWord], placed_options: dict[str, PlacedWord], known: Container[str]
+    words_before: Sequence[PlacedWord],
+    placed_options: dict[str, PlacedWord],
+    known_names: Container[str],
 ) -> tuple[list[PlacedWord], dict[str, PlacedWord]]:
     """Words before the options, without strengths at their end, which become `impulse`."""
     words_stop = len(words_before)
     while (
         words_stop
-        and words_before[words_stop - 1].text not in known
+        and words_before[words_stop - 1].text not in known_names
         and is_level(words_before[words_stop - 1].text)
     ):
         words_stop -= 1
@@ -166,11 +168,11 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
             yield v.Completion("do", STRIKES.by_name["do"].doc)
 
 
-def _name(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    if not NAME.fullmatch(text) or text in v.RESERVED:
-        message = f"{quote(text)} is not a name: a letter, then letters, digits, '-' and '_'"
-        raise TextError(message, length=len(text))
-    return text
+def _name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+    if not NAME.fullmatch(slot_text) or slot_text in v.RESERVED:
+        message = f"{quote(slot_text)} is not a name: a letter, then letters, digits, '-' and '_'"
+        raise TextError(message, length=len(slot_text))
+    return slot_text
 
 
 def _read_notes(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:

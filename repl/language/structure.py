@@ -26,10 +26,10 @@ _ENDS = ("to", "between")  # which a link of a line has already
 
 def _modules(scope: Scope) -> dict[str, str]:
     """Keys, and modules of the score."""
-    names = dict(scope.keys)
+    names_by_key = dict(scope.keys)
     for target in scope.targets:
-        names.setdefault(target.rpartition(".")[0], "module")
-    return names
+        names_by_key.setdefault(target.rpartition(".")[0], "module")
+    return names_by_key
 
 
 def _end_names(scope: Scope) -> dict[str, str]:
@@ -77,14 +77,15 @@ def pairs(text: str, text_offset: int = 0) -> Iterator[tuple[str, str, int]]:
         yield field_name, field_text, text_offset + word_match.start()
 
 
-def _fields(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
+def _fields(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> dict[str, str]:
     field_table, module_fields = KINDS[slots_read["kind"]].table, dict[str, str]()
-    names = [field.name for field in field_table.fields if field.name not in _ENDS]
-    for field_name, field_text, field_offset in pairs(text):
-        if field_name not in names and field_table.free is None:
-            near = nearest(field_name, names)
+    field_names = [field.name for field in field_table.fields if field.name not in _ENDS]
+    for field_name, field_text, field_offset in pairs(slot_text):
+        if field_name not in field_names and field_table.free is None:
+            near = nearest(field_name, field_names)
             message = (
-                f"{slots_read['kind']} has no field {quote(field_name)}; it has {', '.join(names)}"
+                f"{slots_read['kind']} has no field {quote(field_name)}; it has "
+                f"{', '.join(field_names)}"
             )
             raise TextError(message, offset=field_offset, length=len(field_name), suggestion=near)
         shape: Shape | None = (
@@ -102,12 +103,12 @@ def _fields(text: str, scope: Scope, slots_read: Mapping[str, Any]) -> dict[str,
     return module_fields
 
 
-def check_value(shape: Text, value: str, offset: int) -> None:
+def check_value(shape: Text, value_text: str, word_offset: int) -> None:
     """Check that a value fits a shape. Raises TextError with its place."""
     try:
-        shape.parse(value)
+        shape.parse(value_text)
     except TextError as error:
-        error.offset += offset
+        error.offset += word_offset
         raise
 
 
@@ -129,15 +130,15 @@ def _base(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, floa
         )
     semitones, changed_fields, i = 0.0, dict[str, str](), 1
     while i < len(placed_words):
-        word_text, offset = placed_words[i]
+        word_text, word_offset = placed_words[i]
         if word_text == "transpose":
-            value_text, place = (
+            value_text, value_place = (
                 placed_words[i + 1] if i + 1 < len(placed_words) else ("", len(slot_text))
             )
             try:
                 interval = parse_interval(value_text)
             except TextError as error:
-                error.offset += place
+                error.offset += value_place
                 raise
             if interval.cents is None:  # a score says it as it is typed
                 changed_fields["transpose"] = value_text
@@ -145,7 +146,7 @@ def _base(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, floa
                 semitones = interval.cents / 100.0
             i += 2
             continue
-        for name, value_text, _place in pairs(word_text, offset):
+        for name, value_text, _place in pairs(word_text, word_offset):
             changed_fields[name] = value_text
         i += 1
     return base_name, semitones, changed_fields
@@ -190,14 +191,14 @@ def _known_or_new(section_name: str) -> Value:
     return Value("a name", read, offers)
 
 
-def _channels(text: str, *_: Any) -> tuple[str, ...]:
-    channel_words = text.split()
+def _channels(slot_text: str, *_: Any) -> tuple[str, ...]:
+    channel_words = slot_text.split()
     if channel_words == ["nearest"]:
         return ("nearest",)
-    for word in re.finditer(r"\S+", text):
-        if not re.fullmatch(r"[1-9][0-9]{0,3}", word.group()):
-            message = f"{quote(word.group())} is not a channel from 1, or nearest"
-            raise TextError(message, offset=word.start(), length=len(word.group()))
+    for line_word in re.finditer(r"\S+", slot_text):
+        if not re.fullmatch(r"[1-9][0-9]{0,3}", line_word.group()):
+            message = f"{quote(line_word.group())} is not a channel from 1, or nearest"
+            raise TextError(message, offset=line_word.start(), length=len(line_word.group()))
     return tuple(channel_words)
 
 

@@ -37,17 +37,17 @@ def transforms(chain_text: str, chain_start: int, rhythm: str) -> str:
     return chain_text.strip()
 
 
-def transform_offers(before: Sequence[str]) -> Iterator[Completion]:
+def transform_offers(words_before: Sequence[str]) -> Iterator[Completion]:
     """Transformations, at the beginning and behind a comma; values behind a transformation."""
-    last_form = TABLE.get(before[-1]) if before else None
-    if not before or before[-1].endswith(","):
+    last_form = TABLE.get(words_before[-1]) if words_before else None
+    if not words_before or words_before[-1].endswith(","):
         yield from (Completion(name, form.line) for name, form in TABLE.items())
     elif last_form is not None:
-        words = [
+        transform_words = [
             word
             for readers in last_form.arguments
             for reader in readers[:1]
             for word in reader.known
         ]
-        for word in dict.fromkeys(words) or last_form.example.split()[1:2]:
+        for word in dict.fromkeys(transform_words) or last_form.example.split()[1:2]:
             yield Completion(word, f"as in {last_form.example}")

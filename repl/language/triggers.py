@@ -119,11 +119,11 @@ class Condition:
 
     def count(self, tempo: TempoMap, begin: float, before: float) -> int:
         """How often the block runs from the beginning of the rule until before a beat."""
-        count, beat = 0, begin - 2.0 * SAME
+        run_count, run_beat = 0, begin - 2.0 * SAME
         last = before - 2.0 * SAME
-        while (coming := self.next_beat(tempo, begin, beat, last)) is not None:
-            count, beat = count + 1, coming
-        return count
+        while (coming := self.next_beat(tempo, begin, run_beat, last)) is not None:
+            run_count, run_beat = run_count + 1, coming
+        return run_count
 
 
 Trigger = Every | Condition
@@ -145,20 +145,20 @@ def parse_every(condition_text: str) -> Every:
 
 def parse_condition(condition_text: str) -> Condition:
     """Read `bar % 4 == 3 and beat == 1`. Raises TextError."""
-    clauses, offset = [], 0
-    for part in _AND.split(condition_text.strip()):
-        place = condition_text.index(part, offset)
-        clauses.append(_clause(part, place))
-        offset = place + len(part)
+    clauses, word_offset = [], 0
+    for clause_text in _AND.split(condition_text.strip()):
+        place = condition_text.index(clause_text, word_offset)
+        clauses.append(_clause(clause_text, place))
+        word_offset = place + len(clause_text)
     return Condition(tuple(clauses), f"when {' '.join(condition_text.split())}")
 
 
-def parse_trigger(text: str) -> Trigger:
+def parse_trigger(slot_text: str) -> Trigger:
     """Words that may follow a name in a line: no gesture or take may have such a name."""
-    word, _, rest = text.partition(" ")
-    if word not in ("every", "when"):
-        raise TextError(f"{quote(text)} does not say when a block runs", length=len(text))
-    return parse_every(rest) if word == "every" else parse_condition(rest)
+    trigger_word, _, trigger_rest = slot_text.partition(" ")
+    if trigger_word not in ("every", "when"):
+        raise TextError(f"{quote(slot_text)} does not say when a block runs", length=len(slot_text))
+    return parse_every(trigger_rest) if trigger_word == "every" else parse_condition(trigger_rest)
 
 
 def _clause(clause_text: str, clause_offset: int) -> Clause:

@@ -84,22 +84,28 @@ def name_completions(names: Mapping[str, str]) -> Iterator[Completion]:
     return (Completion(text, hint) for text, hint in names.items())
 
 
-def unknown_name(unknown_text: str, what: str, names: Iterable[str]) -> TextError:
+def unknown_name(unknown_text: str, kind_noun: str, names: Iterable[str]) -> TextError:
     """The error for a word that is not a known name, with the most similar name."""
     known_names = list(names)[:MAX_COMPARED]
     nearest_name = nearest(unknown_text, known_names)
-    message = f"{quote(unknown_text)} is not {what}"
+    message = f"{quote(unknown_text)} is not {kind_noun}"
     if nearest_name is None:
         some = ", ".join(known_names[:8]) + (", …" if len(known_names) > 8 else "")
         message += f"; there are only {some}" if known_names else "; the score has none"
     return TextError(message, length=len(unknown_text), suggestion=nearest_name)
 
 
-def unknown_instrument(text: str, what: str, names: Iterable[str], scope: Scope) -> TextError:
+def unknown_instrument(
+    slot_text: str, kind_noun: str, known_names: Iterable[str], scope: Scope
+) -> TextError:
     """The same for an instrument or one of its modules; names the family that has to come first."""
-    name = text.split(".")[0]
+    name = slot_text.split(".")[0]
     family = unused_family(name, scope)
-    return unknown_name(text, what, names) if family is None else family_missing(name, family)
+    return (
+        unknown_name(slot_text, kind_noun, known_names)
+        if family is None
+        else family_missing(name, family)
+    )
 
 
 def family_missing(instrument_name: str, family: str, then: str = "") -> TextError:
@@ -111,14 +117,14 @@ def family_missing(instrument_name: str, family: str, then: str = "") -> TextErr
     return TextError(f"{message}, then `{then}`" if then else message, length=len(instrument_name))
 
 
-def check_word(record: Record, field: str, word: str, offset: int) -> None:
-    """Check a word that a field of a score takes. Raises TextError with the word's `offset`."""
+def check_word(record: Record, field: str, line_word: str, word_offset: int) -> None:
+    """Check a word that a field of a score takes. Raises TextError at `word_offset`."""
     shape = record.by_name[field].shape
     assert isinstance(shape, Text)
     try:
-        shape.parse(word)
+        shape.parse(line_word)
     except TextError as error:
-        error.offset += offset
+        error.offset += word_offset
         raise
 
 
@@ -140,11 +146,11 @@ def _read_free_name(new_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
     taken = {*scope.gestures, *scope.takes, *scope.marks}
     if new_name in taken:
         numbered = re.fullmatch(r"(.+)-([0-9]{1,4})", new_name)
-        stem, count = (numbered[1], int(numbered[2]) + 1) if numbered else (new_name, 2)
-        while f"{stem}-{count}" in taken:
-            count += 1
+        stem, name_count = (numbered[1], int(numbered[2]) + 1) if numbered else (new_name, 2)
+        while f"{stem}-{name_count}" in taken:
+            name_count += 1
         message = f"the name {quote(new_name)} is in use"
-        raise TextError(message, length=len(new_name), suggestion=f"{stem}-{count}")
+        raise TextError(message, length=len(new_name), suggestion=f"{stem}-{name_count}")
     return new_name
 
 
@@ -189,14 +195,14 @@ def _read_with_level(level_name: str, scope: Scope, _: Mapping[str, Any]) -> str
     )
 
 
-def _read_doing(section: str) -> Callable[[str, Scope, Mapping[str, Any]], str]:
+def _read_doing(section_name: str) -> Callable[[str, Scope, Mapping[str, Any]], str]:
     """Read a player, or the name of strikes: the message for a name that is neither lists both."""
 
-    def read(text: str, scope: Scope, _: Mapping[str, Any]) -> str:
-        if text not in getattr(scope, section):
+    def read(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> str:
+        if slot_text not in getattr(scope, section_name):
             names = (*scope.players, *scope.strikes)
-            raise unknown_name(text, "a player or the name of strikes", names)
-        return text
+            raise unknown_name(slot_text, "a player or the name of strikes", names)
+        return slot_text
 
     return read
 
@@ -260,10 +266,14 @@ def act_names(scope: Scope) -> dict[str, str]:
 
 def up_to_dot(typed: str, names: Mapping[str, str]) -> Iterator[Completion]:
     """Names, each up to the first dot behind what is typed."""
-    for name, hint in names.items():
-        if name.startswith(typed):
-            dot = name.find(".", len(typed))
-            yield Completion(name, hint) if dot < 0 else Completion(name[: dot + 1], "its modules")
+    for hinted_name, hint in names.items():
+        if hinted_name.startswith(typed):
+            dot = hinted_name.find(".", len(typed))
+            yield (
+                Completion(hinted_name, hint)
+                if dot < 0
+                else Completion(hinted_name[: dot + 1], "its modules")
+            )
 
 
 def struck_completions(context: CompletionContext) -> Iterator[Completion]:
@@ -319,11 +329,11 @@ def _example_completions(
         yield from (Completion(word, f"for instance {text}") for word, text in examples.items())
 
 
-def _read_notation(text: str) -> notation.Notation:
+def _read_notation(slot_text: str) -> notation.Notation:
     """Read a gesture; for a path in space, its first axis."""
-    if space_path.axes(text) > 1:
-        return space_path.parse(text, events_max=MAX_POINTS)[0]
-    return notation.parse(text, events_max=MAX_POINTS)
+    if space_path.axes(slot_text) > 1:
+        return space_path.parse(slot_text, events_max=MAX_POINTS)[0]
+    return notation.parse(slot_text, events_max=MAX_POINTS)
 
 
 _METRE_UNITS = [unit for unit in UNITS_PER_METRE if unit and unit.isascii()]
@@ -342,11 +352,15 @@ DO = Value(
 # --- the rest ------------------------------------------------------------------------------------
 
 
-def _read_file_name(text: str, *_: Any) -> str:
-    word = text[1:-1] if len(text) > 1 and text[0] == text[-1] == '"' else text
-    if '"' in word:
-        raise TextError("the quotation mark is not closed", offset=text.index('"'))
-    return str(k.PATH.parse(word))
+def _read_file_name(file_text: str, *_: Any) -> str:
+    file_word = (
+        file_text[1:-1]
+        if len(file_text) > 1 and file_text[0] == file_text[-1] == '"'
+        else file_text
+    )
+    if '"' in file_word:
+        raise TextError("the quotation mark is not closed", offset=file_text.index('"'))
+    return str(k.PATH.parse(file_word))
 
 
 def _file_completions(context: CompletionContext, suffix: bool = True) -> Iterator[Completion]:
@@ -361,12 +375,12 @@ def _read_scenes(scenes_text: str, *_: Any) -> tuple[str, str | None]:
         raise TextError(
             "a scene goes to one other: scene A -> B over 4bar", length=len(scenes_text)
         )
-    for scene_name, offset in placed_names:
+    for scene_name, word_offset in placed_names:
         if not scene_name:
             raise TextError("a scene needs a name, such as verse-2", offset=len(scenes_text))
         if not NAME.fullmatch(scene_name) or len(scene_name) > MAX_NAME:
             message = f"{quote(scene_name)} is not the name of a scene, such as verse-2"
-            raise TextError(message, offset=offset, length=max(1, len(scene_name)))
+            raise TextError(message, offset=word_offset, length=max(1, len(scene_name)))
     return placed_names[0][0], placed_names[1][0] if len(placed_names) > 1 else None
 
 

@@ -46,13 +46,13 @@ class Colours(Lexer):
             return [("", line_text)]
         fragments: StyleAndTextTuples = []
         start_column = 0
-        for start, end, kind in self._session.tokens(line_text):
-            if start_column <= start < end:  # gaps between words have no kind
+        for token_start, token_end, token_kind in self._session.tokens(line_text):
+            if start_column <= token_start < token_end:  # gaps between words have no kind
                 fragments += [
-                    ("", line_text[start_column:start]),
-                    (f"class:{kind}", line_text[start:end]),
+                    ("", line_text[start_column:token_start]),
+                    (f"class:{token_kind}", line_text[token_start:token_end]),
                 ]
-                start_column = end
+                start_column = token_end
         return [*fragments, ("", line_text[start_column:])]
 
 
@@ -67,7 +67,7 @@ class Completions(Completer):
         self, document: Document, complete_event: CompleteEvent
     ) -> Iterable[Completion]:
         """Yield all completions; there are some hundred at most."""
-        column = document.cursor_position_col
-        for completion in self._session.complete(document.current_line, column):
+        cursor_column = document.cursor_position_col
+        for completion in self._session.complete(document.current_line, cursor_column):
             hint = clean(completion.hint)[:_HINT_MAX]
-            yield Completion(completion.text, completion.start - column, display_meta=hint)
+            yield Completion(completion.text, completion.start - cursor_column, display_meta=hint)

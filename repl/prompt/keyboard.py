@@ -151,10 +151,14 @@ if sys.platform != "win32":
             """
             if self._open and read_data == _CTRL_C:
                 return _END + read_data
-            last = max(read_data.rfind(_BEGIN), read_data.rfind(_END))
+            last_mark = max(read_data.rfind(_BEGIN), read_data.rfind(_END))
             key = read_data.rfind(F12)
-            is_open = read_data.startswith(_BEGIN, last) if last >= 0 else self._open
-            return read_data[:key] + _END + read_data[key:] if is_open and key > last else read_data
+            is_open = read_data.startswith(_BEGIN, last_mark) if last_mark >= 0 else self._open
+            return (
+                read_data[:key] + _END + read_data[key:]
+                if is_open and key > last_mark
+                else read_data
+            )
 
         def _without_answers(self, read_data: str) -> str:
             """Move reports of the terminal, which may come within a paste, to its end."""

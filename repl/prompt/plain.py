@@ -99,11 +99,11 @@ class PlainPrompt:
                 continue
             if queued_line is not None:
                 queued_lines.append(queued_line)
-            text = "\n".join(line.text for line in queued_lines)
-            if queued_line is None and not text:
+            typed_text = "\n".join(line.text for line in queued_lines)
+            if queued_line is None and not typed_text:
                 return None
-            if queued_line is None or self._session.is_whole(text):
-                return QueuedLine(None, text, all(line.releases for line in queued_lines))
+            if queued_line is None or self._session.is_whole(typed_text):
+                return QueuedLine(None, typed_text, all(line.releases for line in queued_lines))
 
     def _next_line(self) -> QueuedLine[None] | None:
         """The next line; None at the end of input."""
@@ -184,7 +184,7 @@ def _without_flow_control(terminal: int) -> Iterator[None]:
         return
     import termios
 
-    before = termios.tcgetattr(terminal)
+    terminal_before = termios.tcgetattr(terminal)
     changed = termios.tcgetattr(terminal)
     changed[0] &= ~termios.IXON
     # Without this, Ctrl-C also discards output, sometimes the next prompt.
@@ -193,4 +193,4 @@ def _without_flow_control(terminal: int) -> Iterator[None]:
     try:
         yield
     finally:
-        termios.tcsetattr(terminal, termios.TCSANOW, before)
+        termios.tcsetattr(terminal, termios.TCSANOW, terminal_before)

@@ -76,10 +76,10 @@ class ScreenPrompt:
 
     def _toolbar(self) -> str:
         """The status line, with the drawing of a traced key above it if there is room."""
-        state, size = self._session.state(), self._app.output.get_size()
-        rows = state.drawing if len(state.drawing) < size.rows // 2 else ()
-        drawn = [clean(row)[: size.columns] for row in rows]
-        return "\n".join([*drawn, status(state, size.columns)])
+        session_state, screen_size = self._session.state(), self._app.output.get_size()
+        rows = session_state.drawing if len(session_state.drawing) < screen_size.rows // 2 else ()
+        drawn = [clean(row)[: screen_size.columns] for row in rows]
+        return "\n".join([*drawn, status(session_state, screen_size.columns)])
 
     def run(self) -> int:
         """Serve until it is left; the number of refused lines."""
@@ -202,10 +202,10 @@ class ScreenPrompt:
 
     def _queue_entered(self, buffer: Buffer) -> bool:
         """Queue the entered line, after those before it."""
-        text = valid_unicode(buffer.text)
-        print(echo(f"{self._session.state().where} > ", text))
-        if text.strip():
-            self._queue.enter(text, None)
+        typed_text = valid_unicode(buffer.text)
+        print(echo(f"{self._session.state().where} > ", typed_text))
+        if typed_text.strip():
+            self._queue.enter(typed_text, None)
         return False  # the buffer is emptied
 
     def _do_lines(self, loop: asyncio.AbstractEventLoop) -> None:
@@ -221,11 +221,11 @@ class ScreenPrompt:
                     return
             loop.call_soon_threadsafe(self._exit)
 
-    def _show_reply(self, text: str, reply: Reply) -> None:
+    def _show_reply(self, typed_text: str, reply: Reply) -> None:
         if lines := reply_lines(reply, plain=False):
             print("\n".join(lines))
         self._refusals += not reply.taken
-        self._refused = (text, reply.try_ or "")
+        self._refused = (typed_text, reply.try_ or "")
         if reply.leaves:
             self._exit()
 

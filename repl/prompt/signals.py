@@ -42,11 +42,11 @@ def with_handler(handler: Handler, *signals: signal.Signals) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = {number: signal.signal(number, handler) for number in signals}
+    handler_before = {number: signal.signal(number, handler) for number in signals}
     try:
         yield
     finally:
-        for number, previous in before.items():
+        for number, previous in handler_before.items():
             signal.signal(number, previous)
 
 
@@ -61,13 +61,13 @@ def signals_blocked_in_threads() -> Iterator[None]:
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
-    before = signal.pthread_sigmask(
+    handler_before = signal.pthread_sigmask(
         signal.SIG_BLOCK, [signal.SIGINT, *_SUSPENDING_SIGNALS, *_TERMINATING_SIGNALS]
     )
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, handler_before)
 
 
 @contextlib.contextmanager
@@ -85,21 +85,21 @@ class Terminated(BaseException):
 
 
 @contextlib.contextmanager
-def termination_deferred(end: Callable[[], None], watch: SignalWatch) -> Iterator[None]:
-    """In this block, SIGTERM and SIGHUP call `end`, which may raise Ended; afterwards they take
-    effect.
+def termination_deferred(end_session: Callable[[], None], watch: SignalWatch) -> Iterator[None]:
+    """In this block, SIGTERM and SIGHUP call `end_session`, which may raise Ended; afterwards they
+    take effect.
 
     So the block can clean up first; a second signal acts at once. Forces and sound end at once,
     whatever Python is doing.
     """
     came: list[int] = []
 
-    def handler(number: int, frame: FrameType | None) -> None:
-        came.append(number)
+    def handler(signal_number: int, frame: FrameType | None) -> None:
+        came.append(signal_number)
         if len(came) > 1:
-            signal.signal(number, signal.SIG_DFL)
-            signal.raise_signal(number)
-        end()
+            signal.signal(signal_number, signal.SIG_DFL)
+            signal.raise_signal(signal_number)
+        end_session()
 
     # A signal that the caller ignores (nohup) stays ignored.
     ending = [

@@ -24,14 +24,14 @@ class Acts:
         self._lock = threading.Lock()
         self._under_way: dict[int, tuple[str, dict[str, object]]] = {}
 
-    def begin(self, ask: Callable[[], int | None], event: str, **fields: object) -> bool:
+    def begin(self, ask: Callable[[], int | None], event: str, **act_fields: object) -> bool:
         """Ask the engine for an act, which becomes an `event` of the journal once it has acted;
         False if too many are under way.
         """
         with self._lock:  # so that its event finds it
             ticket = ask() if len(self._under_way) < _UNDER_WAY_MAX else None
             if ticket is not None:
-                self._under_way[ticket] = event, fields
+                self._under_way[ticket] = event, act_fields
             return ticket is not None
 
     def note_ended(self, engine_event: EngineEvent) -> None:

@@ -40,11 +40,11 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
     while len(starts) > 2 and (starts[-1] - starts[0]) * _BEAT_LEAST > room:
         starts.pop()
     n_beats = starts[-1] - starts[0]
-    width = max(_BEAT_LEAST, min(_BEAT_MOST, int(room / n_beats)))
-    n_columns = math.ceil(n_beats * width)
+    text_width = max(_BEAT_LEAST, min(_BEAT_MOST, int(room / n_beats)))
+    n_columns = math.ceil(n_beats * text_width)
 
     def column(beat: float) -> int:
-        return int((beat - starts[0]) * width + SAME)
+        return int((beat - starts[0]) * text_width + SAME)
 
     on_beats = [starts[0] + number for number in range(math.ceil(n_beats - SAME))]
     head = [(column(beat), _beat(piece, beat)) for beat in on_beats]
@@ -76,12 +76,14 @@ def _begins(piece: Piece, player: str, starts: Sequence[float]) -> Iterator[tupl
         play_beats = [piece.tempo_map.resolve(part_play.at)] if start_beats is None else start_beats
         first = n_before(play_beats, starts[0] - SAME)
         last = n_before(play_beats, starts[-1] - SAME)
-        for place in range(first, last):
-            what = (
-                play_beats.course.played(place) if isinstance(play_beats, Steps) else part_play.what
+        for place_index in range(first, last):
+            begun_text = (
+                play_beats.course.played(place_index)
+                if isinstance(play_beats, Steps)
+                else part_play.what
             )
-            if what is not None:  # a rest, or what chance leaves out
-                yield play_beats[place], what
+            if begun_text is not None:  # a rest, or what chance leaves out
+                yield play_beats[place_index], begun_text
 
 
 def _strokes(
@@ -99,10 +101,10 @@ def _strokes(
         )
     elif strikes.pattern is not None:
         steps = strikes.steps(piece)
-        for place in range(n_before(steps, first_beat), n_before(steps, last_beat)):
-            note = steps.course.named(place)
+        for place_index in range(n_before(steps, first_beat), n_before(steps, last_beat)):
+            note = steps.course.named(place_index)
             if note is not None:
-                yield steps[place], note if strikes.voices else _STRUCK
+                yield steps[place_index], note if strikes.voices else _STRUCK
     elif strikes.rate is not None:
         begin, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
         if begin < last_beat and (stop is None or stop > first_beat):
@@ -113,10 +115,10 @@ def _strokes(
         yield from ((beats[place], _STRUCK) for place in places)
 
 
-def _row(total: int, cells: Sequence[tuple[int, str]]) -> str:
+def _row(n_columns: int, cells: Sequence[tuple[int, str]]) -> str:
     """Words at columns, each cut where the next begins."""
-    row = ""
+    drawn_row = ""
     for number, (column, text) in enumerate(cells):
-        end = cells[number + 1][0] if number + 1 < len(cells) else total
-        row = row.ljust(column)[:column] + text[: max(1, end - column - 1)]
-    return row.rstrip()
+        end = cells[number + 1][0] if number + 1 < len(cells) else n_columns
+        drawn_row = drawn_row.ljust(column)[:column] + text[: max(1, end - column - 1)]
+    return drawn_row.rstrip()

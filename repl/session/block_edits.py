@@ -65,27 +65,27 @@ def _stop(command: StopBlock) -> VersionEdit:
     return edit
 
 
-def block_lines(version: Version, name: str) -> list[str]:
+def block_lines(version: Version, block_name: str) -> list[str]:
     """The lines of a block. Raises NotTakenError if the score has no block of that name."""
-    lines = version.piece.blocks.get(name)
-    if lines is None:
-        raise NotTakenError(f"the score has no block {name}")
-    return list(lines)
+    written_lines = version.piece.blocks.get(block_name)
+    if written_lines is None:
+        raise NotTakenError(f"the score has no block {block_name}")
+    return list(written_lines)
 
 
 def run_block(
-    version: Version, beat: float, block_name: str, values: Sequence[str] = ()
+    version: Version, run_beat: float, block_name: str, value_words: Sequence[str] = ()
 ) -> Version:
     """The version with the lines of a block done at a beat, with values. Raises NotTakenError."""
     edited = version
     try:
-        lines = filled(block_lines(version, block_name), values)
+        filled_lines = filled(block_lines(version, block_name), value_words)
     except TextError as error:
         raise NotTakenError(f"{block_name}: {error.message}") from None
-    for number, line in enumerate(lines, 1):
+    for run_number, line in enumerate(filled_lines, 1):
         try:
             command = parse_block_line(line, scope_of(edited.piece))
         except Refusal as refusal:
-            raise NotTakenError(f"line {number} of {block_name}: {refusal.message}") from None
-        edited = VERSION_EDITS[type(command)](command)(edited, beat)
+            raise NotTakenError(f"line {run_number} of {block_name}: {refusal.message}") from None
+        edited = VERSION_EDITS[type(command)](command)(edited, run_beat)
     return replace(edited, rules=version.rules)

@@ -31,19 +31,21 @@ def rules_field(rules: Mapping[str, Rule]) -> dict[str, object]:
 
 def read_rules(journal_event: JournalEvent) -> Mapping[str, Rule]:
     """The rules in a journal's event. Raises JournalError."""
-    rows: list[object] = journal_event.get("rules", list, [])
-    if len(rows) > MAX_RULES:
+    rule_rows: list[object] = journal_event.get("rules", list, [])
+    if len(rule_rows) > MAX_RULES:
         journal_event.refuse("it has more rules than a session can have")
-    return dict(_read_row(journal_event, row) for row in rows)
+    return dict(_read_row(journal_event, row) for row in rule_rows)
 
 
 def _read_row(journal_event: JournalEvent, row: object) -> tuple[str, Rule]:
     match row:
-        case [str(name), float(begin), str(text)] if (
-            NAME.fullmatch(name) and len(name) <= MAX_NAME and 0.0 <= begin <= BEAT_MAX
+        case [str(block_name), float(begin_beat), str(rule_text)] if (
+            NAME.fullmatch(block_name)
+            and len(block_name) <= MAX_NAME
+            and 0.0 <= begin_beat <= BEAT_MAX
         ):
             try:
-                return name, Rule(begin, parse_trigger(text))
+                return block_name, Rule(begin_beat, parse_trigger(rule_text))
             except TextError as error:
                 journal_event.refuse(f"the field 'rules' has the wrong value: {error.message}")
     journal_event.refuse("the field 'rules' has the wrong type or value")

@@ -53,10 +53,10 @@ class BlockRuns:
         self._last = now
         if has_jumped or not goes:
             self._last_runs.clear()
-        for line in [line for line in schedule.waiting if line.number in self._waiting]:
-            block_name, rule = self._waiting[line.number]
-            if has_jumped or not goes or not self._is_in_force(block_name, rule, line.beat):
-                self._drop(line)
+        for waiting_line in [line for line in schedule.waiting if line.number in self._waiting]:
+            block_name, rule = self._waiting[waiting_line.number]
+            if has_jumped or not goes or not self._is_in_force(block_name, rule, waiting_line.beat):
+                self._drop(waiting_line)
         waits = {line.number for line in schedule.waiting}
         for number in self._waiting.keys() - waits:
             del self._waiting[number]
@@ -80,22 +80,24 @@ class BlockRuns:
         schedule = self._schedule
         tempo, clock = schedule.head.piece.tempo_map, schedule.running.clock
         soonest = schedule.soonest_frame() / schedule.rate + schedule.timing.lead
-        first, last = (clock.beat(tempo, seconds) for seconds in (soonest, soonest + _AHEAD))
-        after = max(first - 2.0 * SAME, rule.begin)
+        first, latest_beat = (clock.beat(tempo, seconds) for seconds in (soonest, soonest + _AHEAD))
+        after_beat = max(first - 2.0 * SAME, rule.begin)
         if (done := self._last_runs.get(block_name)) is not None:
-            after = max(after, done, tempo.beats(tempo.seconds(done) + _PAUSE_MIN) - 2.0 * SAME)
-        run_beat = rule.trigger.next_beat(tempo, rule.begin, after, last)
+            after_beat = max(
+                after_beat, done, tempo.beats(tempo.seconds(done) + _PAUSE_MIN) - 2.0 * SAME
+            )
+        run_beat = rule.trigger.next_beat(tempo, rule.begin, after_beat, latest_beat)
         if run_beat is None or not self._is_in_force(block_name, rule, run_beat):
             return
         self._last_runs[block_name] = run_beat
-        where = Position(plus=Length(beats=run_beat))
+        run_position = Position(plus=Length(beats=run_beat))
         tick_values: tuple[str, ...] = ()
         if counts_runs(schedule.head.piece.blocks.get(block_name, ())):
             tick_values = (f"{TICK}={rule.trigger.count(tempo, rule.begin, run_beat)}",)
-        line = " ".join(("run", block_name, *tick_values))
+        run_line = " ".join(("run", block_name, *tick_values))
         try:
             edit = version_edits.combined([RunBlock(block_name, tick_values)])
-            _, queued = self._queue(Entry(line, edit, when=where, is_typed=False))
+            _, queued = self._queue(Entry(run_line, edit, when=run_position, is_typed=False))
         except REFUSALS as error:
             if block_name not in self._refused:  # once, and not for each bar
                 self._refused.add(block_name)

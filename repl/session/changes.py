@@ -112,15 +112,15 @@ class Changes:
         else:
             self.running = _with_faders_of(after, self.under_way[-1].after)
 
-    def send_gains(self, frame: int, waiting_lines: Sequence[WaitingLine]) -> None:
+    def send_gains(self, from_frame: int, waiting_lines: Sequence[WaitingLine]) -> None:
         """Send the gains that lines change, for a frame that may come before changes under way.
 
         Raises EngineError, or one of `REFUSALS` if there is not what they name.
         """
-        start = self.ready_frame(frame, waiting_lines)
-        with_faders(self.playing_at(start), waiting_lines)
+        start_frame = self.ready_frame(from_frame, waiting_lines)
+        with_faders(self.playing_at(start_frame), waiting_lines)
         self._n_sent += 1
-        self._send_gains(start, waiting_lines, self._n_sent)
+        self._send_gains(start_frame, waiting_lines, self._n_sent)
         self.done += [line.number for line in waiting_lines]
         self._sort_done()
 
@@ -134,14 +134,22 @@ class Changes:
         )
 
     def _send_gains(
-        self, change_frame: int, waiting_lines: Sequence[WaitingLine], number: int
+        self, change_frame: int, waiting_lines: Sequence[WaitingLine], change_number: int
     ) -> None:
-        before = self.playing_at(change_frame)
-        after = faded(before, waiting_lines)
-        gains = changed_ratios(before, after)
-        ticket = self._engine.change(gains_at(change_frame, after, gains))
+        running_before = self.playing_at(change_frame)
+        running_after = faded(running_before, waiting_lines)
+        gains = changed_ratios(running_before, running_after)
+        ticket = self._engine.change(gains_at(change_frame, running_after, gains))
         self._insert(
-            UnderWay(ticket, number, change_frame, tuple(waiting_lines), before, after, gains)
+            UnderWay(
+                ticket,
+                change_number,
+                change_frame,
+                tuple(waiting_lines),
+                running_before,
+                running_after,
+                gains,
+            )
         )
         self.running = _with_faders_of(self.running, self.under_way[-1].after)
 
@@ -209,11 +217,11 @@ class Changes:
     def withdraw(self, first_frame: int) -> Returned:
         """Take back the changes from a frame on that were not made yet."""
         staged = (i for i, change in enumerate(self.under_way) if not change.is_gains)
-        index = next((i for i in staged if self.under_way[i].frame >= first_frame), None)
-        if index is None:
+        change_index = next((i for i in staged if self.under_way[i].frame >= first_frame), None)
+        if change_index is None:
             return Returned((), self.running)
         self._engine.revoke(first_frame)
-        return self._take_back(index)
+        return self._take_back(change_index)
 
     def _take_back(self, first_index: int) -> Returned:
         """Take back the changes from one on. Gains need no version, so that they act all the same,
@@ -281,8 +289,8 @@ class Changes:
         return withdrawn
 
 
-def _with_faders_of(running: RunningVersion, last: RunningVersion) -> RunningVersion:
+def _with_faders_of(running: RunningVersion, last_running: RunningVersion) -> RunningVersion:
     """A running version with the faders, and the last line, of another one."""
-    number, line = last.version.number, last.version.line
-    version = replace(running.version, faders=last.version.faders, number=number, line=line)
+    number, line = last_running.version.number, last_running.version.line
+    version = replace(running.version, faders=last_running.version.faders, number=number, line=line)
     return replace(running, version=version)

@@ -72,13 +72,13 @@ class Timing(NamedTuple):
         return 0.0 if is_cut else self.lead
 
     def takeover_frame(
-        self, clock: Clock, tempo: TempoMap, beat: float, lead: float | None = None
+        self, clock: Clock, tempo: TempoMap, takeover_beat: float, lead: float | None = None
     ) -> int:
         """The frame at which a version takes over, for a beat on which it acts: `lead` [s]
         before it.
         """
         lead = self.lead if lead is None else lead
-        frames = (clock.seconds(tempo, beat) - lead) * self.rate
+        frames = (clock.seconds(tempo, takeover_beat) - lead) * self.rate
         return math.floor(frames / self.tick_frames + SAME) * self.tick_frames
 
 
@@ -97,17 +97,17 @@ def entry_of(
     tempo_before: TempoMap,
     tempo_after: TempoMap,
     line_beat: float,
-    start: int,
+    start_frame: int,
     sets_running: bool | None,
     enter_beat: float | None,
     timing: Timing,
 ) -> Entry:
-    """The takeover of a line that acts on `line_beat`, at frame `start`.
+    """The takeover of a line that acts on `line_beat`, at frame `start_frame`.
 
     It may start the piece at that beat, stop it (`sets_running`), or let it go on from
     `enter_beat`.
     """
-    start_seconds = start / timing.rate
+    start_seconds = start_frame / timing.rate
     if sets_running is not None:
         leave = clock.beat(tempo_before, start_seconds)
         goes = running_clock(tempo_after, line_beat, start_seconds + timing.lead)

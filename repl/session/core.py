@@ -145,10 +145,10 @@ class SessionCore:
     @property
     def scope(self) -> Scope:
         """The names that a line may use now: also those that waiting lines define."""
-        head = self.schedule.head
-        if head.piece is not self._scope_piece:
-            scope = scope_of(head.piece, folder_of(head.texts))
-            self._scope, self._scope_piece = scope, head.piece
+        latest_running = self.schedule.head
+        if latest_running.piece is not self._scope_piece:
+            scope = scope_of(latest_running.piece, folder_of(latest_running.texts))
+            self._scope, self._scope_piece = scope, latest_running.piece
             return scope
         return self._scope
 
@@ -161,7 +161,7 @@ class SessionCore:
         self.stops.release()
         self.log.write("release", frame=self.schedule.engine.frame)
 
-    def make_version(self, text: str, commands: Sequence[Command]) -> Reply:
+    def make_version(self, line_text: str, commands: Sequence[Command]) -> Reply:
         """Make a version by the edits of commands, and queue it."""
         for command in commands:
             if isinstance(command, Guide):
@@ -172,11 +172,13 @@ class SessionCore:
         is_read = any(type(command) in version_edits.READS_FILES for command in commands)
         edit = version_edits.combined(commands)
         kind = kind_of(commands, has_levels=bool(self.schedule.head.strike_levels))
-        where, running = self.queue(Entry(text, edit, kind, line_time, reads_files=is_read))
-        summaries = [version_edits.summary(command, running, where) for command in commands]
+        beat_text, running = self.queue(
+            Entry(line_text, edit, kind, line_time, reads_files=is_read)
+        )
+        summaries = [version_edits.summary(command, running, beat_text) for command in commands]
         summaries += self.log.force_messages(running)
         summaries += self.log.discard_messages(running.version)
-        return Reply(True, f"ok {where} {'; '.join(filter(None, summaries))}".rstrip())
+        return Reply(True, f"ok {beat_text} {'; '.join(filter(None, summaries))}".rstrip())
 
     def queue(self, history_entry: Entry) -> tuple[str, RunningVersion]:
         """Queue a line for its frame; returns its beat as written, and its version, staged.
@@ -342,10 +344,10 @@ class SessionCore:
         if self.traced is not None:
             with contextlib.suppress(NotTakenError):  # the player is gone, or has not moved yet
                 trace_arguments = self.traced, engine.tick_frames, self.captures.path
-                lines = inspection.draw_trace(
+                trace_lines = inspection.draw_trace(
                     running, engine.frame, *trace_arguments, height=_TRACE_HEIGHT
                 )
-                self.drawing = tuple(lines)
+                self.drawing = tuple(trace_lines)
 
     def _take_events(self) -> None:
         """Take the engine's events, and write at once to the journal what happened."""
@@ -381,10 +383,10 @@ class SessionCore:
             self.log.say(str(error))
             return
         assert take.stop is not None
-        seconds = (take.stop - take.start) / self.schedule.rate
+        take_seconds = (take.stop - take.start) / self.schedule.rate
         missing = take.n_missing * self.schedule.engine.tick_frames / self.schedule.rate
         cut = f", of which {missing:.3f} s were not recorded" if take.n_missing else ""
-        self.log.say(f"take {take.name}: {seconds:.1f} s{cut} -> {take_file}")
+        self.log.say(f"take {take.name}: {take_seconds:.1f} s{cut} -> {take_file}")
 
     def _take_sound_file(self) -> None:
         message, closed = self.sound_file.report_change(self.schedule.engine, self.schedule.rate)

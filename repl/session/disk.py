@@ -122,28 +122,28 @@ def read_text(path: Path) -> str | None:
         return None
 
 
-def folder_of(texts: Texts) -> Path:
+def folder_of(score_texts: Texts) -> Path:
     """The folder that a session writes to: that of the score, or the current one if the score is in
     the library.
     """
-    path = Path(texts.path)
+    path = Path(score_texts.path)
     return Path() if is_shipped(path) else path.parent
 
 
-def file_bytes(file: str, text: str) -> bytes:
+def file_bytes(file_name: str, file_text: str) -> bytes:
     """The bytes with which a text replaces a file; a byte order mark of the file is kept."""
     try:
-        with Path(file).open("rb") as old:
+        with Path(file_name).open("rb") as old:
             mark = old.read(len(_BOM)) == _BOM
     except OSError:
         mark = False
-    return (_BOM if mark else b"") + text.encode()
+    return (_BOM if mark else b"") + file_text.encode()
 
 
-def is_score(text: str) -> bool:
+def is_score(file_text: str) -> bool:
     """Whether all top-level keys of a text are sections of a score."""
     try:
-        root = edit.read(text, "").root
+        root = edit.read(file_text, "").root
     except EditError:
         return False
     return isinstance(root, document.Mapping) and all(name in SECTIONS for name in root.entries)

@@ -115,10 +115,10 @@ class Drafts:
         checked, staged = replace(running, version=inserted_line.result()), None
         if not (sketch.is_checked or inserted_line.rule.is_quick):
             began = self._making_time.began()
-            group = staged_group_of(inserted_lines.lines)
-            if inserted_line in group:
-                staged_result = self._makings.stage(running, group)
-                staged = StagedGroup(group, running, staged_result)
+            staged_group = staged_group_of(inserted_lines.lines)
+            if inserted_line in staged_group:
+                staged_result = self._makings.stage(running, staged_group)
+                staged = StagedGroup(staged_group, running, staged_result)
             else:  # it waits for others, so that it is only checked
                 start = soonest if inserted_line.start is None else inserted_line.start
                 staged_result = self._makings.stage(running, [replace(inserted_line, start=start)])
@@ -130,7 +130,7 @@ class Drafts:
             self._making_time.add(began)
         return Draft(sketch.lines, inserted_lines, sketch.requested, inserted_line, checked, staged)
 
-    def joined_frame(self, request: Request, lines: WaitingLines) -> int | None:
+    def joined_frame(self, request: Request, waiting_lines: WaitingLines) -> int | None:
         """The frame of the lines under way to the beat of a line, if there is time to make all of
         them: lines of one beat take effect together.
         """
@@ -152,7 +152,7 @@ class Drafts:
         if any(line.sets_running is not None or line.resets for line in last_frame.lines):
             return None
         with contextlib.suppress(NotTakenError):
-            tempo = lines.head.piece.tempo_map
+            tempo = waiting_lines.head.piece.tempo_map
             beat, _ = self._moments.place_from(ready_frame, tempo, line_entry.when, request.grid)
             if abs(beat - last_frame.lines[-1].beat) <= SAME:
                 return last_frame.frame
@@ -184,7 +184,7 @@ class Drafts:
         )
 
     def _start_after_play(
-        self, beat: float, kind: LineKind, waiting_lines: WaitingLines
+        self, line_beat: float, line_kind: LineKind, waiting_lines: WaitingLines
     ) -> int | None:
         """The frame of a beat that is ahead, if the piece is about to start."""
         start_line = next((line for line in waiting_lines.lines if line.sets_running), None)
@@ -192,10 +192,10 @@ class Drafts:
             return None
         tempo, lead = (
             waiting_lines.head.piece.tempo_map,
-            self._timing.lead_of(kind is LineKind.ENDS),
+            self._timing.lead_of(line_kind is LineKind.ENDS),
         )
         return max(
-            start_line.start, self._timing.takeover_frame(start_line.clock, tempo, beat, lead)
+            start_line.start, self._timing.takeover_frame(start_line.clock, tempo, line_beat, lead)
         )
 
     def _behind_fence(self, new_line: WaitingLine, lines: WaitingLines) -> WaitingLine:
@@ -221,7 +221,7 @@ class Drafts:
             start_frame = self._changes.ready_frame(start_frame, (line,))
         if start_frame == line.start:
             return line
-        beat = next(
+        change_beat = next(
             (
                 waiting_line.beat
                 for change in pending_changes
@@ -230,4 +230,4 @@ class Drafts:
             ),
             line.beat,
         )
-        return line.moved_to(beat, start_frame)
+        return line.moved_to(change_beat, start_frame)

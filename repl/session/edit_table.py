@@ -101,8 +101,8 @@ def instruments_of(version: Version, instrument_name: str | None) -> frozenset[s
     return touched
 
 
-def _ends(between: Any, key: str) -> list[Any]:
+def _ends(between: Any, key_name: str) -> list[Any]:
     """The ends of a link other than the key; none if the link does not touch the key."""
-    if not between or all(end.part != key for end in between):
+    if not between or all(end.part != key_name for end in between):
         return []
-    return [end for end in between if end.part != key]
+    return [end for end in between if end.part != key_name]

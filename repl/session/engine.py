@@ -348,10 +348,10 @@ class SteppedEngine:
 
     def _do_takeover(self, due_change: Change) -> None:
         new_simulation = due_change.stage.simulation
-        outputs = [] if due_change.resets else new_simulation.take_over(self._simulation)
+        new_outputs = [] if due_change.resets else new_simulation.take_over(self._simulation)
         if due_change.needs_new_mixer:
             mixer = due_change.stage.mixer(highpass=self._highpass, reference=self._reference)
-            mixer.take_over(self._mixer, outputs)
+            mixer.take_over(self._mixer, new_outputs)
             self._mixer = mixer
         self._simulation = new_simulation
         new_simulation.damp(due_change.damp)

@@ -41,11 +41,11 @@ class Entry:
         """Whether it restores an earlier version."""
         return self.restores not in (None, -1)
 
-    def numbered_edit(self, number: int) -> VersionEdit:
+    def numbered_edit(self, line_number: int) -> VersionEdit:
         """The edit of a line whose version has a number."""
 
         def edit(version: Version, beat: float) -> Version:
-            return replace(self.edit(version, beat), number=number, line=self.line)
+            return replace(self.edit(version, beat), number=line_number, line=self.line)
 
         return edit
 

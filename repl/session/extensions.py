@@ -46,10 +46,10 @@ class Extensions:
         """The frame of the next extension; None if none is needed now."""
         if not self._changes.running.is_ending(self._moments.beat_now()):
             return None
-        start = self._moments.first_frame(self._time.expected)
+        start_frame = self._moments.first_frame(self._time.expected)
         # A line that takes over sooner extends the timeline too.
-        is_soon = any(line.frame <= start and not line.rule.is_quick for line in waiting)
-        return None if is_soon else start
+        is_soon = any(line.frame <= start_frame and not line.rule.is_quick for line in waiting)
+        return None if is_soon else start_frame
 
     def extended(self, on: RunningVersion, start: int) -> RunningVersion:
         """A version whose timeline goes on from frame `start`. Raises one of `REFUSALS`."""

@@ -34,12 +34,12 @@ def _use(command: Use) -> VersionEdit:
         piece_from_files(
             replace(texts_with_family, sealed=False)
         )  # a file outside the bounds is told of
-        new = {
+        new_texts = {
             file: text for file, text in texts_by_file.items() if file not in version.texts.overlay
         }
         base = version.base or version.texts
-        base = replace(base, overlay={**new, **base.overlay})
-        return replace(with_texts(version, texts_with_family), read_files=new, base=base)
+        base = replace(base, overlay={**new_texts, **base.overlay})
+        return replace(with_texts(version, texts_with_family), read_files=new_texts, base=base)
 
     return edit
 
@@ -51,11 +51,11 @@ def with_brought(now: Texts, texts_before: Texts) -> Texts:
     """
     brought = texts_before.overlay.keys() - texts_before.load().files.keys() - now.overlay.keys()
     texts_read = {file: read_text(Path(file)) for file in brought}
-    new = {
+    new_texts = {
         file: texts_before.overlay[file] if text is None else text
         for file, text in texts_read.items()
     }
-    return replace(now, overlay={**now.overlay, **new})
+    return replace(now, overlay={**now.overlay, **new_texts})
 
 
 def summary(command: Use, piece: Piece) -> str:
@@ -67,11 +67,11 @@ def summary(command: Use, piece: Piece) -> str:
     taken_names = [name for name, origin in plain if free.get(name) != origin]
     if not taken_names:
         return summary_sentence
-    verb, each = ("is", "it") if len(taken_names) == 1 else ("are", "each")
+    verb, each_text = ("is", "it") if len(taken_names) == 1 else ("are", "each")
     example = f"{taken_names[0]}2 = {command.family}/{taken_names[0]}"
     return (
         f"{summary_sentence}; {', '.join(taken_names)} {verb} not replaced, because the score has "
-        f"{each} already "
+        f"{each_text} already "
         f"(`{example}` adds another)"
     )
 

@@ -62,10 +62,12 @@ class FastValues:
             return
         moved, self._moved = self._moved, {}
         head = schedule.head
-        lines = {name: text for name, line in moved.items() if (text := line(head)) is not None}
-        if not lines:
+        lines_by_name = {
+            name: text for name, line in moved.items() if (text := line(head)) is not None
+        }
+        if not lines_by_name:
             return
-        self._set(tuple(lines), "\n".join(lines.values()), NOW)
+        self._set(tuple(lines_by_name), "\n".join(lines_by_name.values()), NOW)
 
     def set_now(self, name: str, line: str) -> None:
         """Set a value at once, by a line that says itself when it acts."""

@@ -78,11 +78,11 @@ def new_file_beside(score_texts: Texts, target: Path, suffix: str) -> Path:
     return folder / path.name
 
 
-def _target(texts: Texts, target: Path) -> Path | None:
+def _target(score_texts: Texts, target: Path) -> Path | None:
     """The file for a name; None if that is the score itself. Raises NotTakenError."""
-    score_path, folder = Path(texts.path), folder_of(texts)
+    score_path, folder = Path(score_texts.path), folder_of(score_texts)
     suffix = score_path.suffix if score_path.suffix in SUFFIXES else SUFFIXES[0]
-    path = _with_suffix(texts, target, suffix)
+    path = _with_suffix(score_texts, target, suffix)
     real = _resolved(path)
     if real.parent != folder.resolve():
         raise NotTakenError(
@@ -92,11 +92,11 @@ def _target(texts: Texts, target: Path) -> Path | None:
     return None if real == _resolved(score_path) else folder / path.name
 
 
-def _with_suffix(texts: Texts, target: Path, suffix: str) -> Path:
+def _with_suffix(score_texts: Texts, target: Path, suffix: str) -> Path:
     """A file as it was named, beside the score if no folder was named. Raises NotTakenError."""
     if target.name in ("", ".."):
         raise NotTakenError(f"{target} is a folder: name a file")
-    path = folder_of(texts) / target if target.parent == Path() else target
+    path = folder_of(score_texts) / target if target.parent == Path() else target
     return path if path.suffix else path.with_suffix(suffix)
 
 

@@ -82,11 +82,11 @@ def frozen_folder(folder: Path, frozen: Frozen, piece: Piece, listening: Listeni
 
     `frozen` is the content of the folder's manifest; `listening` has the taps of the piece.
     """
-    for part in frozen.parts:
-        part_taps = [tap for stem in frozen.stems if stem.part == part for tap in stem.taps]
-        if part_taps != listening.taps(part):
-            raise NotFrozenError(f"'{part}' has other outputs in the score")
-    parts = tuple(
+    for frozen_part in frozen.parts:
+        part_taps = [tap for stem in frozen.stems if stem.part == frozen_part for tap in stem.taps]
+        if part_taps != listening.taps(frozen_part):
+            raise NotFrozenError(f"'{frozen_part}' has other outputs in the score")
+    placed_parts = tuple(
         FrozenPart(
             name,
             digest_of(content(piece, name)),
@@ -102,7 +102,7 @@ def frozen_folder(folder: Path, frozen: Frozen, piece: Piece, listening: Listeni
         )
         for name in frozen.parts
     )
-    return FrozenFolder(folder, parts)
+    return FrozenFolder(folder, placed_parts)
 
 
 def load_frozen(
@@ -145,14 +145,19 @@ def load_frozen(
 
 
 def still_frozen(
-    parts: Sequence[LoadedPart], before: Version, version: Version, real: Collection[str]
+    loaded_parts: Sequence[LoadedPart],
+    version_before: Version,
+    version: Version,
+    real: Collection[str],
 ) -> tuple[LoadedPart, ...]:
     """The parts whose sound a version does not change against the version before."""
     return tuple(
         part
-        for part in parts
+        for part in loaded_parts
         if part.name in version.sounding.instruments
-        and is_same(content(before.sounding, part.name), content(version.sounding, part.name))
+        and is_same(
+            content(version_before.sounding, part.name), content(version.sounding, part.name)
+        )
         and not _is_reached(version, part.name, real)
     )
 
@@ -175,10 +180,10 @@ def place_samples(
     )
 
 
-def _is_reached(version: Version, part: str, real: Collection[str]) -> bool:
+def _is_reached(version: Version, part_name: str, real: Collection[str]) -> bool:
     """Whether a real hand or a MIDI note acts on the part, or on a part that is joined with it."""
     piece = version.sounding
-    parts = joined(piece, part)
+    parts = joined(piece, part_name)
     is_felt = any(piece.players[name].key in parts for name in real if name in piece.players)
     return is_felt or any(own in parts for own, *_ in strike_points(version))
 
@@ -188,7 +193,7 @@ def _is_reached(version: Version, part: str, real: Collection[str]) -> bool:
 
 def frozen_fields(frozen: FrozenFolder) -> dict[str, object]:
     """The fields of the journal's first event."""
-    parts = [
+    part_fields = [
         {
             "part": part.name,
             "content": part.content,
@@ -199,7 +204,7 @@ def frozen_fields(frozen: FrozenFolder) -> dict[str, object]:
         }
         for part in frozen.parts
     ]
-    return {"frozen": frozen.name, "frozen_parts": parts}
+    return {"frozen": frozen.name, "frozen_parts": part_fields}
 
 
 def frozen_of(first_event: JournalEvent, journal: Path, *, trust: bool) -> FrozenFolder | None:
@@ -233,14 +238,17 @@ def _part(part_event: JournalEvent) -> FrozenPart:
 
 
 def _names(stem: JournalEvent) -> tuple[str, ...]:
-    names = stem.get("outputs", list)
-    if not all(isinstance(name, str) for name in names):
+    output_names = stem.get("outputs", list)
+    if not all(isinstance(name, str) for name in output_names):
         stem.refuse("the field 'outputs' has the wrong type or value")
-    return tuple(names)
+    return tuple(output_names)
 
 
-def _rows(event: JournalEvent, name: str) -> list[JournalEvent]:
-    listed = event.get(name, list)
+def _rows(journal_event: JournalEvent, rows_name: str) -> list[JournalEvent]:
+    listed = journal_event.get(rows_name, list)
     if len(listed) > _ROWS_MAX or not all(isinstance(one, dict) for one in listed):
-        event.refuse(f"the field '{name}' has the wrong type or value")
-    return [JournalEvent(event.file, event.number, event.name, one) for one in listed]
+        journal_event.refuse(f"the field '{rows_name}' has the wrong type or value")
+    return [
+        JournalEvent(journal_event.file, journal_event.number, journal_event.name, one)
+        for one in listed
+    ]

@@ -29,10 +29,10 @@ def all_gains_at(frame: int, running: RunningVersion) -> Change:
 def fader_ratios(running: RunningVersion) -> dict[int, float]:
     """The ratio of each group of routes, by its number."""
     version = running.version
-    parts = enumerate(running.stage.listening.parts())
+    numbered_parts = enumerate(running.stage.listening.parts())
     return {
         group: version.faders.ratio(version.sounds_as.shown(part, version.piece.instruments))
-        for group, part in parts
+        for group, part in numbered_parts
     }
 
 
@@ -42,30 +42,30 @@ def changed_ratios(before: RunningVersion, after: RunningVersion) -> dict[int, f
     return {group: to for group, to in fader_ratios(after).items() if to != old.get(group)}
 
 
-def with_faders(running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
+def with_faders(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -> RunningVersion:
     """A version with the faders that lines move. Raises one of `REFUSALS` if it lacks what they
     name.
     """
     version = running.version
-    for line in lines:
+    for line in waiting_lines:
         edited = line.edit(version, line.beat)
         version = replace(version, faders=edited.faders, number=edited.number, line=edited.line)
     return replace(running, version=version, skipped_from=None)
 
 
-def can_move(running: RunningVersion, lines: Sequence[WaitingLine]) -> bool:
+def can_move(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -> bool:
     """Whether a version has everything whose faders lines move."""
     try:
-        with_faders(running, lines)
+        with_faders(running, waiting_lines)
     except REFUSALS:
         return False
     return True
 
 
-def faded(running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
+def faded(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -> RunningVersion:
     """A version with the faders that lines move, or as it is if it lacks what they name."""
     try:
-        return with_faders(running, lines)
+        return with_faders(running, waiting_lines)
     except REFUSALS:
         return running
 
@@ -84,10 +84,10 @@ def on_other_faders(
     return replace(new_running, version=version)
 
 
-def faders_after(before: Version, lines: Sequence[WaitingLine]) -> Iterator[Faders]:
+def faders_after(before: Version, waiting_lines: Sequence[WaitingLine]) -> Iterator[Faders]:
     """The faders after each of the lines that follow a version."""
     version = before
-    for waiting_line in lines:
+    for waiting_line in waiting_lines:
         base, result_version = waiting_line.base, waiting_line.version
         keeps = (
             base is not None and result_version is not None and base.faders == result_version.faders

@@ -25,12 +25,12 @@ def group_of(waiting_lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
     )
 
 
-def staged_group_of(lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
+def staged_group_of(waiting_lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
     """The next lines that need a stage, which is made for all of them; faders wait for nothing.
 
     Empty if a line that ends what plays comes before them.
     """
-    group = group_of([one for one in lines if one.kind is not LineKind.FADERS])
+    group = group_of([one for one in waiting_lines if one.kind is not LineKind.FADERS])
     return () if group and group[0].rule.is_quick else group
 
 

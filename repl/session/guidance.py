@@ -184,11 +184,11 @@ def _guided_path(
 def _without_short_rests(plays: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Join spans that no long rest separates."""
     joined_spans: list[tuple[float, float]] = []
-    for start, stop in sorted(plays):
-        if joined_spans and start - joined_spans[-1][1] <= _REST_MAX:
-            joined_spans[-1] = joined_spans[-1][0], max(stop, joined_spans[-1][1])
+    for start_tick, stop_tick in sorted(plays):
+        if joined_spans and start_tick - joined_spans[-1][1] <= _REST_MAX:
+            joined_spans[-1] = joined_spans[-1][0], max(stop_tick, joined_spans[-1][1])
         else:
-            joined_spans.append((start, stop))
+            joined_spans.append((start_tick, stop_tick))
     return joined_spans
 
 

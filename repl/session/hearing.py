@@ -57,19 +57,19 @@ class Hearing:
         if command.name not in playing.maps:
             edit, head = version_edits.combined([command]), schedule.head
             brings = edit(head, 0.0).texts is not head.texts
-            kind = LineKind.STRUCTURE if brings else LineKind.VALUES
+            line_kind = LineKind.STRUCTURE if brings else LineKind.VALUES
             # What brings an instrument in is a line like any other, so that `undo` takes it away.
             line = f"hear {command.words['stroke'].text}"
-            where, ready = self._queue(Entry(line, edit, kind, NOW, is_typed=brings))
+            beat_text, ready = self._queue(Entry(line, edit, line_kind, NOW, is_typed=brings))
             playing, version_number = ready.version, ready.version.number
             waits = schedule.line(version_number)
             if waits is not None and waits.frame > schedule.engine.frame + _SOON * schedule.rate:
-                prefix = f"{where} "  # with a line that it needs
+                prefix = f"{beat_text} "  # with a line that it needs
         struck_strokes = [*strokes(playing, command)]
-        begin = [(stroke.place, stroke.impulse) for stroke in struck_strokes]
+        begun_strokes = [(stroke.place, stroke.impulse) for stroke in struck_strokes]
         end = [(stroke.place, -stroke.impulse) for stroke in struck_strokes if stroke.lasts]
         with schedule.lock:
-            self._awaited.append(_Awaited(begin, end, version_number))
+            self._awaited.append(_Awaited(begun_strokes, end, version_number))
             self.strike_due()
         shown = [s.impulse for s in struck_strokes if not s.lasts] or [
             s.impulse for s in struck_strokes

@@ -59,11 +59,11 @@ class History:
         Versions that are not in `frame_order` come first: they have taken effect long before.
         """
         stop_index = self.index + 1
-        first = max(0, stop_index - len(frame_order) - 1)  # those before it are in order
-        begun = self.numbers[first:stop_index]
+        first_index = max(0, stop_index - len(frame_order) - 1)  # those before it are in order
+        begun = self.numbers[first_index:stop_index]
         settled = [number for number in begun if number not in frame_order]
         moving = sorted([n for n in begun if n in frame_order], key=frame_order.__getitem__)
-        self.numbers[first:stop_index] = settled + moving
+        self.numbers[first_index:stop_index] = settled + moving
 
 
 @dataclass(frozen=True, slots=True)

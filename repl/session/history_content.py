@@ -40,11 +40,11 @@ def faders_fields(faders: Faders) -> dict[str, object]:
     }
 
 
-def sounding_field(names: SoundingNames) -> dict[str, object]:
+def sounding_field(sounding_names: SoundingNames) -> dict[str, object]:
     """The journal field for keys and instruments that sound under other names; empty if there are
     none.
     """
-    return {"sounds_as": dict(names.names)} if names.names else {}
+    return {"sounds_as": dict(sounding_names.names)} if sounding_names.names else {}
 
 
 def read_sounding(journal_event: JournalEvent) -> SoundingNames:
@@ -91,19 +91,21 @@ def history_fields(history: PastVersions) -> dict[str, object]:
 
 
 def read_history(
-    journal_event: JournalEvent, texts: ReadTexts, faders: ReadFaders
+    journal_event: JournalEvent, read_texts: ReadTexts, faders: ReadFaders
 ) -> PastVersions | None:
     """The history in a journal's event; None where it has none. Raises JournalError."""
     if "history" not in journal_event.fields:
         return None
     history_rows: list[Any] = journal_event.get("history", list)
-    index = journal_event.number_of("index", int, 0, len(history_rows) - 1)
+    history_index = journal_event.number_of("index", int, 0, len(history_rows) - 1)
     texts_by_file: dict[str, str] = {}
     characters_left, versions = _CHARACTERS, []
-    for fields in history_rows:
-        if not isinstance(fields, dict):
+    for version_fields in history_rows:
+        if not isinstance(version_fields, dict):
             journal_event.refuse("the field 'history' has the wrong type or value")
-        row_event = JournalEvent(journal_event.file, journal_event.number, "history", fields)
+        row_event = JournalEvent(
+            journal_event.file, journal_event.number, "history", version_fields
+        )
         gone = row_event.name_set("gone")
         texts_by_file = {name: text for name, text in texts_by_file.items() if name not in gone}
         for name, delta in row_event.get("files", dict).items():
@@ -116,12 +118,14 @@ def read_history(
             "text": texts_by_file.get("", ""),
             "overlay": _used(texts_by_file),
         }
-        read = texts(JournalEvent(journal_event.file, journal_event.number, "history", named))
+        version_texts = read_texts(
+            JournalEvent(journal_event.file, journal_event.number, "history", named)
+        )
         versions.append(
             PastVersion(
                 row_event.number_of("number", int, -len(history_rows) - 1, 0),
                 row_event.get("line", str, ""),
-                read,
+                version_texts,
                 faders(row_event),
                 {},
                 row_event.get("where", str, ""),
@@ -133,7 +137,7 @@ def read_history(
         )
     if len({version.number for version in versions}) < len(versions):
         journal_event.refuse("two versions of its history have one number")
-    return PastVersions(versions, index)
+    return PastVersions(versions, history_index)
 
 
 def _files(score_texts: Texts) -> dict[str, str]:
@@ -150,18 +154,18 @@ def _used(files: Mapping[str, str]) -> dict[str, str]:
     return {name: text for name, text in files.items() if name}
 
 
-def _delta(text_before: str, text: str) -> list[object] | None:
+def _delta(text_before: str, new_text: str) -> list[object] | None:
     """[characters kept in front, characters kept at the end, new text between]; None if equal."""
-    if text_before == text:
+    if text_before == new_text:
         return None
-    start, end, new = difference(text_before, text)
+    start, end, new = difference(text_before, new_text)
     return [start, len(text_before) - end, new]
 
 
-def _apply_delta(row: JournalEvent, text_before: str, delta: object) -> str:
+def _apply_delta(row_event: JournalEvent, text_before: str, delta: object) -> str:
     match delta:
-        case [int(front), int(behind), str(text)] if (
+        case [int(front), int(behind), str(inserted_text)] if (
             front >= 0 and behind >= 0 and front + behind <= len(text_before)
         ):
-            return text_before[:front] + text + text_before[len(text_before) - behind :]
-    row.refuse("the field 'history' has the wrong type or value")
+            return text_before[:front] + inserted_text + text_before[len(text_before) - behind :]
+    row_event.refuse("the field 'history' has the wrong type or value")

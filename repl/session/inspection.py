@@ -77,25 +77,25 @@ def draw_name(version: Version, gesture_name: str, sounding: Piece, now: float) 
     rehearsal = rehearsal_stage(piece, gesture_name)
     assert rehearsal is not None  # there is a key
     first_gesture = rehearsal.gestures[0]
-    start, stop = max(0.0, first_gesture.start - _LEAD_IN), first_gesture.stop
+    start_seconds, stop_seconds = max(0.0, first_gesture.start - _LEAD_IN), first_gesture.stop
     reach = piece.keys[first_gesture.key].reach
-    width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
+    plot_width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
     curves = asked_and_done(
         rehearsal.simulation,
         first_gesture.key_index,
         first_gesture.struck,
-        start,
-        stop,
+        start_seconds,
+        stop_seconds,
         reach,
-        _POINTS * width,
+        _POINTS * plot_width,
     )
-    text = plot(curves, width=width, height=_HEIGHT, x_label="position [mm]")
+    text = plot(curves, width=plot_width, height=_HEIGHT, x_label="position [mm]")
     return [f"{gesture_name} on {first_gesture.key}", *text.splitlines()]
 
 
 def draw_trace(
     running: RunningVersion,
-    frame: int,
+    trace_frame: int,
     player_name: str,
     tick_frames: int,
     hands: Path | None,
@@ -117,8 +117,8 @@ def draw_trace(
         raise NotTakenError(
             f"'{player_name}' is not a player", None if near is None else f"scope {near}"
         )
-    key = piece.players[player_name].key
-    last = frame // tick_frames
+    player_key = piece.players[player_name].key
+    last = trace_frame // tick_frames
     ticks = range(max(0, last - int(_TRACE_SECONDS * rate) // tick_frames), last)
     is_real = hands is not None and any(hand.player == player_name for hand in running.stage.live)
     if len(ticks) < _TRACE_TICKS_MIN:
@@ -127,14 +127,16 @@ def draw_trace(
         path = _recorded_positions(hands, player_name, ticks)
     else:
         path, _ = leading(piece, player_name, running.spans, tick_frames, ticks)
-    width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
-    step = max(1, len(path) // (_POINTS * width))
+    plot_width = min(shutil.get_terminal_size().columns, _WIDTH_MAX)
+    step = max(1, len(path) // (_POINTS * plot_width))
     seconds = [(number - len(path)) * tick_frames / rate for number in range(0, len(path), step)]
     curve = Curve(player_name, seconds, [1e3 * float(x) for x in path[::step]])
-    text = plot([curve], width=width, height=height, x_label="position [mm]")
+    plot_text = plot([curve], width=plot_width, height=height, x_label="position [mm]")
     whose = "its hand" if is_real else "as its part moves it"
-    head = f"{player_name} on {key}, the last {len(path) * tick_frames / rate:.1f} s, {whose}"
-    return [head, *text.splitlines()]
+    head = (
+        f"{player_name} on {player_key}, the last {len(path) * tick_frames / rate:.1f} s, {whose}"
+    )
+    return [head, *plot_text.splitlines()]
 
 
 def _recorded_positions(hands: Path, player: str, ticks: range) -> NDArray[np.float64]:
@@ -145,10 +147,10 @@ def _recorded_positions(hands: Path, player: str, ticks: range) -> NDArray[np.fl
         recording = _core.read_recording(hands, (ticks.start, ticks.stop))
     except (_core.EngineError, OSError) as error:
         raise NotTakenError(f"the recording of hands cannot be read: {error}") from None
-    number = next((i for i, (name, _) in enumerate(recording.axes) if name == player), None)
-    if number is None or len(recording.ticks()) < _TRACE_TICKS_MIN:
+    axis_number = next((i for i, (name, _) in enumerate(recording.axes) if name == player), None)
+    if axis_number is None or len(recording.ticks()) < _TRACE_TICKS_MIN:
         raise NotTakenError(f"nothing of {player} is recorded yet")
-    return recording.positions()[:, number]
+    return recording.positions()[:, axis_number]
 
 
 def definition_lines(version: Version, defined_name: str, sounding: Piece, now: float) -> list[str]:
@@ -168,11 +170,11 @@ def definition_lines(version: Version, defined_name: str, sounding: Piece, now: 
     if module_named is None:
         return _lines_of_score(version.texts, defined_name)
     part_name, module, is_ca = module_named
-    value, is_led = _value(sounding, (part_name, module.name), module, parameter_name, now)
+    shown_value, is_led = _value(sounding, (part_name, module.name), module, parameter_name, now)
     shown = []
-    if value is not None:
+    if shown_value is not None:
         where = f" at {sounding.tempo_map.written(now)}, by its automation"
-        amount = written_quantity(float(f"{value:.6g}"), parameter_name, is_ca=is_ca)
+        amount = written_quantity(float(f"{shown_value:.6g}"), parameter_name, is_ca=is_ca)
         shown.append(f"{defined_name}: {amount}{where if is_led else ''}")
     with contextlib.suppress(NotTakenError):  # it stands in a file that the score uses
         shown += _lines_of_score(version.texts, part_name)
@@ -192,13 +194,16 @@ def _value(
     for entry in piece.automation:
         if module_place in entry.modules and entry.parameter == parameter_name:
             return value_on(piece, module_place, parameter_name, now), True
-    value = {**written_module.fields.get("constants", {}), **written_module.fields}.get(
+    field_value = {**written_module.fields.get("constants", {}), **written_module.fields}.get(
         parameter_name
     )
-    if not isinstance(value, float) and written_module.kind in ("CEL", "BANK"):  # f of K, K of f
+    if not isinstance(field_value, float) and written_module.kind in (
+        "CEL",
+        "BANK",
+    ):  # f of K, K of f
         led = Led.from_piece(piece, module_place)
-        value = None if led is None else led.numbers_written.get(parameter_name)
-    return (value, False) if isinstance(value, float) else (None, False)
+        field_value = None if led is None else led.numbers_written.get(parameter_name)
+    return (field_value, False) if isinstance(field_value, float) else (None, False)
 
 
 def _tempo_row(tempo_entry: TempoEntry) -> str:
@@ -240,22 +245,22 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
     levels = version.strike_levels
     for strikes in piece.strikes:
         if _goes_on(strikes, piece, now):
-            state = _state(levels, levels.key(strikes.name))
-            playing_rows.append(", ".join([_striking(strikes), *state]))
+            level_state = _state(levels, levels.key(strikes.name))
+            playing_rows.append(", ".join([_striking(strikes), *level_state]))
     for name in (*piece.instruments, *piece.families):
-        if state := _state(version.faders, name):
-            playing_rows.append(f"{name} (instrument): {', '.join(state)}")
+        if level_state := _state(version.faders, name):
+            playing_rows.append(f"{name} (instrument): {', '.join(level_state)}")
     playing_rows += [f"{name}: {rule.trigger.text}" for name, rule in version.rules.items()]
     return playing_rows
 
 
-def _state(levels: Faders | StrikeLevels, name: str) -> list[str]:
+def _state(levels: Faders | StrikeLevels, strikes_name: str) -> list[str]:
     """What mute, solo and gain make of strikes or an instrument; empty if nothing."""
-    state = ["muted"] if name in levels.muted else []
-    state += ["solo"] if name in levels.solo else []
-    gain = levels.gains.get(name, 1.0)
+    level_states = ["muted"] if strikes_name in levels.muted else []
+    level_states += ["solo"] if strikes_name in levels.solo else []
+    gain = levels.gains.get(strikes_name, 1.0)
     level = "silent" if gain == 0.0 else f"{decibels_of(gain):.3g} dB"
-    return state if gain == 1.0 else [*state, level]
+    return level_states if gain == 1.0 else [*level_states, level]
 
 
 def _goes_on(strikes: Strikes, piece: Piece, now: float) -> bool:
@@ -264,14 +269,14 @@ def _goes_on(strikes: Strikes, piece: Piece, now: float) -> bool:
 
 
 def _striking(strikes: Strikes) -> str:
-    struck = [*dict.fromkeys(target.text for target in strikes.to)]
-    struck = struck or [*dict.fromkeys(hit.what for hit in strikes.hits)]
-    more = ", …" if len(struck) > _STRUCK_MAX else ""
-    what = f"{', '.join(struck[:_STRUCK_MAX])}{more}"
+    struck_names = [*dict.fromkeys(target.text for target in strikes.to)]
+    struck_names = struck_names or [*dict.fromkeys(hit.what for hit in strikes.hits)]
+    more = ", …" if len(struck_names) > _STRUCK_MAX else ""
+    struck_text = f"{', '.join(struck_names[:_STRUCK_MAX])}{more}"
     if (rhythm := strikes.rhythm) is not None:
         do = f" do {rhythm.do}" if rhythm.do else ""
-        what = f'"{" ".join(rhythm.text.split())}"{do}'
-    return f"{strikes.name} (strikes): {what} from {strikes.at.text}{_until(strikes.until)}"
+        struck_text = f'"{" ".join(rhythm.text.split())}"{do}'
+    return f"{strikes.name} (strikes): {struck_text} from {strikes.at.text}{_until(strikes.until)}"
 
 
 def _entry(play: Play) -> str:
@@ -284,10 +289,10 @@ def _until(position: Position | None) -> str:
     return "" if position is None or is_endless else f" until {position.text}"
 
 
-def _lines_of_score(texts: Texts, defined_name: str) -> list[str]:
+def _lines_of_score(score_texts: Texts, defined_name: str) -> list[str]:
     defined_names: list[str] = []
-    for file in (texts.path, *texts.overlay):
-        document = texts.document(file)
+    for file in (score_texts.path, *score_texts.overlay):
+        document = score_texts.document(file)
         if not isinstance(document.root, Mapping):
             continue
         for section in _SECTIONS:
@@ -296,11 +301,14 @@ def _lines_of_score(texts: Texts, defined_name: str) -> list[str]:
                 continue
             defined_names += section_node.entries
             if defined_name in section_node.entries:
-                first, last = section_node.entries[defined_name]
+                first_node, last_node = section_node.entries[defined_name]
                 # A block of YAML reaches to the next entry: blank lines at its end are not part of
                 # it.
-                end = last.start + len(document.text[last.start : last.end].rstrip())
-                row, stop = document.row(first.start), document.row(max(end - 1, last.start))
+                end = last_node.start + len(document.text[last_node.start : last_node.end].rstrip())
+                row, stop = (
+                    document.row(first_node.start),
+                    document.row(max(end - 1, last_node.start)),
+                )
                 numbers: Sequence[int] = range(row + 1, min(stop + 2, row + 1 + _LINES_MAX))
                 return [f"{number:5} {document.line(number)}" for number in numbers]
     near = nearest(defined_name, defined_names)

@@ -82,14 +82,14 @@ class Journal:
                     raise
         raise AssertionError  # the sequence of names is endless
 
-    def append(self, event: str, **fields: Any) -> None:
+    def append(self, event: str, **event_fields: Any) -> None:
         """Append an event, or keep it until it can be written; `pop_failure` reports a failure."""
         with self._writing:
             if self._file.closed:  # the second half of a panic may come after the end
                 return
             self._n_events += 1
             head = {"v": VERSION, "n": self._n_events, "event": event}
-            json_line = json.dumps({**head, **fields}, ensure_ascii=True).encode() + b"\n"
+            json_line = json.dumps({**head, **event_fields}, ensure_ascii=True).encode() + b"\n"
             if len(json_line) > MAX_LINE or self.is_full:
                 why = (
                     "is too long for it" if len(json_line) > MAX_LINE else "found no room in memory"
@@ -184,10 +184,15 @@ class JournalEvent:
         return field_value
 
     def number_of(
-        self, field_name: str, kind: type, low_bound: float, high_bound: float, default: Any = None
+        self,
+        field_name: str,
+        number_kind: type,
+        low_bound: float,
+        high_bound: float,
+        default: Any = None,
     ) -> Any:
         """A number within bounds. Raises JournalError."""
-        field_value = self.get(field_name, kind, default)
+        field_value = self.get(field_name, number_kind, default)
         if not low_bound <= field_value <= high_bound:  # also refuses NaN
             self.refuse(
                 f"the field '{field_name}' is {str(field_value)[:20]}; it must be from "
@@ -205,12 +210,12 @@ class JournalEvent:
             self.refuse(f"the field '{name}' has the wrong type or value")
         return {word: kind(x) for word, x in mapping.items()}
 
-    def name_set(self, name: str) -> frozenset[str]:
+    def name_set(self, field_name: str) -> frozenset[str]:
         """A set of names; empty where the field is missing. Raises JournalError."""
-        names: list[Any] = self.get(name, list, [])
-        if not all(map(_is_text, names)):
-            self.refuse(f"the field '{name}' has the wrong type or value")
-        return frozenset(names)
+        name_list: list[Any] = self.get(field_name, list, [])
+        if not all(map(_is_text, name_list)):
+            self.refuse(f"the field '{field_name}' has the wrong type or value")
+        return frozenset(name_list)
 
 
 def _is_text(value: object) -> bool:
@@ -227,22 +232,22 @@ def _is_ratio(value: object) -> bool:
 def read_events(path: Path) -> Iterator[JournalEvent]:
     """Events of a journal; a last line that was cut off is left out. Raises JournalError."""
     try:
-        with open_regular(path) as file:
-            if os.fstat(file.fileno()).st_size > MAX_BYTES:
+        with open_regular(path) as journal_file:
+            if os.fstat(journal_file.fileno()).st_size > MAX_BYTES:
                 raise JournalError(f"{path} is larger than the journal of a session can be")
-            yield from _events(path, file)
+            yield from _events(path, journal_file)
     except NotRegularError:
         raise JournalError(f"{path} is not a regular file, so it cannot be a journal") from None
     except OSError as error:
         raise JournalError(f"{path}: {error.strerror or error}") from None
 
 
-def _events(path: Path, file: IO[bytes]) -> Iterator[JournalEvent]:
-    left = MAX_BYTES
+def _events(path: Path, journal_file: IO[bytes]) -> Iterator[JournalEvent]:
+    bytes_left = MAX_BYTES
     for line_number in itertools.count(1):
-        json_line = file.readline(MAX_LINE)
-        left -= len(json_line)
-        if not json_line or left < 0:
+        json_line = journal_file.readline(MAX_LINE)
+        bytes_left -= len(json_line)
+        if not json_line or bytes_left < 0:
             return
         if not json_line.strip():
             continue

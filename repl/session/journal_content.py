@@ -168,11 +168,11 @@ class JournalGaps:
         """Note the next event. Journals of earlier versions have no numbers."""
         if "n" not in journal_event.fields:
             return
-        number = journal_event.number_of("n", int, 1, _NUMBER_MAX)
-        if number > self.last + 1:
-            self.n_missing += number - self.last - 1
+        event_number = journal_event.number_of("n", int, 1, _NUMBER_MAX)
+        if event_number > self.last + 1:
+            self.n_missing += event_number - self.last - 1
             self.first = self.first or journal_event.number
-        self.last = number
+        self.last = event_number
 
     def sentence(self, file: str) -> str:
         """What is missing; empty where nothing is."""
@@ -224,19 +224,21 @@ class JournalContent:
 
     def _due(self, number: int) -> tuple[int, float]:
         """When a waiting line would take effect, as `WaitingLine.is_before` orders them."""
-        line = self.lines[number]
-        start = self.starts.get(number, line.number_of("start", int, 0, FRAME_MAX, FRAME_MAX))
-        if start == FRAME_MAX:  # the piece must be played up to its beat first
-            return start, self.late.get(number, line.get("beat", float))
-        return start, number
+        line_event = self.lines[number]
+        start_frame = self.starts.get(
+            number, line_event.number_of("start", int, 0, FRAME_MAX, FRAME_MAX)
+        )
+        if start_frame == FRAME_MAX:  # the piece must be played up to its beat first
+            return start_frame, self.late.get(number, line_event.get("beat", float))
+        return start_frame, number
 
     def history(self) -> History:
         """The history at the end of the session."""
-        before = self.start.history
+        history_before = self.start.history
         history = History()
-        if before is not None:
-            history = History([one.number for one in before.versions], before.index)
-        order = self.order()
+        if history_before is not None:
+            history = History([one.number for one in history_before.versions], history_before.index)
+        effect_order = self.order()
         for journal_event in self.events:
             line_number = journal_event.get("number", int)
             restores = journal_event.fields.get("restores")
@@ -251,7 +253,7 @@ class JournalContent:
                 replaced = journal_event.fields.get("replaces")
                 if isinstance(replaced, int):
                     history.remove(replaced)
-                history.sort(order)
+                history.sort(effect_order)
         return history
 
     def all_texts(self) -> Iterator[Texts]:
@@ -457,14 +459,17 @@ def _add_event(
 
 
 def _strike(journal_event: JournalEvent) -> JournalAct:
-    place = (
+    place_words = (
         journal_event.get("part", str),
         journal_event.get("module", str),
         journal_event.number_of("member", int, -1, _NUMBER_MAX),
     )
     impulse = journal_event.number_of("impulse", float, -_RATIO_MAX, _RATIO_MAX)
     return JournalAct(
-        journal_event.number_of("frame", int, 0, FRAME_MAX), place, impulse, journal_event.number
+        journal_event.number_of("frame", int, 0, FRAME_MAX),
+        place_words,
+        impulse,
+        journal_event.number,
     )
 
 

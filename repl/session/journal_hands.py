@@ -78,7 +78,7 @@ def take_of(first_event: JournalEvent, journal: Path) -> JournalTake | None:
     listed = first_event.get("hands", list)
     if not 1 <= len(listed) <= _HANDS_MAX or not all(isinstance(one, dict) for one in listed):
         first_event.refuse("the field 'hands' has the wrong type or value")
-    rows = [
+    axis_rows = [
         JournalEvent(first_event.file, first_event.number, first_event.name, one) for one in listed
     ]
     hands = tuple(
@@ -89,7 +89,7 @@ def take_of(first_event: JournalEvent, journal: Path) -> JournalTake | None:
             row.number_of("axis", int, 0, _AXIS_MAX),
             row.number_of("start", int, 0, FRAME_MAX, 0),
         )
-        for row in rows
+        for row in axis_rows
     )
     return JournalTake(journal.parent / take_name, hands)
 
@@ -99,10 +99,10 @@ def recorded_hands(take: JournalTake, stage: Stage, tick_frames: int) -> Recorde
     import numpy as np
 
     recording = _recording(take)
-    who = ", ".join(hand.player for hand in take.hands)
+    player_names = ", ".join(hand.player for hand in take.hands)
     axes = [(hand.player, hand.key) for hand in stage.live]
     if recording.rate != stage.rate or recording.frames != tick_frames or recording.axes != axes:
-        raise JournalError(f"{take.path} does not record {who} of this session")
+        raise JournalError(f"{take.path} does not record {player_names} of this session")
     try:
         tick_positions = from_start(recording)
     except NotRecordingError as error:

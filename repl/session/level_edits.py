@@ -83,11 +83,11 @@ def _solo_strikes(command: SoloStrikes) -> VersionEdit:
     """Silence all other strikes, and the instruments that players play and these strikes do not."""
 
     def edit(version: Version, beat: float) -> Version:
-        key = _key(version, command.name)
-        quiet = _played(version) - _struck(version, key)
+        level_key = _key(version, command.name)
+        quiet = _played(version) - _struck(version, level_key)
         others = frozenset(version.piece.instruments) - quiet if quiet else frozenset[str]()
         faders = replace(version.faders, solo=others)
-        levels = replace(version.strike_levels, solo=frozenset([key]))
+        levels = replace(version.strike_levels, solo=frozenset([level_key]))
         return _leveled(version, faders, levels)
 
     return edit
@@ -111,11 +111,11 @@ def _leveled(version: Version, faders: Faders, levels: StrikeLevels) -> Version:
 
 def _key(version: Version, strikes_name: str) -> str:
     """The name under which strikes have their level. Raises NotTakenError if they are gone."""
-    names = {strikes.name for strikes in version.piece.strikes}
-    if strikes_name not in names:
+    strikes_names = {strikes.name for strikes in version.piece.strikes}
+    if strikes_name not in strikes_names:
         raise NotTakenError(f"{strikes_name} was removed by another line")
     first = unnumbered(strikes_name)
-    return first if first in names else strikes_name
+    return first if first in strikes_names else strikes_name
 
 
 def _struck(version: Version, name: str) -> frozenset[str]:

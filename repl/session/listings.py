@@ -30,20 +30,24 @@ if TYPE_CHECKING:
 _SCENES_MAX = 50  # scores of a folder whose lengths are looked up
 
 
-def instrument_lines(texts: Texts, piece: Piece) -> list[str]:
+def instrument_lines(score_texts: Texts, piece: Piece) -> list[str]:
     """The instruments of a score with their routes; then the families."""
     parts = {name: name for name in piece.instruments if name not in piece.note_families()}
     parts |= {name: members[0] for name, members in piece.families.items()}
     routes = {name: _routes(piece, part) for name, part in parts.items()}
-    rows = _rows(routes) or ["no instrument yet"]
+    instrument_rows = _rows(routes) or ["no instrument yet"]
     instrument_counts = {
         name: f"{len(members)} instruments" if len(members) > 1 else "1 instrument"
-        for name, members in _families(texts, piece).items()
+        for name, members in _families(score_texts, piece).items()
     }
     in_use = {
         name: f"{text}, in use" for name, text in instrument_counts.items() if name in piece.used
     }
-    return [*rows, "families, by `use NAME`:", *_rows({**instrument_counts, **in_use}, indent="  ")]
+    return [
+        *instrument_rows,
+        "families, by `use NAME`:",
+        *_rows({**instrument_counts, **in_use}, indent="  "),
+    ]
 
 
 def family_lines(texts: Texts, piece: Piece, family_name: str) -> list[str]:
@@ -90,13 +94,13 @@ def scene_lines(score_texts: Texts) -> list[str]:
     return _rows(scene_rows) or ["no scene yet; `keep 8bar as verse-2` makes one"]
 
 
-def _families(texts: Texts, piece: Piece) -> Mapping[str, Sequence[Member]]:
+def _families(score_texts: Texts, piece: Piece) -> Mapping[str, Sequence[Member]]:
     """The families that ship, and the files that a score uses."""
     known_families = dict(families.library())
-    names, _ = texts.names()
+    score_names, _ = score_texts.names()
     for name in piece.used:
-        if name in names.used:
-            known_families[name] = families.members(names.used[name].document)
+        if name in score_names.used:
+            known_families[name] = families.members(score_names.used[name].document)
     return known_families
 
 

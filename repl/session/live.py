@@ -89,11 +89,11 @@ class LiveEngine:
         """Send a change to the physics thread; returns its ticket."""
         if change.is_gains:
             return self._performance.change(change.frame, gains=list(change.gains.items()))
-        stage, before = change.stage, change.old_stage
+        stage, stage_before = change.stage, change.old_stage
         ticket = self._performance.change(
             change.frame,
             simulation=stage.simulation,
-            old=None if change.resets else before.simulation,
+            old=None if change.resets else stage_before.simulation,
             mixer=stage.mixer(highpass=self._highpass, reference=self._reference)
             if change.needs_new_mixer
             else None,
@@ -200,20 +200,20 @@ class LiveEngine:
                 )
             elif event_text := event_sentence(raw_event, self._players, self._boards):
                 real = self._real_now(raw_event)
-                seconds = event_number if event_kind == "lost" else 0.0
+                lost_seconds = event_number if event_kind == "lost" else 0.0
                 engine_events += [
                     EngineEvent(event_frame, sentence=line, real=real)
                     for event_frame, line in self._notices.shown(
-                        frame, event_kind, event_text, seconds
+                        frame, event_kind, event_text, lost_seconds
                     )
                 ]
         self._unreported = []
         notice_lines = self._notices.rest() if self._final_status else self._notices.due(self.frame)
         if self._final_status is None:
-            sound = self._performance.sound_events()
-            for _, event_text in sound[self._n_sound_events :]:
+            sound_events = self._performance.sound_events()
+            for _, event_text in sound_events[self._n_sound_events :]:
                 notice_lines += self._notices.shown(self.frame, "sound", event_text)
-            self._n_sound_events = len(sound)
+            self._n_sound_events = len(sound_events)
         engine_events += [
             EngineEvent(event_frame, sentence=line) for event_frame, line in notice_lines
         ]
@@ -222,10 +222,10 @@ class LiveEngine:
         return engine_events
 
     def _real_now(self, event: _core.PerformanceEvent) -> dict[str, bool]:
-        _, what, number = event
-        if what == "gone":
-            return dict.fromkeys(self._players_by_board[int(number)], False)
-        return {self._players[int(number)]: True} if what == "took over" else {}
+        _, event_kind, event_number = event
+        if event_kind == "gone":
+            return dict.fromkeys(self._players_by_board[int(event_number)], False)
+        return {self._players[int(event_number)]: True} if event_kind == "took over" else {}
 
     def silences(self) -> Sequence[tuple[int, bool]]:
         """Begins and ends of the silence of panics since the last call: (frame, whether it

@@ -34,12 +34,12 @@ class MakingTime:
         """The time that a change is given [s]."""
         return _FACTOR * self.seconds
 
-    def after_slips(self, count: int) -> float:
-        """The time that a line is given which was late `count` times before [s].
+    def after_slips(self, slip_count: int) -> float:
+        """The time that a line is given which was late `slip_count` times before [s].
 
         It is longer each time, whatever was measured.
         """
-        return _FACTOR * min(_SLIP_MAX, max(self.seconds, _SLIP_MIN) * 2.0 ** min(count, 20))
+        return _FACTOR * min(_SLIP_MAX, max(self.seconds, _SLIP_MIN) * 2.0 ** min(slip_count, 20))
 
     def began(self) -> int:
         """The frame at which a making begins."""

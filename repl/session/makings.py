@@ -45,22 +45,23 @@ class Makings:
         self, on: RunningVersion, line_group: Sequence[WaitingLine]
     ) -> tuple[WaitingLine, str]:
         """The first line of a group that cannot be made after those before it, and why."""
-        for count in range(1, len(line_group) + 1):
+        for tried_count in range(1, len(line_group) + 1):
             try:
-                self.stage(on, line_group[:count])
+                self.stage(on, line_group[:tried_count])
             except REFUSALS as error:
-                return line_group[count - 1], str(error)
+                return line_group[tried_count - 1], str(error)
         return line_group[-1], "it could not be made together with those before it"
 
     def _checked(self, on: RunningVersion, result: RunningVersion) -> RunningVersion:
         """A version with the bounds of its forces. Raises NotTakenError if it cannot be played."""
-        for unit, plays, asked in (
+        for changed_unit, plays, asked in (
             ("number of channels", self._engine.n_channels, result.stage.n_channels),
             ("rate", on.stage.rate, result.stage.rate),
         ):
             if plays != asked:
                 raise NotTakenError(
-                    f"the {unit} of a session cannot change: this session plays {plays:g}, and "
+                    f"the {changed_unit} of a session cannot change: this session plays {plays:g}, "
+                    "and "
                     f"the score has {asked:g}; play that score in a session of its own"
                 )
         # Every version passes here, so none plays that a real hand's key cannot bear.

@@ -70,7 +70,7 @@ class ClockEvents:
 
     def pop_before(self, frame: int) -> Iterator[ClockMessage]:
         """The messages before a frame that were not returned yet."""
-        for running, first_frame, last in self._played.pop_before(frame):
+        for running, first_frame, last_frame in self._played.pop_before(frame):
             clock, stage = running.clock, running.stage
             if clock.began_at != self._began_at:
                 if self._began_at is not None:
@@ -90,7 +90,7 @@ class ClockEvents:
                 tempo, rate = stage.piece.tempo_map, stage.rate
                 while (
                     clock_frame := frame_of(tempo.seconds(self._next / CLOCKS_PER_BEAT), rate)
-                ) < last:
+                ) < last_frame:
                     yield max(clock_frame, first_frame), bytes([Transport.CLOCK.value])
                     self._next += 1
 
@@ -180,14 +180,14 @@ class ClockIn:
         if beat_estimate is not None and self._session.schedule.running.clock.is_running:
             self._correct(beat_estimate, is_placed)
 
-    def _start_or_stop(self, transport: Transport, position: float) -> None:
+    def _start_or_stop(self, transport: Transport, clock_position: float) -> None:
         session = self._session
         if transport is Transport.STOP:
-            line = "stop" if session.schedule.running.clock.is_running else ""
+            transport_line = "stop" if session.schedule.running.clock.is_running else ""
         else:
-            line = f"play from {session.position_text(position)}"
+            transport_line = f"play from {session.position_text(clock_position)}"
         self._corrected_beat = -math.inf
-        reply = session.submit(line) if line else None
+        reply = session.submit(transport_line) if transport_line else None
         if reply is not None and not reply.taken:
             session.say(f"MIDI clock: {reply.text}")
 
@@ -198,7 +198,7 @@ class ClockIn:
         session = self._session
         with session.lock:
             schedule = session.schedule
-            head = schedule.head.piece.tempo_map
+            latest_tempo = schedule.head.piece.tempo_map
             correction_beat, _ = schedule.place(Length(beats=1.0), None)
             correction_beat = math.ceil(correction_beat - SAME)
             clock = schedule.running.clock
@@ -210,7 +210,7 @@ class ClockIn:
                 return
             rate = schedule.rate
             beat_here, beat_there = (
-                self._when(frame_of(clock.seconds(head, beat_at_frame), rate))
+                self._when(frame_of(clock.seconds(latest_tempo, beat_at_frame), rate))
                 for beat_at_frame in (correction_beat, correction_beat + _CORRECTION_BEATS)
             )
             if beat_here is None or beat_there is None:

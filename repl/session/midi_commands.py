@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 @executes(Maps)
 def _maps(session: SessionCore, command: Maps) -> Reply:
     maps = midi_maps.player_maps(session.schedule.head.maps).values()
-    lines = tuple(row.line.removeprefix("map ") for row in maps)
+    map_lines = tuple(row.line.removeprefix("map ") for row in maps)
     if (unmapped := session.midi.monitor.unmapped_line()) is not None:
-        lines = (*lines, unmapped)
-    return Reply(True, "" if lines else "ok nothing is mapped", lines=lines)
+        map_lines = (*map_lines, unmapped)
+    return Reply(True, "" if map_lines else "ok nothing is mapped", lines=map_lines)
 
 
 @executes(Learn)

@@ -154,10 +154,10 @@ class MidiInput:
 
     def _type(self, note: Note) -> None:
         """Run the blocks and play the gestures to which a note is mapped, each by its own line."""
-        for line in note_lines(self._schedule.running.version, note.number):
+        for note_line in note_lines(self._schedule.running.version, note.number):
             self._n_lines += 1
             self._fast_values.set_soon(
-                f"note {note.number}, line {self._n_lines}", partial(_line, line)
+                f"note {note.number}, line {self._n_lines}", partial(_line, note_line)
             )
 
     def _begin(self, note: Note, channel: int) -> None:
@@ -185,10 +185,10 @@ class MidiInput:
             if message.number not in (None, note_number) or sounding_note.channel != channel:
                 continue
             version = self._schedule.running.version
-            for place, impulse in pressed_places(version, note_number, message.value):
+            for struck_place, impulse in pressed_places(version, note_number, message.value):
                 is_pressed = True
-                self._strike(place, impulse - sounding_note.pressed.get(place, 0.0))
-                sounding_note.pressed[place] = impulse
+                self._strike(struck_place, impulse - sounding_note.pressed.get(struck_place, 0.0))
+                sounding_note.pressed[struck_place] = impulse
         return is_pressed
 
     def _end(self, number: int) -> None:
@@ -205,11 +205,14 @@ class MidiInput:
             self._let_down(number)
 
     def _let_down(self, number: int) -> None:
-        note = self._sounding.pop(number)
+        sounding_note = self._sounding.pop(number)
         self._on_pedal.discard(number)
-        if note.n_panics != self._stops.n_panics:
+        if sounding_note.n_panics != self._stops.n_panics:
             return
-        for place, impulse in (*note.ends, *((p, -i) for p, i in note.pressed.items())):
+        for place, impulse in (
+            *sounding_note.ends,
+            *((p, -i) for p, i in sounding_note.pressed.items()),
+        ):
             self._strike(place, impulse)
 
     def _strike(self, place: Place, impulse: float) -> None:

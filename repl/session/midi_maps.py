@@ -67,12 +67,12 @@ def without_map(version: Version, map_name: str) -> Mapping[str, Map]:
     return {other: mapped for other, mapped in version.maps.items() if other != map_name}
 
 
-def rename_in_maps(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, Map]:
+def rename_in_maps(maps: Mapping[str, Map], old_name: str, new_name: str) -> Mapping[str, Map]:
     """Maps in which what is renamed has its new name."""
 
     def called(text: str | None) -> str | None:
         head, dot, rest = (text or "").partition(".")
-        return f"{new}{dot}{rest}" if head == old and text else text
+        return f"{new_name}{dot}{rest}" if head == old_name and text else text
 
     renamed: list[Map] = []
     for mapped in maps.values():
@@ -88,10 +88,10 @@ def rename_in_maps(maps: Mapping[str, Map], old: str, new: str) -> Mapping[str, 
     return {mapped.name: mapped for mapped in renamed}
 
 
-def note_lines(version: Version, note: int) -> Iterator[str]:
+def note_lines(version: Version, note_number: int) -> Iterator[str]:
     """The lines that a note types: those that run a block, or let a player play a gesture."""
     piece = version.piece
-    for note_map in maps_of(version, note):
+    for note_map in maps_of(version, note_number):
         if note_map.gesture is not None:
             if note_map.target in piece.players:
                 yield f"{note_map.target} plays {note_map.gesture} now"
@@ -99,18 +99,18 @@ def note_lines(version: Version, note: int) -> Iterator[str]:
             yield f"run {note_map.target} now"
 
 
-def share_line(source: str, share: float, version: Version) -> str | None:
+def share_line(source_name: str, control_share: float, version: Version) -> str | None:
     """The line that sets what a controller leads to, which is at a share (0 to 1) of its range;
     None if it has no map.
     """
-    control = version.maps.get(source)
-    return line_to(control, share) if isinstance(control, MapControl) else None
+    control = version.maps.get(source_name)
+    return line_to(control, control_share) if isinstance(control, MapControl) else None
 
 
-def line_to(control: MapControl, share: float) -> str:
+def line_to(control: MapControl, control_share: float) -> str:
     """The line that sets what a map leads to, at a share (0 to 1) of its way."""
     low, high = control.range
-    x = low + (high - low) * share
+    x = low + (high - low) * control_share
     if control.unit == BPM_UNIT:
         return f"tempo {x:.6g} now"
     if control.target is not None:
@@ -150,23 +150,23 @@ def _row(midi_map: Map) -> list[object]:
 
 def read_maps(journal_event: JournalEvent) -> Mapping[str, Map]:
     """The maps in a journal's event. Raises JournalError."""
-    rows: list[object] = journal_event.get("maps", list, [])
-    if len(rows) > MAX_MAPS + MAX_HEAR:
+    map_rows: list[object] = journal_event.get("maps", list, [])
+    if len(map_rows) > MAX_MAPS + MAX_HEAR:
         journal_event.refuse("it has more maps than a session can have")
-    maps = [_read_row(journal_event, row) for row in rows]
+    maps = [_read_row(journal_event, row) for row in map_rows]
     return {own.name: own for own in maps}
 
 
-def _hear_notes(notes: list[object]) -> tuple[str, ...] | None:
+def _hear_notes(written_notes: list[object]) -> tuple[str, ...] | None:
     """The notes of `hear`: words of pitches, or numbers, as journals had them before there were
     tunings; None if something else is among them.
     """
     note_words = []
-    for note in notes:
-        if isinstance(note, str) and is_pitch(note):
-            note_words.append(note)
-        elif isinstance(note, int) and 0 <= note <= _MIDI_MAX:
-            note_words.append(name(note))
+    for written_note in written_notes:
+        if isinstance(written_note, str) and is_pitch(written_note):
+            note_words.append(written_note)
+        elif isinstance(written_note, int) and 0 <= written_note <= _MIDI_MAX:
+            note_words.append(name(written_note))
         else:
             return None
     return tuple(note_words)

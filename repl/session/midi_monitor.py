@@ -50,12 +50,12 @@ class MidiMonitor:
             self._rest.clear()
             self._ends_at, self._n_left = now + _PERIOD, _LINES_MAX
         while self._waiting:
-            source, text = self._waiting.popleft()
+            message_source, monitor_text = self._waiting.popleft()
             if self._n_left:
                 self._n_left -= 1
-                monitor_lines.append(text)
+                monitor_lines.append(monitor_text)
             else:
-                self._rest[source] += 1
+                self._rest[message_source] += 1
         return monitor_lines
 
     def unmapped_line(self) -> str | None:

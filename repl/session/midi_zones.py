@@ -74,10 +74,10 @@ class Zones:
         """What the beginning of a note sets: a note has the values of its channel."""
         if not self._wheels.is_in_zone(channel):
             return
-        for source, control in maps.items():
+        for map_source, control in maps.items():
             if isinstance(control, MapControl) and _family(control, piece):
-                share = self._shares.get((channel, source))
-                if source == "bend" or share is not None:
+                share = self._shares.get((channel, map_source))
+                if map_source == "bend" or share is not None:
                     yield from self._note_move(control, note, share, piece)
 
     def _note_move(
@@ -108,12 +108,12 @@ def _family(control: MapControl, piece: Piece) -> str | None:
     return next((head for head in heads if head in piece.families), None)
 
 
-def _target(control: MapControl, family: str | None, note: int, piece: Piece) -> str | None:
+def _target(control: MapControl, family: str | None, note_number: int, piece: Piece) -> str | None:
     """The parameter of one note; None if there is no such note."""
     if family is None or control.target is None:
         return None
     for member in piece.families[family]:
-        if number(member.rpartition(".")[2]) == note:
+        if number(member.rpartition(".")[2]) == note_number:
             return f"{member}{control.target.removeprefix(family)}"
     return None
 

@@ -51,11 +51,11 @@ class Moments:
         """The first frame at which a new line of a kind can take effect: a multiple of the tick."""
         return self.first_frame(0.0 if RULES[kind].is_quick else self._making_time.expected, kind)
 
-    def first_frame(self, making: float, kind: LineKind = LineKind.STRUCTURE) -> int:
+    def first_frame(self, making: float, line_kind: LineKind = LineKind.STRUCTURE) -> int:
         """The first frame for a change that takes `making` [s] to compute."""
-        if kind is LineKind.FADERS:
+        if line_kind is LineKind.FADERS:
             first_after = 0
-        elif kind is LineKind.ENDS:  # it withdraws what can still be withdrawn
+        elif line_kind is LineKind.ENDS:  # it withdraws what can still be withdrawn
             first_after = self._changes.playing_at(self.tick_after(0.0) - 1).start + 1
         else:
             first_after = self._changes.running.start + 1
@@ -70,22 +70,22 @@ class Moments:
     ) -> Place:
         """The place of a line that is typed now. Raises NotTakenError where its beat is past."""
         lead = self._timing.lead_of(kind is LineKind.ENDS)
-        frames = self.first_frame(0.0, kind), self.soonest_frame(kind)
-        beat, start = place_of(when, grid, self._present(tempo), frames, lead)
+        soonest_frames = self.first_frame(0.0, kind), self.soonest_frame(kind)
+        line_beat, start_frame = place_of(when, grid, self._present(tempo), soonest_frames, lead)
         is_now = when is NOW or (when is None and grid is None)
-        if kind is LineKind.FADERS and is_now and start is not None:
-            start = frames[1]  # they need not wait for the beginning of the piece
-        return Place(beat, start)
+        if kind is LineKind.FADERS and is_now and start_frame is not None:
+            start_frame = soonest_frames[1]  # they need not wait for the beginning of the piece
+        return Place(line_beat, start_frame)
 
     def place_from(
-        self, first_frame: int, tempo: TempoMap, when: When, grid: Length | None
+        self, first_frame: int, tempo: TempoMap, line_time: When, grid: Length | None
     ) -> Place:
         """The place of a line that needs a stage and is ready at a frame.
 
         Raises NotTakenError where its beat is past.
         """
         lead = self._timing.lead_of(False)
-        return place_of(when, grid, self._present(tempo), (first_frame, first_frame), lead)
+        return place_of(line_time, grid, self._present(tempo), (first_frame, first_frame), lead)
 
     def place_after_slip(self, late: Sequence[WaitingLine]) -> tuple[float, int]:
         """The next beat and frame of lines that were late: the next bar, or the soonest frame."""
@@ -97,11 +97,11 @@ class Moments:
         running, timing = self._changes.running, self._timing
         clock, tempo = running.clock, running.version.piece.tempo_map
         lead = first_late.lead(timing)
-        beat = clock.beat(tempo, start_frame / timing.rate + lead)
+        start_beat = clock.beat(tempo, start_frame / timing.rate + lead)
         if clock.is_running and not all(line.is_now for line in late):
-            beat = next_boundary(tempo, beat, BAR)
-            start_frame = max(start_frame, timing.takeover_frame(clock, tempo, beat, lead))
-        return beat, start_frame
+            start_beat = next_boundary(tempo, start_beat, BAR)
+            start_frame = max(start_frame, timing.takeover_frame(clock, tempo, start_beat, lead))
+        return start_beat, start_frame
 
     def frame_of(self, tempo: TempoMap, beat: float) -> int:
         """The first frame of the tick of a beat; the soonest frame while the piece is stopped."""

@@ -65,10 +65,10 @@ class SessionOsc:
         self._worker = threading.Thread(target=self._work, name="ergon osc lines", daemon=True)
         self._worker.start()
         stage = session.schedule.running.stage
-        events = SessionEvents(session.schedule, session.journal)
+        session_events = SessionEvents(session.schedule, session.journal)
         osc.serve(
             self,
-            lambda send: OscSender(performance, stage, 0, send, events),
+            lambda send: OscSender(performance, stage, 0, send, session_events),
             self._input_values,
             lambda: bool(performance.status().hands),
         )
@@ -86,10 +86,10 @@ class SessionOsc:
                 if take is None or not take.is_from_osc
                 else self._input_values.handler_of(input_name)
             )
-        match = _GAIN.fullmatch(address)
-        if match is None:
+        address_match = _GAIN.fullmatch(address)
+        if address_match is None:
             return None
-        kind, input_name = match.groups()
+        kind, input_name = address_match.groups()
         if kind is not None and input_name not in self._names(kind):
             return None
         return level_handler(lambda level: self._set_level(address, input_name, level))
@@ -103,10 +103,10 @@ class SessionOsc:
         scope = self._session.scope
         return scope.instruments if kind == "instrument" else scope.players
 
-    def _set_level(self, address: str, name: str | None, level: float) -> None:
+    def _set_level(self, address: str, part_name: str | None, level: float) -> None:
         """Set a level: of many values, the latest becomes a line."""
         value = f"{level:.6g}dB" if level > SILENT_DB else "x0"
-        line = " ".join(filter(None, ("gain", name, value, "now")))
+        line = " ".join(filter(None, ("gain", part_name, value, "now")))
         self._session.fast_values.set_soon(address, lambda version: line)
 
     def _enter(self, line: str, answer: Answer | None) -> None:
@@ -166,18 +166,18 @@ def _events(running: RunningVersion, first_frame: int, last_frame: int) -> Itera
     shown = partial(version.sounds_as.shown, part_names=version.piece.keys)
     tempo = stage.piece.tempo_map
     bar, _ = tempo.bar_beat(running.beat(first_frame))
-    for event in beat_events(tempo, stage.rate, bar):
-        if event[0] >= last_frame:
+    for beat_event in beat_events(tempo, stage.rate, bar):
+        if beat_event[0] >= last_frame:
             break
-        if event[0] >= first_frame:
-            yield event
+        if beat_event[0] >= first_frame:
+            yield beat_event
     for gesture in stage.gestures:
         gesture_frame = frame_of(gesture.start, stage.rate)
         if first_frame <= gesture_frame < last_frame:
-            arguments = (
+            event_arguments = (
                 gesture.player,
                 shown(gesture.key),
                 gesture.name,
                 float(gesture.start - clock.began_at),
             )
-            yield gesture_frame, "/ergon/strike", arguments
+            yield gesture_frame, "/ergon/strike", event_arguments

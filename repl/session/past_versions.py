@@ -53,12 +53,15 @@ class PastVersionStore(MutableMapping[int, "PastVersion"]):
         version, packed = self._versions[number]
         return replace(version, texts=replace(version.texts, text=packed.unpacked()))
 
-    def __setitem__(self, number: int, version: PastVersion) -> None:
+    def __setitem__(self, version_number: int, version: PastVersion) -> None:
         """Keep a version."""
-        texts = version.texts
-        packed = self._packed(texts)
-        self._last = texts, packed
-        self._versions[number] = replace(version, texts=replace(texts, text="")), packed
+        score_texts = version.texts
+        packed = self._packed(score_texts)
+        self._last = score_texts, packed
+        self._versions[version_number] = (
+            replace(version, texts=replace(score_texts, text="")),
+            packed,
+        )
 
     def __delitem__(self, number: int) -> None:
         """Remove a version; others may still need its text."""
@@ -100,11 +103,11 @@ def difference(text_before: str, now: str) -> tuple[int, int, str]:
     shared = min(len(text_before), len(now))
     start_index = _n_equal(shared, lambda a, b: text_before[a:b] == now[a:b])
     n_before, n_now = len(text_before), len(now)
-    after = _n_equal(
+    after_index = _n_equal(
         shared - start_index,
         lambda a, b: text_before[n_before - b : n_before - a] == now[n_now - b : n_now - a],
     )
-    return start_index, n_before - after, now[start_index : n_now - after]
+    return start_index, n_before - after_index, now[start_index : n_now - after_index]
 
 
 def _n_equal(count: int, is_equal: Callable[[int, int], bool]) -> int:

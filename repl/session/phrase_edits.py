@@ -12,8 +12,8 @@ from ergon.scores.edits.texts import Texts
 @edits_texts(DefinePhrase)
 def _define(command: DefinePhrase, version: Version, beat: float) -> Texts:
     words = command.words
-    fields = {name: words[name].text for name in ("to", "length") if name in words}
+    phrase_fields = {name: words[name].text for name in ("to", "length") if name in words}
     struck = [word for entry in command.entries for word in entry["what"].split()]
     struck += filter(None, [command.to])
     texts, _ = families.defined(version.texts, version.piece, struck)
-    return phrases.define(texts, command.name, command.entries, fields)
+    return phrases.define(texts, command.name, command.entries, phrase_fields)

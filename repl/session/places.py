@@ -36,15 +36,19 @@ class Place(NamedTuple):
 
 
 def place_of(
-    line_time: When, grid: Length | None, present: Present, frames: tuple[int, int], lead: float
+    line_time: When,
+    grid: Length | None,
+    present: Present,
+    soonest_frames: tuple[int, int],
+    lead: float,
 ) -> Place:
     """The place of a line that takes over `lead` [s] before its beat.
 
-    `frames` are the first frame that a request can reach, and the soonest one for which a line
-    is expected to be ready; a named beat may come before the latter. Raises NotTakenError where
-    the beat is past.
+    `soonest_frames` are the first frame that a request can reach, and the soonest one for which a
+    line is expected to be ready; a named beat may come before the latter. Raises NotTakenError
+    where the beat is past.
     """
-    earliest, soonest = frames
+    earliest, soonest = soonest_frames
     clock, tempo, now, timing = present
     if not clock.is_running:
         line_beat = clock.stopped_beat
@@ -74,13 +78,13 @@ def place_of(
     return Place(line_beat, max(soonest, timing.takeover_frame(clock, tempo, line_beat, lead)))
 
 
-def frame_of(beat: float, present: Present, soonest: int) -> int:
+def frame_of(line_beat: float, present: Present, soonest: int) -> int:
     """The first frame of the tick of a beat; the soonest frame while the piece is stopped."""
     clock, tempo, _, timing = present
     if not clock.is_running:
         return soonest
     every = timing.tick_frames
-    return int(clock.seconds(tempo, beat) * timing.rate) // every * every
+    return int(clock.seconds(tempo, line_beat) * timing.rate) // every * every
 
 
 def _resolved(tempo: TempoMap, position: Position) -> float:
@@ -90,10 +94,10 @@ def _resolved(tempo: TempoMap, position: Position) -> float:
         raise NotTakenError(error.message) from None
 
 
-def _past(when: When, beat: float, present: Present) -> NotTakenError:
+def _past(when: When, line_beat: float, present: Present) -> NotTakenError:
     asked = when.text if isinstance(when, Position) and when.text else ""
     verb = "is" if present.clock.is_running else "is stopped"
     here = present.tempo.written(present.beat)
     return NotTakenError(
-        f"{asked or present.tempo.written(beat)} is past: the piece {verb} at {here}"
+        f"{asked or present.tempo.written(line_beat)} is past: the piece {verb} at {here}"
     )

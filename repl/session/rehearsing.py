@@ -40,10 +40,10 @@ def keys_for(piece: Piece, name: str) -> list[str]:
     return [key for key in piece.keys if not isinstance(_try_key(bare, name, key), StageError)]
 
 
-def _on_some_key(piece: Piece, name: str) -> Stage | None:
+def _on_some_key(piece: Piece, gesture_name: str) -> Stage | None:
     bare, refusal = _keys_and_gestures(piece), None
     for key in piece.keys:
-        tried = _try_key(bare, name, key)
+        tried = _try_key(bare, gesture_name, key)
         if not isinstance(tried, StageError):
             return tried
         refusal = refusal or tried

@@ -63,12 +63,12 @@ def _as_journal_errors(journal_event: JournalEvent) -> Iterator[None]:
     try:
         yield
     except (*REFUSALS, *_FORGERY_ERRORS) as error:
-        what = (
+        failed_text = (
             ascii(journal_event.get("line", str)[:80])
             if journal_event.name == "line"
             else "its score"
         )
-        journal_event.refuse(f"{what} cannot be replayed: {error}")
+        journal_event.refuse(f"{failed_text} cannot be replayed: {error}")
 
 
 class ReplayedSession:
@@ -253,12 +253,12 @@ class _ReplayedChange:
 def _changes(journal_content: JournalContent) -> Iterator[_ReplayedChange]:
     """The changes of a journal, in the order of their frames."""
     skips = dict(journal_content.skips)
-    for (frame, _), commits in groupby(
+    for (commit_frame, _), commits in groupby(
         journal_content.commits, lambda one: (one.frame, one.change)
     ):
-        for before in [frame_skipped for frame_skipped in skips if frame_skipped < frame]:
+        for before in [frame_skipped for frame_skipped in skips if frame_skipped < commit_frame]:
             yield _ReplayedChange(before, (), skips.pop(before))
-        yield _ReplayedChange(frame, tuple(commits), skips.pop(frame, None))
+        yield _ReplayedChange(commit_frame, tuple(commits), skips.pop(commit_frame, None))
     for frame_skipped, begin in skips.items():
         yield _ReplayedChange(frame_skipped, (), begin)
 
@@ -316,11 +316,11 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
         if number not in done and number not in journal_content.dropped
     ]
     committed = [(one.frame, one.beat, one.line) for one in journal_content.commits]
-    for frame, last_beat, line_event in (*committed, *waited):
+    for takeover_frame, last_beat, line_event in (*committed, *waited):
         with _as_journal_errors(line_event):
             goes = line_event.fields.get("goes")
             now_running = goes if isinstance(goes, bool) else version.is_running
-            before = version.piece.tempo_map
+            tempo_before = version.piece.tempo_map
             version = replace(version.taken_over(), is_running=now_running)
             version = edit_of_line(
                 line_event, versions, version, journal_content.versions_from_files
@@ -330,10 +330,17 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
                 version, tempo.written(last_beat), line_event.get("line", str)
             )
             sets_running = goes if isinstance(goes, bool) else None
-            entry = entry_of(
-                clock, before, tempo, last_beat, frame, sets_running, version.enter_beat, timing
+            resumed_entry = entry_of(
+                clock,
+                tempo_before,
+                tempo,
+                last_beat,
+                takeover_frame,
+                sets_running,
+                version.enter_beat,
+                timing,
             )
-            clock = entry.clock
+            clock = resumed_entry.clock
     tempo = version.piece.tempo_map
     last_beat = clock.beat(tempo, journal_content.n_frames / rate)
     if not (math.isfinite(last_beat) and journal_content.n_frames <= MAX_SECONDS * rate):
@@ -361,13 +368,13 @@ def _renumbered_history(
     """The history of a session that is resumed as version `begun`, numbered for its own journal."""
     history = journal_content.history()
     past = []
-    for place, number in enumerate(history.numbers):
+    for place, old_number in enumerate(history.numbers):
         # Numbers from 1 on belong to the lines of that session, and -1 means none.
-        new = 0 if place == history.index else -2 - place
-        known = versions.get(number) or PastVersion.from_version(begun)
-        if new == 0:
-            known = PastVersion.from_version(begun, known.where, known.line)
-        past.append(replace(known, number=new, guides={}))
+        new_number = 0 if place == history.index else -2 - place
+        known_version = versions.get(old_number) or PastVersion.from_version(begun)
+        if new_number == 0:
+            known_version = PastVersion.from_version(begun, known_version.where, known_version.line)
+        past.append(replace(known_version, number=new_number, guides={}))
     return PastVersions(past, history.index)
 
 
@@ -375,12 +382,12 @@ def edit_of_line(
     line_event: JournalEvent,
     versions: Mapping[int, PastVersion],
     on: Version,
-    read: Mapping[int, FileVersion],
+    file_versions: Mapping[int, FileVersion],
 ) -> VersionEdit:
     """The version edit of a journal's line, without its other effects. Raises NotTakenError."""
     if line_event.fields.get("resets"):
         return version_edits.hush
-    if (known := read.get(line_event.number)) is not None:
+    if (known := file_versions.get(line_event.number)) is not None:
         texts, glide, enters = known
         return lambda version, beat: replace(
             version, texts=texts, piece=piece_of(texts), glide=glide, enter_beat=enters

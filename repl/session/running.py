@@ -83,15 +83,15 @@ class RunningVersion:
         return tuple((g.player, g.name) for g in gestures if g.start <= instant < g.stop)
 
 
-def horizon(tempo: TempoMap, beat: float) -> tuple[float, int]:
-    """The beat up to which endless parts are put on the timeline, seen from `beat`, and how many
-    bars that is.
+def horizon(tempo: TempoMap, from_beat: float) -> tuple[float, int]:
+    """The beat up to which endless parts are put on the timeline, seen from `from_beat`, and how
+    many bars that is.
     """
-    first, reached = tempo.bars.bar_beat(beat)[0], tempo.seconds(beat) + _AHEAD
+    first_bar, reached = tempo.bars.bar_beat(from_beat)[0], tempo.seconds(from_beat) + _AHEAD
     n_bars = _FEWEST_BARS
-    while n_bars < _BARS_MAX and tempo.seconds(tempo.bars.start(first + n_bars)) < reached:
+    while n_bars < _BARS_MAX and tempo.seconds(tempo.bars.start(first_bar + n_bars)) < reached:
         n_bars += _FEWEST_BARS
-    return tempo.bars.start(first + n_bars), n_bars
+    return tempo.bars.start(first_bar + n_bars), n_bars
 
 
 def rehearsal(piece: Piece) -> Piece:
@@ -105,12 +105,12 @@ def rehearsal(piece: Piece) -> Piece:
         for gesture in piece.gestures.values():
             if player.key not in able[gesture.name]:
                 continue
-            when, gesture_place = Position(plus=Length(beats=start_beat)), gesture.place
+            play_position, gesture_place = Position(plus=Length(beats=start_beat)), gesture.place
             plays.append(
                 Play(
                     player.name,
                     gesture.name,
-                    when,
+                    play_position,
                     None,
                     1,
                     None,
@@ -151,16 +151,16 @@ def staged(
     real: Real,
     store: Store | None,
     moving: tuple[Glide, ...] = (),
-    links: tuple[LeavingLink, ...] = (),
+    leaving_links: tuple[LeavingLink, ...] = (),
     *,
     frozen: tuple[LoadedPart, ...],
     is_seen: bool,
 ) -> Stage:
     """Stage what `spans` play, from frame `start_frame` on, in place of the stage `like`.
 
-    `moving` are parameters that glide, `links` removed links that still separate.
+    `moving` are parameters that glide, `leaving_links` removed links that still separate.
     """
-    piece = with_leaving(version.sounding, links)
+    piece = with_leaving(version.sounding, leaving_links)
     tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start_frame / like.rate)
     piece = replace(piece, tempo_map=tempo)
     staged_now = stage(

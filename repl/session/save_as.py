@@ -23,11 +23,11 @@ def files(score_texts: Texts, changed: Collection[str], target_path: Path) -> Ma
     journal_names = {
         file: journal_name(file, folder).removeprefix(LIBRARY) for file in score_texts.overlay
     }
-    for file_name, path, name, used in [*_uses(score_texts)]:
+    for file_name, path, used_name, used in [*_uses(score_texts)]:
         if file_name not in moved and file_name != score_texts.path:
             continue
         new = f"{target_path.stem}/{journal_names[used]}" if used in moved else journal_names[used]
-        if new != name and (used in moved or file_name in moved):
+        if new != used_name and (used in moved or file_name in moved):
             score_texts = score_texts.put(path, edit.quoted(new), file_name)
     copies = {file: target_path.parent / target_path.stem / journal_names[file] for file in moved}
     return {
@@ -53,10 +53,10 @@ def _uses(score_texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
     finder = Files(Collector(), home, score_texts.overlay, bounds=score_texts.bounds, sealed=True)
     for file_name in (score_texts.path, *score_texts.overlay):
         root = score_texts.document(file_name).root
-        node = root.get("use") if isinstance(root, document.Mapping) else None
-        use_items: list[tuple[edit.Path, document.Node | None]] = [(("use",), node)]
-        if isinstance(node, document.Sequence):
-            use_items = [(("use", index), item) for index, item in enumerate(node.items)]
+        use_node = root.get("use") if isinstance(root, document.Mapping) else None
+        use_items: list[tuple[edit.Path, document.Node | None]] = [(("use",), use_node)]
+        if isinstance(use_node, document.Sequence):
+            use_items = [(("use", index), item) for index, item in enumerate(use_node.items)]
         for path, use_item in [*use_items]:
             if isinstance(use_item, document.Mapping):
                 use_items += [

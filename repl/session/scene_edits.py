@@ -88,12 +88,12 @@ def _scene(command: versions.Scene) -> VersionEdit:
             version.texts,
             version.piece,
         )
-        some = (
+        missing_text = (
             [scene_found]
             if command.before is None
             else [scene(version, command.before), scene_found]
         )
-        for each in some:
+        for each in missing_text:
             edited_texts = scene_matter.with_matter(edited_texts, piece, each)
             piece = piece if edited_texts is version.texts else piece_of(edited_texts)
         new_texts = {
@@ -111,13 +111,13 @@ def _scene(command: versions.Scene) -> VersionEdit:
         edited_texts = scenes.paced(edited_texts, piece, scene_found, edit_beat, over)
         if command.over is not None:
             tempo = piece_of(edited_texts).tempo_map
-            end = tempo.after(edit_beat, command.over)
-            glide = max(GLIDE, tempo.seconds(end) - tempo.seconds(edit_beat))
+            glide_end = tempo.after(edit_beat, command.over)
+            glide = max(GLIDE, tempo.seconds(glide_end) - tempo.seconds(edit_beat))
             if command.before is not None:
                 edited_texts = scenes.play_scene(
-                    edited_texts, piece_of(edited_texts), first_scene, edit_beat, end
+                    edited_texts, piece_of(edited_texts), first_scene, edit_beat, glide_end
                 )
-                begin_beat = end
+                begin_beat = glide_end
         edited_texts = scenes.play_scene(
             edited_texts, piece_of(edited_texts), scene_found, begin_beat
         )

@@ -239,11 +239,11 @@ class Schedule:
         until, soon = moments.frame_after(_AHEAD), moments.frame_after(_PASSES)
         while lines_left and lines_left[0].frame <= until:
             due_group = group_of(lines_left)
-            kind, group_start = due_group[0].kind, due_group[0].frame
+            due_kind, group_start = due_group[0].kind, due_group[0].frame
             is_first = len(lines_left) == len(self.waiting)
-            if kind is LineKind.FADERS:
+            if due_kind is LineKind.FADERS:
                 is_due = is_first or can_move(self.running, due_group)
-            elif kind is LineKind.ENDS:
+            elif due_kind is LineKind.ENDS:
                 # A beat counts from the beginning of the piece, which then comes first.
                 begins = any(line.sets_running for line in self.waiting[: -len(lines_left)])
                 can_pass = not begins or any(line.is_now for line in due_group)
@@ -264,10 +264,10 @@ class Schedule:
         frame.
         """
         beat, start = self.moments.place_after_slip(late_group)
-        lines, lost, moved = self.lines.slipped(late_group, beat, start)
+        slipped_lines, lost, moved = self.lines.slipped(late_group, beat, start)
         self.reports.append(Slipped(moved))
         self.reports.extend(Dropped(one.line, one.why) for one in lost)
-        self._set_lines(lines)
+        self._set_lines(slipped_lines)
 
     def _move_faders(self, fader_group: Sequence[WaitingLine]) -> None:
         """Hand over gains, which need no version and no order."""
@@ -282,10 +282,12 @@ class Schedule:
         end_frame = group[0].start
         assert end_frame is not None
         returned = self.changes.withdraw(end_frame)
-        lines = [*returned.lines, *(line for line in self.waiting if line not in group)]
+        ending_lines = [*returned.lines, *(line for line in self.waiting if line not in group)]
         # One of the same frame that was under way ends together with these.
-        also = [line for line in lines if line.kind is LineKind.ENDS and line.start == end_frame]
-        lines_left = [line for line in lines if line not in also]
+        also = [
+            line for line in ending_lines if line.kind is LineKind.ENDS and line.start == end_frame
+        ]
+        lines_left = [line for line in ending_lines if line not in also]
         group = sorted((*also, *group), key=lambda line: line.number)
         stops = [one.number for one in group if one.sets_running is False]
         if stops:
@@ -301,11 +303,13 @@ class Schedule:
             self.reports.extend(Dropped(line, str(error)) for line in ends)
         self._let_wait(lines_left)
 
-    def _without_start(self, waiting_lines: Sequence[WaitingLine], stop: int) -> list[WaitingLine]:
+    def _without_start(
+        self, waiting_lines: Sequence[WaitingLine], stop_frame: int
+    ) -> list[WaitingLine]:
         """Lines that wait after a stop: those that start the piece and were typed before the line
-        `stop` are dropped.
+        `stop_frame` are dropped.
         """
-        started = [one for one in waiting_lines if one.sets_running and one.number < stop]
+        started = [one for one in waiting_lines if one.sets_running and one.number < stop_frame]
         why = "the piece was stopped before it began"
         self.reports.extend(Dropped(one, why) for one in started)
         return [one for one in waiting_lines if one not in started]
@@ -317,11 +321,11 @@ class Schedule:
         self._hand(group, staged_group.result)
         self._let_wait(self.waiting[len(group) :])
 
-    def _hand(self, line_group: Sequence[WaitingLine], result: RunningVersion) -> None:
+    def _hand(self, line_group: Sequence[WaitingLine], running_result: RunningVersion) -> None:
         """Hand over lines, whose result was made. Raises EngineError."""
         running_before = self.running
         running_after = replace(
-            result, version=line_group[-1].result(), serial=running_before.serial + 1
+            running_result, version=line_group[-1].result(), serial=running_before.serial + 1
         )
         change = Change(
             running_after.start,
@@ -382,11 +386,11 @@ class Schedule:
 
     def _first_unmade(self) -> tuple[WaitingLine, ...]:
         until = self.moments.frame_after(_AHEAD + self.making_time.expected)
-        group = staged_group_of(self.waiting)
-        if not group or group[0].frame > until:
+        unmade_group = staged_group_of(self.waiting)
+        if not unmade_group or unmade_group[0].frame > until:
             return ()
-        is_late = group[0].frame < self.moments.first_frame(0.0)
-        return () if is_late or self._is_staged(group) else group
+        is_late = unmade_group[0].frame < self.moments.first_frame(0.0)
+        return () if is_late or self._is_staged(unmade_group) else unmade_group
 
     def extend(self) -> bool:
         """Extend the timeline if half of it is over; False if that is not needed.
@@ -398,7 +402,7 @@ class Schedule:
         if extension_frame is None:
             return False
         try:
-            after = self._extensions.extended(on, extension_frame)
+            extended_running = self._extensions.extended(on, extension_frame)
         except StoppedError:
             raise
         except REFUSALS as error:  # a value that automation reaches later, under a real hand
@@ -408,7 +412,7 @@ class Schedule:
             return True
         with self.lock:
             if on is self.running and extension_frame >= self.moments.first_frame(0.0):
-                self._extensions.send(after)
+                self._extensions.send(extended_running)
         return True
 
     def _extension_frame(self) -> int | None:

@@ -93,12 +93,18 @@ class Session(SessionCore):
         self._write_reply(text, reply)
         return reply
 
-    def _write_reply(self, text: str, reply: Reply) -> None:
+    def _write_reply(self, reply_text: str, reply: Reply) -> None:
         with self.schedule.lock:
-            frame = self.schedule.engine.frame  # so that `--resume` knows how far the session went
+            engine_frame = (
+                self.schedule.engine.frame
+            )  # so that `--resume` knows how far the session went
             self.attend()  # a journal that names a frame has all that happened before it
             self.log.write(
-                "said", line=text[:10_000], taken=reply.taken, reply=reply.text, frame=frame
+                "said",
+                line=reply_text[:10_000],
+                taken=reply.taken,
+                reply=reply.text,
+                frame=engine_frame,
             )
 
     def _do_lines(self, text: str, barred: Mapping[type[Command], str]) -> Reply:
@@ -110,15 +116,15 @@ class Session(SessionCore):
         for command in commands:
             if type(command) in barred:
                 raise NotTakenError(barred[type(command)])
-        known = session_commands.SESSION_COMMANDS
-        music = [command for command in commands if type(command) not in known]
-        others = [command for command in commands if type(command) in known]
+        known_commands = session_commands.SESSION_COMMANDS
+        music = [command for command in commands if type(command) not in known_commands]
+        others = [command for command in commands if type(command) in known_commands]
         replies = [self.make_version(text, music)] if music else []
-        replies += [known[type(command)](self, command) for command in others]
-        texts = [reply.text for reply in replies if reply.text]
+        replies += [known_commands[type(command)](self, command) for command in others]
+        reply_texts = [reply.text for reply in replies if reply.text]
         lines = tuple(line for reply in replies for line in reply.lines)
         taken = all(reply.taken for reply in replies)
-        return Reply(taken, "; ".join(texts), None, lines, any(r.leaves for r in replies))
+        return Reply(taken, "; ".join(reply_texts), None, lines, any(r.leaves for r in replies))
 
     def state(self) -> State:
         """Position, tempo, what plays, load and level."""
@@ -182,13 +188,15 @@ class Session(SessionCore):
 
     def run(self) -> None:
         """Start the threads that keep the session going until it is closed."""
-        for name, turn in (
+        for port_name, turn in (
             ("ergon session", self._attend),
             ("ergon feeder", self.feed),
             ("ergon maker", self.make_due),
             ("ergon files", self._look_around),
         ):
-            thread = threading.Thread(target=self._repeat, args=(turn,), name=name, daemon=True)
+            thread = threading.Thread(
+                target=self._repeat, args=(turn,), name=port_name, daemon=True
+            )
             self._threads.append(thread)
             thread.start()
 

@@ -61,7 +61,7 @@ def _play(session: SessionCore, command: Play) -> Reply:
             play_beat = tempo.resolve(command.start)
         except TextError as error:
             raise NotTakenError(error.message) from None
-    entry = Entry(
+    play_entry = Entry(
         "play",
         version_edits.unchanged,
         LineKind.START,
@@ -70,7 +70,7 @@ def _play(session: SessionCore, command: Play) -> Reply:
         enter=play_beat,
         restores=-1,
     )
-    where, _ = session.queue(entry)
+    where, _ = session.queue(play_entry)
     return Reply(True, f"ok from {where}")
 
 
@@ -87,10 +87,10 @@ def _stop(session: SessionCore, command: Stop) -> Reply:
     if not (session.schedule.running.clock.is_running or is_starting):
         raise NotTakenError("the piece is already stopped; `play` continues it")
     when = NOW if command.when is None else command.when
-    entry = Entry(
+    stop_entry = Entry(
         "stop", version_edits.unchanged, LineKind.ENDS, when, sets_running=False, restores=-1
     )
-    where, _ = session.queue(entry)
+    where, _ = session.queue(stop_entry)
     return Reply(True, f"ok {where} the piece stops; `play` continues from there")
 
 
@@ -148,13 +148,15 @@ def _back(session: SessionCore, command: Back) -> Reply:
     return _back_by(session, command, command.count, line, "there are fewer versions than that")
 
 
-def _back_by(session: SessionCore, command: Command, count: int, line: str, none: str) -> Reply:
-    """Go back by `count` lines. Those that still wait are cancelled, and those undone before that
-    wait again. If any has taken effect, or an `undo` waits that was typed after it, the version
-    before all of them is restored.
+def _back_by(
+    session: SessionCore, command: Command, line_count: int, line_text: str, none: str
+) -> Reply:
+    """Go back by `line_count` lines. Those that still wait are cancelled, and those undone before
+    that wait again. If any has taken effect, or an `undo` waits that was typed after it, the
+    version before all of them is restored.
     """
     history = session.history
-    target_index = history.index - count
+    target_index = history.index - line_count
     if target_index < 0:
         raise NotTakenError(f"{none}; `history` lists the versions")
     reverted_numbers = history.numbers[target_index + 1 : history.index + 1]
@@ -170,7 +172,7 @@ def _back_by(session: SessionCore, command: Command, count: int, line: str, none
         lines = " and ".join(f"'{first_line(one.line)}'" for one in waiting)
         predicate = "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
         return Reply(True, f"ok {lines} {predicate} took effect")
-    return _restore(session, command, target_index, line)
+    return _restore(session, command, target_index, line_text)
 
 
 @executes(Redo)
@@ -181,45 +183,48 @@ def _redo(session: SessionCore, command: Redo) -> Reply:
     if not session.cancelled:
         raise NotTakenError("no version was undone; `history` lists the versions")
     cancelled_line = session.cancelled[-1]
-    position = None
+    play_position = None
     if cancelled_line.beat >= schedule.place(NOW, None)[0]:
-        position = parse_position(session.position_text(cancelled_line.beat))
-    entry = Entry(
+        play_position = parse_position(session.position_text(cancelled_line.beat))
+    redo_entry = Entry(
         cancelled_line.line,
         cancelled_line.edit,
         cancelled_line.kind,
-        position,
+        play_position,
         reads_files=cancelled_line.reads_files,
         redoes=True,
     )
-    where, _ = session.queue(entry)
+    where, _ = session.queue(redo_entry)
     session.cancelled.pop()
     return Reply(True, f"ok {where} {first_line(cancelled_line.line)}")
 
 
-def _restore(session: SessionCore, command: Command, index: int, line: str) -> Reply:
+def _restore(session: SessionCore, command: Command, index: int, line_text: str) -> Reply:
     past, version_number = session.schedule.past_versions, session.history.numbers[index]
 
     def restored(version: Version, beat: float) -> Version:
         return past[version_number].restore(version, beat)
 
-    where, queued = session.queue(Entry(line, restored, when=command.when, restores=version_number))
+    beat_text, queued = session.queue(
+        Entry(line_text, restored, when=command.when, restores=version_number)
+    )
     session.history.go_to(version_number)
     changes = [
         f"as after: {first_line(past[version_number].line) or 'the beginning'}",
         *session.log.force_messages(queued),
     ]
-    return Reply(True, f"ok {where} {'; '.join(changes)}")
+    return Reply(True, f"ok {beat_text} {'; '.join(changes)}")
 
 
 @executes(History)
 def _history(session: SessionCore, command: History) -> Reply:
     history_rows = []
-    for index, number in enumerate(session.history.numbers):
+    for history_index, number in enumerate(session.history.numbers):
         version = session.schedule.past_versions[number]
-        here = ">" if index == session.history.index else " "
+        here = ">" if history_index == session.history.index else " "
         history_rows.append(
-            f"{here} {index:3}  {version.where:>8}  {first_line(version.line) or '(the score)'}"
+            f"{here} {history_index:3}  {version.where:>8}  "
+            f"{first_line(version.line) or '(the score)'}"
         )
     return Reply(True, "", lines=tuple(history_rows))
 
@@ -253,10 +258,14 @@ def _show(session: SessionCore, command: Show) -> Reply:
 
 @executes(ListInstruments)
 def _list_instruments(session: SessionCore, command: ListInstruments) -> Reply:
-    head = session.schedule.head
+    latest_running = session.schedule.head
     if command.family is None:
-        return Reply(True, "", lines=tuple(listings.instrument_lines(head.texts, head.piece)))
-    rows = listings.family_lines(head.texts, head.piece, command.family)
+        return Reply(
+            True,
+            "",
+            lines=tuple(listings.instrument_lines(latest_running.texts, latest_running.piece)),
+        )
+    rows = listings.family_lines(latest_running.texts, latest_running.piece, command.family)
     return Reply(True, "", lines=tuple(rows))
 
 
@@ -290,14 +299,14 @@ def _look(session: SessionCore, command: Look) -> Reply:
 @executes(Trace)
 def _scope(session: SessionCore, command: Trace) -> Reply:
     with session.computing.limited(computing.LINE_STEPS):
-        lines = inspection.draw_trace(
+        trace_lines = inspection.draw_trace(
             session.schedule.running,
             session.schedule.engine.frame,
             command.name,
             session.schedule.engine.tick_frames,
             session.captures.path,
         )
-    return Reply(True, "", lines=tuple(lines))
+    return Reply(True, "", lines=tuple(trace_lines))
 
 
 @executes(TraceOn)
@@ -340,11 +349,12 @@ def _record(session: SessionCore, command: Record) -> Reply:
             "a take is written beside its score, and this score ships with ergon: "
             "`save NAME`, then `load NAME.yaml`"
         )
-    beat, _ = session.schedule.place(session.resolved(command.when), session.quant)
-    session.captures.begin(command.player, command.take, session.schedule.frame_of(beat))
+    record_beat, _ = session.schedule.place(session.resolved(command.when), session.quant)
+    session.captures.begin(command.player, command.take, session.schedule.frame_of(record_beat))
     return Reply(
         True,
-        f"ok {session.position_text(beat)} recording {command.player}; `record off` ends the take",
+        f"ok {session.position_text(record_beat)} recording {command.player}; `record off` ends "
+        "the take",
     )
 
 

@@ -117,10 +117,11 @@ class SessionLog:
         is_soon = first.is_now or not schedule.running.clock.is_running
         if is_soon and delay <= _DELAY_TOLD:
             return
-        when = f"in {delay:.1f} s" if is_soon else "at the next bar"
+        delay_text = f"in {delay:.1f} s" if is_soon else "at the next bar"
         others = f", together with {len(more)} typed after it" if more else ""
         self.say(
-            f"'{first_line(first.line)}' was not ready in time; it takes effect {when}{others}"
+            f"'{first_line(first.line)}' was not ready in time; it takes effect "
+            f"{delay_text}{others}"
         )
 
     def note_dropped(self, line: WaitingLine) -> None:
@@ -161,11 +162,11 @@ class SessionLog:
                 for sentence in self.force_messages(running_after)
             ]
 
-    def _note_skip(self, frame: int, running_after: RunningVersion) -> None:
+    def _note_skip(self, engine_frame: int, running_after: RunningVersion) -> None:
         skip_begin = running_after.skipped_from
         assert skip_begin is not None
-        skip_end = running_after.beat(frame)
-        self.write("skip", frame=frame, begin=skip_begin, end=skip_end)
+        skip_end = running_after.beat(engine_frame)
+        self.write("skip", frame=engine_frame, begin=skip_begin, end=skip_end)
         tempo = running_after.version.piece.tempo_map
         self.say(
             "the program was suspended, or the machine was too busy: what was to begin from "
@@ -227,8 +228,8 @@ class SessionLog:
         """
         rate = self._schedule.rate
         for trouble in troubles:
-            kind = trouble.rstrip("0123456789")
-            last, shown_frame = self._troubles.get(kind, ("", -rate))
+            trouble_kind = trouble.rstrip("0123456789")
+            last, shown_frame = self._troubles.get(trouble_kind, ("", -rate))
             if trouble != last and engine_frame >= shown_frame + rate:
-                self._troubles[kind] = trouble, engine_frame
+                self._troubles[trouble_kind] = trouble, engine_frame
                 self.say(f"{self.position_at(engine_frame)} {trouble}")

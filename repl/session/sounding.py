@@ -73,12 +73,12 @@ def _shown(begun: _Begun, score_texts: Texts) -> SoundingPlace:
     the file.
     """
     begun_place = begun.place
-    text = (
+    shown_text = (
         score_texts.text
         if begun_place.file == score_texts.path
         else score_texts.overlay.get(begun_place.file, "")
     )
-    lines = text.splitlines()
+    lines = shown_text.splitlines()
     line = lines[begun_place.line - 1] if begun_place.line <= len(lines) else ""
     marked = line[begun_place.column - 1 : begun_place.column - 1 + begun_place.length]
     file = str(Path(begun_place.file).absolute())
@@ -123,15 +123,17 @@ def _strokes(
         for step_index in range(
             n_before(pattern_steps, first_beat), n_before(pattern_steps, last_beat)
         ):
-            note = pattern_steps.course.named(step_index)
-            if note is not None:
+            note_word = pattern_steps.course.named(step_index)
+            if note_word is not None:
                 stroke_end = (
                     pattern_steps[step_index + 1]
                     if step_index + 1 < len(pattern_steps)
                     else pattern_steps[step_index]
                 )
                 yield begun(
-                    pattern_steps[step_index], stroke_end, note if strikes.voices else strikes.name
+                    pattern_steps[step_index],
+                    stroke_end,
+                    note_word if strikes.voices else strikes.name,
                 )
     elif strikes.rate is not None:
         stroke_beat, stop = tempo.resolve(strikes.at), strikes.stop(tempo)

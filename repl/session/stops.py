@@ -128,11 +128,11 @@ class Stops:
                 return  # nothing was typed since the last one
             for line in self._schedule.drop_all():
                 self._log.note_dropped(line)
-            entry = Entry(
+            stop_entry = Entry(
                 "panic", version_edits.hush, LineKind.ENDS, NOW, sets_running=False, resets=True
             )
             try:
-                _, queued = self._queue(entry)
+                _, queued = self._queue(stop_entry)
                 self._reset_number = queued.version.number
             except REFUSALS as error:
                 self._log.say(f"the piece could not be reset after the panic: {error}")

@@ -53,11 +53,11 @@ _numbers: dict[Place, int] = {}
 _next_number = itertools.count(1)
 
 
-def place_number(place: Place) -> int:
+def place_number(struck_place: Place) -> int:
     """The engine's number of a struck place."""
-    if place not in _numbers:
-        _numbers.setdefault(place, next(_next_number))  # another thread may number it now
-    return _numbers[place]
+    if struck_place not in _numbers:
+        _numbers.setdefault(struck_place, next(_next_number))  # another thread may number it now
+    return _numbers[struck_place]
 
 
 def strike_points(version: Version) -> StrikePoints:
@@ -69,12 +69,12 @@ def strike_points(version: Version) -> StrikePoints:
     for mapped in version.maps.values():
         with contextlib.suppress(NotTakenError):
             if isinstance(mapped, MapNotes):
-                for note in range(mapped.low, mapped.high + 1):
+                for note_number in range(mapped.low, mapped.high + 1):
                     numbered_places.update(
-                        (place, None) for place, _ in _sounding(version, mapped, note)
+                        (place, None) for place, _ in _sounding(version, mapped, note_number)
                     )
-                    acts = _played_acts(version.piece, mapped, note)
-                    acts += _pressing_acts(version.piece, mapped, note)
+                    acts = _played_acts(version.piece, mapped, note_number)
+                    acts += _pressing_acts(version.piece, mapped, note_number)
                     numbered_places.update(
                         (p, None) for p in _act_places(version, acts, mapped.target)
                     )
@@ -105,11 +105,11 @@ def strokes(version: Version, hear: Hear) -> Iterator[Stroke]:
     for act in _acts_of(version.piece, hear):
         yield from _act_strokes(version, act, hear.level, hear.target)
     if not _is_act(version.piece, hear.target):
-        for place, _ in struck_once(version, hear):
+        for struck_place, _ in struck_once(version, hear):
             if hear.level.is_strength:
                 message = f"{hear.target} does not say how it is played; write an impulse"
                 raise NotTakenError(message)
-            yield Stroke(place, hear.level.impulse(None, max))
+            yield Stroke(struck_place, hear.level.impulse(None, max))
 
 
 def struck_once(version: Version, hear: Hear) -> Iterator[Struck]:
@@ -144,12 +144,14 @@ def _acts_of(piece: Piece, hear: Hear) -> list[Act]:
     if not hear.notes:
         return [_act(piece, hear.target, note_members[len(note_members) // 2])]
     struck_acts = []
-    for note in hear.notes:
-        part = _member_of(piece, instrument_name, note)
-        if part is None:
+    for note_number in hear.notes:
+        member_name = _member_of(piece, instrument_name, note_number)
+        if member_name is None:
             ends = f"{_note_of(note_members[0])} to {_note_of(note_members[-1])}"
-            raise NotTakenError(f"{instrument_name} has no note {note}; its notes are {ends}")
-        struck_acts.append(_act(piece, hear.target, part))
+            raise NotTakenError(
+                f"{instrument_name} has no note {note_number}; its notes are {ends}"
+            )
+        struck_acts.append(_act(piece, hear.target, member_name))
     return struck_acts
 
 
@@ -195,10 +197,10 @@ def _types_lines(piece: Piece, notes: MapNotes) -> bool:
     return notes.gesture is not None or (notes.impulse is None and notes.target in piece.blocks)
 
 
-def maps_of(version: Version, note: int) -> Iterator[MapNotes]:
+def maps_of(version: Version, note_number: int) -> Iterator[MapNotes]:
     """The maps whose range has a note."""
     for new in version.maps.values():
-        if isinstance(new, MapNotes) and new.low <= note <= new.high:
+        if isinstance(new, MapNotes) and new.low <= note_number <= new.high:
             yield new
 
 
@@ -213,10 +215,10 @@ def struck_places(version: Version, note_number: int, velocity: int) -> Iterator
                         version, act, level_curve.level(velocity), map_notes.target
                     )
                 continue
-            for place, _ in _sounding(version, map_notes, note_number):
+            for struck_place, _ in _sounding(version, map_notes, note_number):
                 weak, strong = map_notes.impulse
                 impulse = weak + (strong - weak) * float(level_curve.share(velocity, 1))
-                yield Stroke(place, impulse)
+                yield Stroke(struck_place, impulse)
 
 
 def pressed_places(
@@ -225,26 +227,26 @@ def pressed_places(
     """The places that press on the note of a key, each with the impulse [N·s] that presses as
     strongly as the key is pressed, 0 to 127.
     """
-    for notes in maps_of(version, note_number):
+    for map_notes in maps_of(version, note_number):
         with contextlib.suppress(NotTakenError):
-            for act in _pressing_acts(version.piece, notes, note_number):
+            for act in _pressing_acts(version.piece, map_notes, note_number):
                 impulse = (
                     velocity_level(pressure_value).impulse(act.reach, max)
                     if pressure_value
                     else 0.0
                 )
-                for place in _act_places(version, [act], notes.target):
+                for place in _act_places(version, [act], map_notes.target):
                     yield place, impulse
 
 
-def _played_acts(piece: Piece, notes: MapNotes, note: int) -> list[Act]:
+def _played_acts(piece: Piece, map_notes: MapNotes, note_number: int) -> list[Act]:
     """The acts with which a note plays an instrument. Raises NotTakenError."""
-    if notes.impulse is not None or _types_lines(piece, notes):
+    if map_notes.impulse is not None or _types_lines(piece, map_notes):
         return []
-    return _acts(piece, notes.target, note)
+    return _acts(piece, map_notes.target, note_number)
 
 
-def _pressing_acts(piece: Piece, map_notes: MapNotes, note: int) -> list[Act]:
+def _pressing_acts(piece: Piece, map_notes: MapNotes, note_number: int) -> list[Act]:
     """The acts with which the pressure on the key of a note plays its instrument, if any.
     Raises NotTakenError.
     """
@@ -253,7 +255,7 @@ def _pressing_acts(piece: Piece, map_notes: MapNotes, note: int) -> list[Act]:
     if map_notes.impulse is not None or _types_lines(piece, map_notes):
         return []
     if instrument_name in piece.families:
-        part_name = _member_of(piece, instrument_name, note) or ""
+        part_name = _member_of(piece, instrument_name, note_number) or ""
     instrument = piece.instruments.get(part_name)
     acts = () if instrument is None else instrument.acts
     return [
@@ -275,27 +277,27 @@ def _as_sounding(version: Version, place: Place) -> Place:
     return version.sounds_as.sounding_name(part), module, member
 
 
-def _act_strokes(version: Version, act: Act, level: Level, path: str) -> Iterator[Stroke]:
+def _act_strokes(version: Version, act: Act, stroke_level: Level, path: str) -> Iterator[Stroke]:
     """What a note of an act strikes at a level, as the engine knows it: first what lasts as long
     as the note. Raises NotTakenError.
     """
-    impulse = level.impulse(act.reach, max)
+    impulse = stroke_level.impulse(act.reach, max)
     for hold in act.holds:
         lasting = hold.impulse(act.reach.strength(impulse))
-        for target in hold.targets:
-            for place in _members(target, path):
-                yield Stroke(_as_sounding(version, place), lasting, lasts=True)
-    for target in act.targets:
-        for place in _members(target, path):
-            yield Stroke(_as_sounding(version, place), impulse, act.is_drawn)
+        for hold_target in hold.targets:
+            for struck_place in _members(hold_target, path):
+                yield Stroke(_as_sounding(version, struck_place), lasting, lasts=True)
+    for hold_target in act.targets:
+        for struck_place in _members(hold_target, path):
+            yield Stroke(_as_sounding(version, struck_place), impulse, act.is_drawn)
 
 
-def _acts(piece: Piece, target_path: str, note: int) -> list[Act]:
+def _acts(piece: Piece, target_path: str, note_number: int) -> list[Act]:
     """The act that plays an instrument at a note; none if it does not have the note.
     Raises NotTakenError.
     """
     name = target_path.partition(".")[0]
-    part = _member_of(piece, name, note) if name in piece.families else name
+    part = _member_of(piece, name, note_number) if name in piece.families else name
     return [] if part is None else [_act(piece, target_path, part)]
 
 
@@ -306,7 +308,7 @@ def _member_of(piece: Piece, instrument_name: str, note_wanted: int | str) -> st
     tuned = piece.tuning_of(instrument_name)
     with tuning.used(tuned):
         try:
-            height = pitch(
+            note_height = pitch(
                 note_wanted
                 if isinstance(note_wanted, str)
                 else tuning.current().key_word(note_wanted)
@@ -314,7 +316,7 @@ def _member_of(piece: Piece, instrument_name: str, note_wanted: int | str) -> st
         except TextError:  # a key that the keyboard map leaves out
             return None
     members = _by_pitch(piece.families[instrument_name], tuned)
-    return None if height is None else tuning.nearby(members, height)
+    return None if note_height is None else tuning.nearby(members, note_height)
 
 
 @lru_cache(64)
@@ -342,13 +344,14 @@ def _act(piece: Piece, target: str, part_name: str) -> Act:
     return act
 
 
-def _members(strike_target: Target, text: str) -> list[Place]:
+def _members(strike_target: Target, target_text: str) -> list[Place]:
     """The MATs of a target, in their order. Raises NotTakenError."""
     if strike_target.first == "centre":
         return [(strike_target.part, strike_target.module, -1)]
     if strike_target.count > _MAX_STRUCK:
         raise NotTakenError(
-            f"{text} has {strike_target.count:,} masses, and notes strike {_MAX_STRUCK} at most; "
+            f"{target_text} has {strike_target.count:,} masses, and notes strike {_MAX_STRUCK} at "
+            "most; "
             "name some of them"
         )
     first = strike_target.first
@@ -359,12 +362,14 @@ def _members(strike_target: Target, text: str) -> list[Place]:
 
 def _check_target(piece: Piece, target_text: str) -> Target:
     collector = Collector()
-    parts = {
+    parts_by_name = {
         name: Part(name, {module.name: module for module in instrument.modules})
         for name, instrument in piece.instruments.items()
     }
     with tuning.used(piece.tuning_of(target_text)):
-        target = PartNames(collector, parts).target(Name(target_text, piece.place), "mats", "map")
-    if target is None:
+        strike_target = PartNames(collector, parts_by_name).target(
+            Name(target_text, piece.place), "mats", "map"
+        )
+    if strike_target is None:
         raise NotTakenError(collector.finish()[0].message)
-    return target
+    return strike_target

@@ -30,10 +30,10 @@ def _build(command: Build, version: Version, beat: float) -> Texts:
     return structure.build(version.texts, piece, command.name, *arguments)
 
 
-def _remedy(texts: Texts, used_name: str) -> str:
+def _remedy(score_texts: Texts, used_name: str) -> str:
     """What to do where a name is in use."""
     try:
-        structure.definition_path(texts, used_name)
+        structure.definition_path(score_texts, used_name)
     except EditError:
         return "a file that the score uses has it; play it, or choose another name"
     return f"`remove {used_name}` first"
@@ -64,14 +64,16 @@ def _takes(command: Takes, version: Version, beat: float) -> Texts:
 
 @edits_texts(Route)
 def _route(command: Route, version: Version, beat: float) -> Texts:
-    edited_texts, piece, words = version.texts, version.piece, command.words
+    edited_texts, piece, command_words = version.texts, version.piece, command.words
     edited_texts, piece = families.defined(edited_texts, piece, [command.name])
     if command.channels is not None:
         edited_texts = structure.route(
             edited_texts, piece, command.name, list(command.channels), None
         )
     route_fields = {
-        name: words[name].text for name in ("gain", "pan") if getattr(command, name) is not None
+        name: command_words[name].text
+        for name in ("gain", "pan")
+        if getattr(command, name) is not None
     }
     edited_texts = space.set_route_fields(edited_texts, piece, command.name, route_fields)
     return (
@@ -115,11 +117,11 @@ def _remove(command: Remove, version: Version, beat: float) -> Texts:
     edited_texts = structure.remove(version.texts, version.piece, command.name)
     if users := structure.entries_with_mistakes(edited_texts):
         strikes = (entry.name for entry in users if entry.section == "strikes")
-        first = next(strikes, None)
+        first_strikes = next(strikes, None)
         raise NotTakenError(
             f"cannot remove {command.name}, because it is used by {', '.join(map(str, users))}; "
             "change or remove that first",
-            None if first in (None, command.name) else f"remove {first}",
+            None if first_strikes in (None, command.name) else f"remove {first_strikes}",
         )
     return edited_texts
 

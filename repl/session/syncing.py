@@ -57,11 +57,11 @@ def _strikes_beginnings(piece: Piece, strikes: Strikes, after_beat: float) -> Se
     return strikes.beats(tempo)
 
 
-def _rounds(pattern_steps: Steps, after: float) -> Sequence[float]:
+def _rounds(pattern_steps: Steps, after_beat: float) -> Sequence[float]:
     """The beat of the next place on which a round of a pattern begins."""
     pattern = pattern_steps.course.pattern
     count = pattern.order.places if pattern.euclid is None else pattern.euclid.pulses
-    place = n_before(pattern_steps, after - SAME)
+    place = n_before(pattern_steps, after_beat - SAME)
     place += -(place + pattern.skip) % count
     return [pattern_steps.beat(place)] if place < len(pattern_steps) else []
 

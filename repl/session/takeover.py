@@ -88,10 +88,10 @@ class Takeovers:
         self, on: RunningVersion, lines: Sequence[WaitingLine], latest: float
     ) -> RunningVersion:
         """What the lines make of a running version, with the stage of before."""
-        after = replace(on, damp=None, skipped_from=None)
+        running_after = replace(on, damp=None, skipped_from=None)
         for line in lines:
-            after = self._followed(after, line, latest)
-        return after
+            running_after = self._followed(running_after, line, latest)
+        return running_after
 
     def _followed(self, on: RunningVersion, line: WaitingLine, latest: float) -> RunningVersion:
         """The running version after one line, with the stage of before."""
@@ -99,18 +99,18 @@ class Takeovers:
         version_before, version, start_frame = on.version, line.result(), line.start
         clock, leave, enter = entry(on.clock, version_before, version, line, self.timing)
         running_after = replace(on, version=version, clock=clock)
-        spans, until, skipped_from = self._spans(
+        spans, timeline_end, skipped_from = self._spans(
             on, running_after, start_frame, leave, enter, latest
         )
-        seconds = start_frame / self.timing.rate
+        start_seconds = start_frame / self.timing.rate
         pieces = version_before.sounding, version.sounding
-        moving = glides(*pieces, on.glides, seconds, version.glide)
-        leaving = leaving_links(*pieces, on.glides, on.leaving, seconds)
+        moving = glides(*pieces, on.glides, start_seconds, version.glide)
+        leaving = leaving_links(*pieces, on.glides, on.leaving, start_seconds)
         return replace(
             running_after,
             spans=spans,
             start=start_frame,
-            timeline_end=until,
+            timeline_end=timeline_end,
             skipped_from=on.skipped_from if skipped_from is None else skipped_from,
             glides=(*moving, *(link.glide for link in leaving)),
             leaving=leaving,
@@ -136,13 +136,13 @@ class Takeovers:
         old_spans: Sequence[Span] = ()
         if after is on or not version.ends_gestures:
             old_spans = continuing_spans(on, leave, start_seconds, on.stage)
-        until = min(horizon(version.piece.tempo_map, enter)[0], latest)
+        timeline_end = min(horizon(version.piece.tempo_map, enter)[0], latest)
         piece = replace(
             version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, start_seconds)
         )
-        new = (Span(piece, Window(enter, until, start_seconds)),) if clock.is_running else ()
+        new = (Span(piece, Window(enter, timeline_end, start_seconds)),) if clock.is_running else ()
         is_skipped = on.clock.is_running and leave > on.timeline_end + SAME
-        return (*old_spans, *new), until, on.timeline_end if is_skipped else None
+        return (*old_spans, *new), timeline_end, on.timeline_end if is_skipped else None
 
 
 def continuing_spans(

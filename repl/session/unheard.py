@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 
-def check_unheard(before: Piece, stage: Stage) -> None:
-    """Check the unheard instruments of a stage that the piece `before` lacks, or has
+def check_unheard(piece_before: Piece, stage: Stage) -> None:
+    """Check the unheard instruments of a stage that the piece `piece_before` lacks, or has
     with other values. Raises StageError for each module that the engine refuses.
     """
-    piece, known_instruments = stage.piece, before.instruments
-    rows = () if stage.plan is None else stage.plan.rows()
+    piece, known_instruments = stage.piece, piece_before.instruments
+    plan_rows = () if stage.plan is None else stage.plan.rows()
     changed = [
         name
-        for row in rows
+        for row in plan_rows
         if row.what == "unheard"
         for name in row.parts
         if name in piece.instruments

@@ -177,7 +177,7 @@ class PastVersion:
 
     @classmethod
     def from_version(
-        cls, version: Version, where: str = "", new_line: str | None = None
+        cls, version: Version, where_text: str = "", new_line: str | None = None
     ) -> PastVersion:
         """Keep a version for `undo`; `new_line` replaces its line if it is given."""
         new_line = version.line if new_line is None else new_line
@@ -188,7 +188,7 @@ class PastVersion:
             version_fields.texts,
             version_fields.faders,
             version_fields.guides,
-            where,
+            where_text,
             version_fields.base,
             version_fields.maps,
             version_fields.rules,
@@ -221,18 +221,18 @@ def first_line(line: str) -> str:
     return f"{first} …" if more else first
 
 
-def piece_from_files(texts: Texts) -> Piece:
+def piece_from_files(score_texts: Texts) -> Piece:
     """The piece of texts that were read from files. Raises NotTakenError with their first mistake
     and its place.
     """
-    loaded = texts.load()
+    loaded = score_texts.load()
     if loaded.piece is None:
         errors = [found for found in loaded.diagnostics if found.severity == "error"]
-        first, place = errors[0], errors[0].place
-        meant = f"; did you mean {quote(first.suggestion)}?" if first.suggestion else ""
+        first_error, error_place = errors[0], errors[0].place
+        meant = f"; did you mean {quote(first_error.suggestion)}?" if first_error.suggestion else ""
         more = f" (`ergon check` shows {len(errors)} mistakes)" if len(errors) > 1 else ""
-        where = f"{Path(place.file).name}:{place.line}:{place.column}"
-        raise NotTakenError(f"{where}: {first.message}{meant}{more}")
+        where = f"{Path(error_place.file).name}:{error_place.line}:{error_place.column}"
+        raise NotTakenError(f"{where}: {first_error.message}{meant}{more}")
     return loaded.piece
 
 

@@ -198,13 +198,13 @@ def _set_gliding(command: Set) -> VersionEdit:
     def edit(version: Version, edit_beat: float) -> Version:
         if command.over is None:
             return with_texts(version, _set(command, version, edit_beat))
-        tempo, words = version.piece.tempo_map, command.words
+        tempo, command_words = version.piece.tempo_map, command.words
         ramp_seconds = tempo.seconds(tempo.after(edit_beat, command.over)) - tempo.seconds(
             edit_beat
         )
         is_written = ramp_seconds >= _WRITTEN_GLIDE_MIN and not command.target.endswith(TRANSPOSE)
         if version.is_running and is_written:
-            value, over = words["change"].text, words["over"].text
+            value, over = command_words["change"].text, command_words["over"].text
             args = command.target, edit_beat, value, {"over": over}, value_on
             return with_texts(version, automation.glide(version.texts, version.piece, *args))
         automation.check(version.piece, command.target)
@@ -259,10 +259,10 @@ def _map(command: midi_maps.Map) -> VersionEdit:
 
     def edit(version: Version, beat: float) -> Version:
         struck = [] if isinstance(command, MapControl) else [command.target]
-        texts = families.played(version.texts, version.piece, struck)
+        played_texts = families.played(version.texts, version.piece, struck)
         if isinstance(command, Hear) or (isinstance(command, MapNotes) and command.impulse is None):
-            texts = families.ready(texts, command.target)
-        after = version if texts is version.texts else with_texts(version, texts)
+            played_texts = families.ready(played_texts, command.target)
+        after = version if played_texts is version.texts else with_texts(version, played_texts)
         return replace(after, maps=midi_maps.with_map(after, command))
 
     return edit
@@ -310,10 +310,13 @@ def _reload(command: Reload) -> VersionEdit:
         now = family_edits.with_brought(reloaded_texts[path], texts_before)
         piece_from_files(now)  # its own mistakes come before those of the merge
         current_texts = now
-        for old, new in version.renames:  # a renamed thing is what it was: its edits meet there
+        for (
+            old_name,
+            new_name,
+        ) in version.renames:  # a renamed thing is what it was: its edits meet there
             with contextlib.suppress(EditError, NotTakenError):
                 both = [
-                    renaming.rename(one, piece_of(one), old, new)
+                    renaming.rename(one, piece_of(one), old_name, new_name)
                     for one in (texts_before, current_texts)
                 ]
                 texts_before, current_texts = both
@@ -347,8 +350,8 @@ READS_FILES = (Load, Reload, Retune, Scene, Use)
 # --- replies -------------------------------------------------------------------------------------
 
 
-def summary(command: Command, running: RunningVersion, where: str) -> str:
-    """The part of a reply about a command, after `ok` and `where` it acts."""
+def summary(command: Command, running: RunningVersion, where_text: str) -> str:
+    """The part of a reply about a command, after `ok` and `where_text` it acts."""
     if isinstance(command, Define):
         return _defined(command, running)
     if isinstance(command, Plays):
@@ -365,7 +368,7 @@ def summary(command: Command, running: RunningVersion, where: str) -> str:
         )
     if isinstance(command, Use):
         return family_edits.summary(command, running.version.piece)
-    if isinstance(command, Load) and running.version.enter_beat == 0.0 and where != "1|1":
+    if isinstance(command, Load) and running.version.enter_beat == 0.0 and where_text != "1|1":
         return f"{Path(command.file).name} begins at 1|1, because the present bar is behind its end"
     if isinstance(command, Guide):
         by = command.by

@@ -142,29 +142,29 @@ class WaitingLines:
         except _BreaksLaterLineError:
             raise
         except (NotTakenError, EditError) as refusal:
-            for place in self._later_places(first_place):
-                other = self.lines[place - 1]
+            for place_index in self._later_places(first_place):
+                other = self.lines[place_index - 1]
                 moved = replace(new_line, beat=other.beat, start=other.start, is_now=other.is_now)
                 try:
-                    return self._with(moved, place, soonest)
+                    return self._with(moved, place_index, soonest)
                 except (NotTakenError, EditError):
                     continue
             raise refusal from None
 
     def _later_places(self, first: int) -> Iterable[int]:
         """Places behind the lines of each later frame."""
-        for place in range(first + 1, len(self.lines) + 1):
-            is_last = place == len(self.lines)
-            if is_last or self.lines[place].frame != self.lines[place - 1].frame:
-                yield place
+        for place_index in range(first + 1, len(self.lines) + 1):
+            is_last = place_index == len(self.lines)
+            if is_last or self.lines[place_index].frame != self.lines[place_index - 1].frame:
+                yield place_index
 
     def _with(
         self, new_line: WaitingLine, place: int, soonest: int
     ) -> tuple[WaitingLines, WaitingLine]:
-        before, after = self.lines[:place], self.lines[place:]
-        previous, clock = self._state_after(before)
+        lines_before, lines_after = self.lines[:place], self.lines[place:]
+        previous, clock = self._state_after(lines_before)
         followed_line = self._follow(new_line, previous, clock)
-        lines, lost = self._arranged((*before, followed_line), after, soonest)
+        arranged_lines, lost = self._arranged((*lines_before, followed_line), lines_after, soonest)
         if lost:
             (failed, why), *_ = lost
             due = followed_line.result().piece.tempo_map.written(failed.beat)
@@ -172,18 +172,18 @@ class WaitingLines:
                 f"after this line, the waiting line '{failed.line}' (due at {due}) would fail: "
                 f"{why}; `undo` cancels waiting lines, the last one first"
             )
-        return lines, followed_line
+        return arranged_lines, followed_line
 
     def without(self, number: int, soonest: int) -> WaitingLines:
         """The lines without that of a number. Raises NotTakenError if one after it would fail."""
         place = next(i for i, one in enumerate(self.lines) if one.number == number)
-        lines, lost = self._arranged(self.lines[:place], self.lines[place + 1 :], soonest)
+        arranged_lines, lost = self._arranged(self.lines[:place], self.lines[place + 1 :], soonest)
         if lost:
             raise NotTakenError(
                 f"the waiting line '{lost[0].line.line}' needs this one: {lost[0].why}; `undo` "
                 "cancels waiting lines, the last one first"
             )
-        return lines
+        return arranged_lines
 
     def followed_by(
         self, more: Sequence[WaitingLine], soonest: int
@@ -192,7 +192,7 @@ class WaitingLines:
         return self._arranged(self.lines, more, soonest)
 
     def slipped(
-        self, late: Sequence[WaitingLine], beat: float, start_frame: int
+        self, late: Sequence[WaitingLine], line_beat: float, start_frame: int
     ) -> tuple[WaitingLines, list[LostLine], list[WaitingLine]]:
         """The lines after some were late and wait for another beat; also those that could not be
         made any more, and those that moved.
@@ -209,11 +209,11 @@ class WaitingLines:
                 follow.add(waiting.number)
                 first_number = min(first_number, waiting.number)
         while True:
-            lines, lost, moved = self._moved(follow, beat, start_frame)
+            slipped_lines, lost, moved = self._moved(follow, line_beat, start_frame)
             # What needs a late line waits for it too.
             needy = {one.line.number for one in lost if one.line.number > min(follow)} - follow
             if not needy:
-                return lines, lost, moved
+                return slipped_lines, lost, moved
             follow |= needy
 
     def _moved(
@@ -264,10 +264,10 @@ class WaitingLines:
             and abs(earlier.beat - new_line.beat) <= SAME
         )
 
-    def _state_after(self, lines: Sequence[WaitingLine]) -> tuple[Version, Clock]:
-        if not lines:
+    def _state_after(self, waiting_lines: Sequence[WaitingLine]) -> tuple[Version, Clock]:
+        if not waiting_lines:
             return self.base, self.clock
-        last = lines[-1]
+        last = waiting_lines[-1]
         assert last.clock is not None
         return last.result(), last.clock
 
@@ -290,11 +290,11 @@ class WaitingLines:
                 superseded.append(waiting_line)
                 continue
             try:
-                line = self._follow(waiting_line, version, clock)
+                followed_line = self._follow(waiting_line, version, clock)
             except REFUSALS as error:
                 lost.append(LostLine(waiting_line, str(error)))
                 continue
-            arranged_lines.append(line)
+            arranged_lines.append(followed_line)
             version, clock = self._state_after(arranged_lines)
             if waiting_line.sets_all:
                 restored = waiting_line.number
@@ -335,10 +335,10 @@ class WaitingLines:
                 and not names_of(base_version) <= names_of(version)
             ):
                 reparse(line.line, version)
-        after = entry(clock, version, followed, line, self.timing).clock
-        if base_version is version and line.clock == after and line.version is followed:
+        clock_after = entry(clock, version, followed, line, self.timing).clock
+        if base_version is version and line.clock == clock_after and line.version is followed:
             return line
-        return replace(line, base=version, version=followed, clock=after)
+        return replace(line, base=version, version=followed, clock=clock_after)
 
 
 def _slipped(line: WaitingLine, beat: float, start: int) -> WaitingLine:
@@ -353,12 +353,16 @@ def _effect_key(one: WaitingLine) -> tuple[float, float]:
 
 
 def entry(
-    clock: Clock, before: Version, edited: Version, waiting_line: WaitingLine, timing: Timing
+    clock: Clock,
+    version_before: Version,
+    edited: Version,
+    waiting_line: WaitingLine,
+    timing: Timing,
 ) -> Entry:
     """Where a line leaves the piece of the version before, and where that of its own goes on."""
     if waiting_line.start is None:
         return Entry(clock, waiting_line.beat, waiting_line.beat)
-    tempos = before.piece.tempo_map, edited.piece.tempo_map
+    tempos = version_before.piece.tempo_map, edited.piece.tempo_map
     return entry_of(
         clock,
         *tempos,
@@ -405,13 +409,13 @@ def names_of(version: Version) -> frozenset[str]:
     )
 
 
-def reparse(line: str, version: Version) -> Sequence[Command]:
+def reparse(line_text: str, version: Version) -> Sequence[Command]:
     """The commands of a line, read again with the names of the version before it.
 
     A render of the journal reads it in the same way. Raises NotTakenError, for instance if a
     name no longer exists.
     """
     try:
-        return parse(line, scope_of(version.piece))
+        return parse(line_text, scope_of(version.piece))
     except Refusal as refusal:
         raise NotTakenError(refusal.message) from None

@@ -58,14 +58,14 @@ class Connection:
     def _read_greeting(self) -> Mapping[str, Any]:
         self._socket.settimeout(_TIMEOUT)
         try:
-            line = self._file.readline(MAX_LINE)
+            request_line = self._file.readline(MAX_LINE)
         except OSError:
             raise ProtocolError("the process at the socket does not answer") from None
         self._socket.settimeout(None)
         # Windows has a limit in milliseconds, others a struct timeval.
         limit = struct.pack("L", 1000 * _TIMEOUT) if _IS_WINDOWS else struct.pack("ll", _TIMEOUT, 0)
         self._socket.setsockopt(socket.SOL_SOCKET, _SO_SNDTIMEO, limit)
-        about = decode(line)
+        about = decode(request_line)
         if "error" in about:
             raise ProtocolError(str(about["error"]))
         if self._expected and about.get("answer") != self._expected:
@@ -77,7 +77,7 @@ class Connection:
             )
         return about
 
-    def ask(self, do: str, **fields: Any) -> Future[Any]:
+    def ask(self, do: str, **request_fields: Any) -> Future[Any]:
         """Send a request; the future has its answer, or ConnectionLostError or
         RequestRefusedError."""
         future_answer: Future[Any] = Future()
@@ -88,7 +88,7 @@ class Connection:
                 return future_answer
             self._waiting[request_number] = future_answer
         try:
-            line = encode(id=request_number, do=do, **fields)
+            line = encode(id=request_number, do=do, **request_fields)
             with self._sending:
                 self._socket.sendall(line)
         except OSError:  # also a timeout, after which a part of the line may be sent
@@ -105,11 +105,11 @@ class Connection:
     def _listen(self) -> None:
         with contextlib.suppress(OSError, ProtocolError, ValueError):
             while (line := self._file.readline(MAX_LINE)).endswith(b"\n"):
-                fields = decode(line)
-                if "ended" in fields:
-                    self.ended = str(fields["ended"])
+                message_fields = decode(line)
+                if "ended" in message_fields:
+                    self.ended = str(message_fields["ended"])
                     break
-                self._resolve_answer(fields)
+                self._resolve_answer(message_fields)
         self._mark_closed()
         self._file.close()
         self._socket.close()

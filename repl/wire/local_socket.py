@@ -58,10 +58,10 @@ class ServerSocket:
                 raise
             raise SocketError(f"{path}: {error.strerror or error}") from None
 
-    def is_key(self, line: bytes) -> bool:
+    def is_key(self, key_line: bytes) -> bool:
         """Whether a line is what a client of a port sends first."""
         return self.address is not None and hmac.compare_digest(
-            line.strip(), self.address.key.encode()
+            key_line.strip(), self.address.key.encode()
         )
 
     def listen(self) -> None:

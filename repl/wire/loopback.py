@@ -65,10 +65,10 @@ def bind(path: Path) -> tuple[socket.socket, Address]:
 def read_address(path: Path) -> Address | None:
     """The address in a file of the user's own; None if it holds none. Raises OSError."""
     with open_regular(path) as file:
-        data = file.read(_BYTES_MAX)
+        file_bytes = file.read(_BYTES_MAX)
         is_ours = is_own_alone(os.fstat(file.fileno()))
     try:
-        fields = parse_json(data.decode("ascii"))
+        fields = parse_json(file_bytes.decode("ascii"))
         port, access_key, hello_answer = (fields[name] for name in ("port", "key", "answer"))
     except (MalformedTextError, ValueError, KeyError, TypeError):
         return None

@@ -64,10 +64,10 @@ def encode(**fields: Any) -> bytes:
     return json.dumps(fields, ensure_ascii=True, allow_nan=False).encode() + b"\n"
 
 
-def decode(line: bytes) -> dict[str, Any]:
+def decode(request_line: bytes) -> dict[str, Any]:
     """The fields of a line. Raises ProtocolError."""
     try:
-        line_fields = parse_json(line)
+        line_fields = parse_json(request_line)
     except MalformedTextError:
         raise ProtocolError("this line is not JSON") from None
     if not isinstance(line_fields, dict):
@@ -94,11 +94,11 @@ def parse_request(request_fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     if not isinstance(do, str) or wanted is None:
         raise ProtocolError(f"unknown request; known are {', '.join(REQUESTS)}")
     request_arguments = {}
-    for field_name, kind in wanted.items():
+    for field_name, field_kind in wanted.items():
         field_value = request_fields.get(field_name)
-        if type(field_value) is not kind:  # bool is not int here
+        if type(field_value) is not field_kind:  # bool is not int here
             raise ProtocolError(
-                f"the field '{field_name}' of '{do}' must be of type {kind.__name__}"
+                f"the field '{field_name}' of '{do}' must be of type {field_kind.__name__}"
             )
         if isinstance(field_value, str) and len(field_value) > MAX_TEXT:
             raise ProtocolError(too_long(field_value))
@@ -129,13 +129,13 @@ def encode_reply(reply: Reply) -> dict[str, Any]:
 def decode_reply(reply_data: Any) -> Reply:
     """A reply from JSON. Raises ProtocolError."""
     try:
-        lines = tuple(map(str, reply_data["lines"]))
+        reply_lines = tuple(map(str, reply_data["lines"]))
         try_ = None if reply_data["try"] is None else str(reply_data["try"])
         return Reply(
             bool(reply_data["taken"]),
             str(reply_data["text"]),
             try_,
-            lines,
+            reply_lines,
             bool(reply_data["leaves"]),
         )
     except (KeyError, TypeError):

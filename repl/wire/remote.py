@@ -148,18 +148,20 @@ class RemoteSession:
         """Whether Enter ends the text."""
         return self._ask_briefly(True, "is_whole", text=text)
 
-    def _ask_briefly(self, otherwise: Answer, do: str, **fields: Any) -> Answer:
+    def _ask_briefly(self, otherwise: Answer, do: str, **request_fields: Any) -> Answer:
         """The answer to a short request, or `otherwise` if it does not come soon."""
         if self._connection.is_closed or self._slow:
             return otherwise
         try:
-            answer: Answer = self._connection.ask(do, **fields).result(_SHORT_TIMEOUT)
+            request_answer: Answer = self._connection.ask(do, **request_fields).result(
+                _SHORT_TIMEOUT
+            )
         except TimeoutError:
             self._slow = True
             return otherwise
         except (ConnectionLostError, RequestRefusedError):
             return otherwise
-        return answer
+        return request_answer
 
     # --- the watching thread -------------------------------------------------------------------
 
@@ -172,11 +174,11 @@ class RemoteSession:
             if self._connection.is_closed:
                 self._reconnect()
                 continue
-            link = self._connection
+            server_link = self._connection
             if pending_state.is_due(self._messages.append):
-                pending_state = _PendingAnswer(link.ask("state"), self._set_state)
+                pending_state = _PendingAnswer(server_link.ask("state"), self._set_state)
             if messages.is_due():
-                messages = _PendingAnswer(link.ask("messages"), self._messages.extend)
+                messages = _PendingAnswer(server_link.ask("messages"), self._messages.extend)
 
     def _set_state(self, said: Any) -> None:
         self._state = decode_state(said)

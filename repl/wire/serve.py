@@ -48,11 +48,11 @@ class PromptConnection:
         self.look: Callable[[], Sounding] | None = None  # since it first asked what sounds
         self._writer = writer
 
-    def send(self, **fields: Any) -> None:
+    def send(self, **message_fields: Any) -> None:
         """Send a line without waiting; a prompt that does not read is disconnected."""
         if self._writer.is_closing():
             return
-        self._writer.write(encode(**fields))
+        self._writer.write(encode(**message_fields))
         if self._writer.transport.get_write_buffer_size() > _UNREAD_MAX:
             self._writer.transport.abort()
 
@@ -240,11 +240,13 @@ class SessionServer:
         try:
             fields = decode(line)
             request_number = request_id(fields)
-            do, arguments = parse_request(fields)
+            do, request_arguments = parse_request(fields)
             if do == "submit":
-                self._queue_line(prompt, request_number, **arguments)
+                self._queue_line(prompt, request_number, **request_arguments)
             else:
-                prompt.send(id=request_number, **{"is": self._handlers[do](prompt, **arguments)})
+                prompt.send(
+                    id=request_number, **{"is": self._handlers[do](prompt, **request_arguments)}
+                )
             return do
         except ProtocolError as error:
             prompt.send(id=request_number, error=str(error))
@@ -276,22 +278,26 @@ class SessionServer:
 
     # --- lines ------------------------------------------------------------------------------------
 
-    def _queue_line(self, prompt: PromptConnection, number: Any, text: str, releases: bool) -> None:
+    def _queue_line(
+        self, prompt: PromptConnection, request_number: Any, line_text: str, releases: bool
+    ) -> None:
         if prompt.waiting >= _LINES_MAX:
             raise ProtocolError(f"{_LINES_MAX} lines of this prompt are waiting already")
         prompt.waiting += 1
-        self._queue.enter(text, (prompt, number, releases))
+        self._queue.enter(line_text, (prompt, request_number, releases))
 
     def _do_lines(self) -> None:
         """Do lines, in a separate thread, because a line may take a while."""
         while (queued := self._queue.next()) is not None:
-            (prompt, number, releases), line_text = queued.sender, queued.text
+            (prompt, request_number, releases), line_text = queued.sender, queued.text
             self._current_prompt = prompt
             reply = self._submit(line_text, releases and queued.releases)
             self._current_prompt = None
             assert self._loop is not None
             with contextlib.suppress(RuntimeError):  # the loop is closed: the session has ended
-                self._loop.call_soon_threadsafe(self._reply, prompt, number, line_text, reply)
+                self._loop.call_soon_threadsafe(
+                    self._reply, prompt, request_number, line_text, reply
+                )
             if reply.leaves:
                 return
 
@@ -340,7 +346,7 @@ def _ended_by_signals(
         with _ended_by_handlers(event_loop, end_session, ending):
             yield
         return
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    handler_before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     for signal_number in ending:
         event_loop.add_signal_handler(signal_number, end_session, f"ended by {signal_number.name}")
     if watch is not None:
@@ -350,21 +356,21 @@ def _ended_by_signals(
     finally:
         for signal_number in ending:
             event_loop.remove_signal_handler(signal_number)
-        signal.signal(signal.SIGHUP, before)
+        signal.signal(signal.SIGHUP, handler_before)
 
 
 @contextlib.contextmanager
 def _ended_by_handlers(
     loop: asyncio.AbstractEventLoop,
-    end: Callable[[str], object],
+    end_session: Callable[[str], object],
     ending: tuple[signal.Signals, ...],
 ) -> Iterator[None]:
     def handle(number: int, _frame: object) -> None:
-        loop.call_soon_threadsafe(end, f"ended by {signal.Signals(number).name}")
+        loop.call_soon_threadsafe(end_session, f"ended by {signal.Signals(number).name}")
 
-    before = [signal.signal(number, handle) for number in ending]
+    handler_before = [signal.signal(number, handle) for number in ending]
     try:
         yield
     finally:
-        for number, handler in zip(ending, before, strict=True):
+        for number, handler in zip(ending, handler_before, strict=True):
             signal.signal(number, handler)
