@@ -28,17 +28,17 @@ def automate(
     piece: Piece,
     target_path: str,
     from_beat: float,
-    kind: str,
-    fields: Mapping[str, str],
+    automation_kind: str,
+    automation_fields: Mapping[str, str],
 ) -> Texts:
     """Let a parameter follow a pattern (`set`) or swing (`lfo`) from a beat on.
 
-    Replaces earlier automation of the parameter; without an end in `fields` it continues for
-    ever. Raises EditError.
+    Replaces earlier automation of the parameter; without an end in `automation_fields` it continues
+    for ever. Raises EditError.
     """
     fields_written: dict[str, edit.Tree] = {
-        kind: target_path,
-        **fields,
+        automation_kind: target_path,
+        **automation_fields,
         "at": written(piece, from_beat),
     }
     if not fields_written.keys() & {"times", "until"}:
@@ -55,42 +55,42 @@ def glide(
     target_path: str,
     from_beat: float,
     value: str,
-    fields: Mapping[str, str],
+    glide_fields: Mapping[str, str],
     value_on: ValueOn,
 ) -> Texts:
     """Let a parameter glide to a value, `over` a length, and stay there.
 
     `x1.5` is a factor of the value that it has on that beat. Raises EditError.
     """
-    head, _, parameter = target_path.rpartition(".")
+    path_head, _, parameter = target_path.rpartition(".")
     check(piece, target_path)
     if value.startswith("x") and _numbers_of(score_texts, piece, target_path):
-        part, module, _ = _named_modules(piece, head)[0]
+        part, module, _ = _named_modules(piece, path_head)[0]
         if module.kind != "BANK":
             now = value_on(piece, (part, module.name), parameter, from_beat)
             value = value_text(piece, target_path, q.factor(value) * now, value_on)
-    entry: dict[str, edit.Tree] = {
+    automation_entry: dict[str, edit.Tree] = {
         "set": target_path,
         "to": value,
-        **fields,
+        **glide_fields,
         "at": written(piece, from_beat),
     }
-    score_texts = score_texts.append(("automation",), edit.flow(entry))
+    score_texts = score_texts.append(("automation",), edit.flow(automation_entry))
     return _ended(score_texts, piece, from_beat, target_path)[0]
 
 
-def value_text(piece: Piece, target: str, value: float, value_on: ValueOn) -> str:
+def value_text(piece: Piece, target_path: str, value: float, value_on: ValueOn) -> str:
     """A value of a parameter as a score writes it; for all notes of an instrument, of which `value`
     is that of the first, the factor of their values without automation.
     """
-    module_path, _, parameter = target.rpartition(".")
-    part, module, _ = _named_modules(piece, module_path)[0]
-    if module.kind == "BANK":
+    module_path, _, parameter = target_path.rpartition(".")
+    part_name, part_module, _ = _named_modules(piece, module_path)[0]
+    if part_module.kind == "BANK":
         return f"x{value:.12g}"
     if automatable.named_module(module_path, piece.keys, piece.instruments) is not None:
         return written_quantity(value, parameter, is_ca=False)
     unchanged = replace(piece, automation=(), strikes=())
-    return f"x{value / value_on(unchanged, (part, module.name), parameter, 0.0)!r}"
+    return f"x{value / value_on(unchanged, (part_name, part_module.name), parameter, 0.0)!r}"
 
 
 def check(piece: Piece, target_path: str) -> None:
@@ -131,21 +131,23 @@ def released(texts: Texts, piece: Piece, target: str, beat: float) -> Texts:
     return _ended(texts, piece, beat, target)[0]
 
 
-def finish(texts: Texts, piece: Piece, beat: float) -> Texts:
+def finish(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
     """End endless automation at a beat, for a score that is saved."""
-    for number, entry in enumerate(piece.automation):
+    for automation_index, entry in enumerate(piece.automation):
         if entry.until is not None and END.fullmatch(entry.until.text) is not None:
-            until = written(piece, max(beat, piece.tempo_map.resolve(entry.at) + 1.0))
-            texts = texts.put((*place(texts, "automation", number), "until"), until)
-    return texts
+            until = written(piece, max(from_beat, piece.tempo_map.resolve(entry.at) + 1.0))
+            score_texts = score_texts.put(
+                (*place(score_texts, "automation", automation_index), "until"), until
+            )
+    return score_texts
 
 
-def end_all(texts: Texts, piece: Piece, beat: float) -> Texts:
+def end_all(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
     """Give every parameter its own value from a beat on."""
     for number in reversed(range(len(piece.automation))):
-        if is_automated_from(piece, piece.automation[number], beat):
-            texts = _ended_one(texts, piece, beat, number)
-    return texts
+        if is_automated_from(piece, piece.automation[number], from_beat):
+            score_texts = _ended_one(score_texts, piece, from_beat, number)
+    return score_texts
 
 
 def is_automated_from(piece: Piece, entry: Automation, beat: float) -> bool:
@@ -153,29 +155,33 @@ def is_automated_from(piece: Piece, entry: Automation, beat: float) -> bool:
     return ending(piece, entry) > beat + SAME
 
 
-def ending(piece: Piece, entry: Automation) -> float:
+def ending(piece: Piece, automation_entry: Automation) -> float:
     """The beat on which automation ends; infinite if it does not end."""
-    end = math.inf if entry.until is None else piece.tempo_map.resolve(entry.until)
-    if entry.pattern is None:
-        return end
-    places = entry.steps(piece.tempo_map, piece.seed)
-    return min(end, places.beat(len(places)))
+    end_beat = (
+        math.inf
+        if automation_entry.until is None
+        else piece.tempo_map.resolve(automation_entry.until)
+    )
+    if automation_entry.pattern is None:
+        return end_beat
+    places = automation_entry.steps(piece.tempo_map, piece.seed)
+    return min(end_beat, places.beat(len(places)))
 
 
 def _ended(score_texts: Texts, piece: Piece, from_beat: float, target: str) -> tuple[Texts, int]:
     tempo, ended_count = piece.tempo_map, 0
-    for number in reversed(_numbers_of(score_texts, piece, target)):
-        entry = piece.automation[number]
+    for automation_index in reversed(_numbers_of(score_texts, piece, target)):
+        entry = piece.automation[automation_index]
         is_over = entry.until is not None and tempo.resolve(entry.until) <= from_beat + SAME
         if not (is_over and tempo.resolve(entry.at) < from_beat - SAME):
             score_texts, ended_count = (
-                _ended_one(score_texts, piece, from_beat, number),
+                _ended_one(score_texts, piece, from_beat, automation_index),
                 ended_count + 1,
             )
     return score_texts, ended_count
 
 
-def _numbers_of(score_texts: Texts, piece: Piece, target: str) -> Sequence[int]:
+def _numbers_of(score_texts: Texts, piece: Piece, target_path: str) -> Sequence[int]:
     """The numbers of the automation entries of a parameter."""
     with score_texts.memory.lock:
         numbers_by_target: dict[tuple[str, str], list[int]]
@@ -196,13 +202,15 @@ def _numbers_of(score_texts: Texts, piece: Piece, target: str) -> Sequence[int]:
                     number
                 )
         score_texts.memory.hold("automation by target", None, (piece.automation, numbers_by_target))
-    module_path, _, parameter = target.rpartition(".")
+    module_path, _, parameter = target_path.rpartition(".")
     numbers: Sequence[int] = numbers_by_target.get((module_path, parameter), ())
     return numbers
 
 
-def _ended_one(texts: Texts, piece: Piece, beat: float, number: int) -> Texts:
+def _ended_one(score_texts: Texts, piece: Piece, from_beat: float, automation_index: int) -> Texts:
     """End automation on a beat, or remove it if it would begin then or later."""
-    if piece.tempo_map.resolve(piece.automation[number].at) >= beat - SAME:
-        return dropped(texts, "automation", number)
-    return texts.put((*place(texts, "automation", number), "until"), written(piece, beat))
+    if piece.tempo_map.resolve(piece.automation[automation_index].at) >= from_beat - SAME:
+        return dropped(score_texts, "automation", automation_index)
+    return score_texts.put(
+        (*place(score_texts, "automation", automation_index), "until"), written(piece, from_beat)
+    )

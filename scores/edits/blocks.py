@@ -9,10 +9,10 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 
 
-def define(texts: Texts, piece: Piece, name: str, lines: Sequence[str]) -> Texts:
+def define(score_texts: Texts, piece: Piece, block_name: str, block_lines: Sequence[str]) -> Texts:
     """Write a block; it replaces a block of the same name. Raises EditError."""
-    if name in piece.blocks:
-        texts = texts.remove(("blocks", name))
-    for line in lines:
-        texts = texts.append(("blocks", name), edit.quoted(line))
-    return texts
+    if block_name in piece.blocks:
+        score_texts = score_texts.remove(("blocks", block_name))
+    for line in block_lines:
+        score_texts = score_texts.append(("blocks", block_name), edit.quoted(line))
+    return score_texts

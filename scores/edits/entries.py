@@ -54,12 +54,16 @@ class Entry:
     def row_words(self) -> str:
         """The entry as the words of a row, after its position."""
         words_written = [self.fields["play"]]
-        for name, text in self.fields.items():
-            if name == words.NTH:
-                words_written += ["every", text]
-            elif name in words.OPTIONS and name != "at":
-                is_flag = words.OPTIONS[name] is None
-                words_written += ([name] if text == "true" else []) if is_flag else [name, text]
+        for field_name, field_text in self.fields.items():
+            if field_name == words.NTH:
+                words_written += ["every", field_text]
+            elif field_name in words.OPTIONS and field_name != "at":
+                is_flag = words.OPTIONS[field_name] is None
+                words_written += (
+                    ([field_name] if field_text == "true" else [])
+                    if is_flag
+                    else [field_name, field_text]
+                )
         return " ".join([*words_written, *(["do", ", ".join(self.do)] if self.do else [])])
 
 
@@ -94,11 +98,11 @@ class PlacedEntry:
             return piece.tempo_map.resolve(self.play.until) > beat + SAME
         return self.play.times not in (None, 1)
 
-    def count_before(self, beat: float) -> int:
+    def count_before(self, before_beat: float) -> int:
         """The number of beginnings of the entry, or of places of its pattern, that lie before a
         beat.
         """
-        return n_before(self.starts or (), beat - SAME)
+        return n_before(self.starts or (), before_beat - SAME)
 
     def part(self, first_start: int, stop_start: int, written_at: Callable[[float], str]) -> Entry:
         """The entry with only its beginnings from number `first_start` to before `stop_start`;
@@ -106,25 +110,25 @@ class PlacedEntry:
         """
         starts = self.starts or ()
         if not isinstance(starts, Steps):
-            count = stop_start - first_start
-            entry = self.entry.with_fields(
-                at=written_at(starts[first_start]), until=None, times=str(count)
+            entry_count = stop_start - first_start
+            part_entry = self.entry.with_fields(
+                at=written_at(starts[first_start]), until=None, times=str(entry_count)
             )
-            return entry if count > 1 else entry.with_fields(every=None, times=None)
+            return part_entry if entry_count > 1 else part_entry.with_fields(every=None, times=None)
         return self.entry.with_fields(**starts.part(first_start, stop_start, written_at))
 
 
-def entry_of_play(play_words: words.PlayWords, text: str) -> Entry:
+def entry_of_play(play_words: words.PlayWords, play_text: str) -> Entry:
     """The entry of a play that was read from a text, without its position."""
-    options = {name: word.text for name, word in play_words.options.items()}
+    play_options = {name: word.text for name, word in play_words.options.items()}
     do = tuple(
-        text[transformation.offset : transformation.offset + transformation.length]
+        play_text[transformation.offset : transformation.offset + transformation.length]
         for transformation in play_words.do
     )
-    return Entry({"play": play_words.what.text, **options}, do)
+    return Entry({"play": play_words.what.text, **play_options}, do)
 
 
-def lines(texts: Texts, piece: Piece, player: str, since: float = -inf) -> list[PlacedEntry]:
+def lines(score_texts: Texts, piece: Piece, player: str, since: float = -inf) -> list[PlacedEntry]:
     """The entries of a player's part, in the order written; only those that may begin on beat
     `since` or later.
     """
@@ -136,7 +140,7 @@ def lines(texts: Texts, piece: Piece, player: str, since: float = -inf) -> list[
         or (starts.last if isinstance(starts, Steps) else starts[-1] if starts else inf)
         >= earliest_start
     ]
-    return [*_lines(texts, piece, player, entry_numbers)]
+    return [*_lines(score_texts, piece, player, entry_numbers)]
 
 
 def newest_first(texts: Texts, piece: Piece, player: str) -> Iterator[PlacedEntry]:
@@ -150,19 +154,19 @@ def _plays(piece: Piece, player: str) -> list[tuple[Play, Sequence[float] | None
 
 
 def _lines(
-    texts: Texts, piece: Piece, player: str, numbers: Iterable[int]
+    score_texts: Texts, piece: Piece, player: str, line_numbers: Iterable[int]
 ) -> Iterator[PlacedEntry]:
     """Entries of a player's part, by their numbers."""
-    part_node, plays = _part(texts, player), _plays(piece, player)
+    part_node, plays = _part(score_texts, player), _plays(piece, player)
     table_rows: list[tuple[int, Entry, str]] = []
     if isinstance(part_node, Scalar) and not part_node.is_empty:
         number = offset_counted = 0
-        for table_row, offset in words.rows(part_node.text):
+        for table_row, row_offset in words.rows(part_node.text):
             number, offset_counted = (
-                number + part_node.text.count("\n", offset_counted, offset),
-                offset,
+                number + part_node.text.count("\n", offset_counted, row_offset),
+                row_offset,
             )
-            parsed_row = words.parse_row(table_row, offset)
+            parsed_row = words.parse_row(table_row, row_offset)
             table_rows.append(
                 (
                     number,
@@ -170,16 +174,16 @@ def _lines(
                     table_row,
                 )
             )
-    for number in numbers:
+    for number in line_numbers:
         part_play, starts = plays[number]
-        begin = piece.tempo_map.resolve(part_play.at)
+        begin_beat = piece.tempo_map.resolve(part_play.at)
         if isinstance(part_node, document.Sequence):
             yield PlacedEntry(
-                number, _entry_of_item(part_node.items[number]), part_play, begin, starts
+                number, _entry_of_item(part_node.items[number]), part_play, begin_beat, starts
             )
         else:
             line_number, entry, table_row = table_rows[number]
-            yield PlacedEntry(line_number, entry, part_play, begin, starts, table_row)
+            yield PlacedEntry(line_number, entry, part_play, begin_beat, starts, table_row)
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,14 +204,16 @@ class PartEdit:
 
         def edited_text(list_document: document.Document, n_removed_before: int) -> str:
             for closed_entry in self.closed:
-                item = (*path, closed_entry.number - n_removed_before)
+                item_path = (*path, closed_entry.number - n_removed_before)
                 try:
-                    text = edit.put(list_document, (*item, "until"), self.until)
+                    edited_text = edit.put(list_document, (*item_path, "until"), self.until)
                 except EditError:  # an alias cannot be edited: write the entry out
-                    text = edit.put(
-                        list_document, item, closed_entry.entry.with_fields(until=self.until).flow()
+                    edited_text = edit.put(
+                        list_document,
+                        item_path,
+                        closed_entry.entry.with_fields(until=self.until).flow(),
                     )
-                list_document = edit.read(text, list_document.file)
+                list_document = edit.read(edited_text, list_document.file)
             # Add new entries before others are removed: a list that never becomes empty keeps its
             # style.
             if self.new:
@@ -226,7 +232,7 @@ class PartEdit:
         numbers += [line.number - 1 for line in self.dropped]  # include an item that stays
         return ListEdit(path, min(numbers, default=None), edited_text)
 
-    def as_table_edit(self, table: str) -> Callable[[document.Document], str]:
+    def as_table_edit(self, table_text: str) -> Callable[[document.Document], str]:
         """This change as the edit of a table."""
         path = ("parts", self.player)
         rows_by_line: dict[int, str | None] = {
@@ -235,15 +241,15 @@ class PartEdit:
         rows_by_line |= dict.fromkeys(line.number for line in self.dropped)
 
         def edited_text(table_document: document.Document) -> str:
-            text = table_document.text
+            edited_text = table_document.text
             for entry in self.new:
-                text = edit.add_row(
-                    edit.read(text, table_document.file), path, _aligned(entry, table)
+                edited_text = edit.add_row(
+                    edit.read(edited_text, table_document.file), path, _aligned(entry, table_text)
                 )
             return (
-                edit.put_rows(edit.read(text, table_document.file), path, rows_by_line)
+                edit.put_rows(edit.read(edited_text, table_document.file), path, rows_by_line)
                 if rows_by_line
-                else text
+                else edited_text
             )
 
         return edited_text
@@ -276,7 +282,7 @@ def _part(texts: Texts, player: str) -> Node | None:
 
 def _entry_of_item(item_node: Node) -> Entry:
     assert isinstance(item_node, document.Mapping)
-    fields = {
+    entry_fields = {
         name: child.text
         for name, (_, child) in item_node.entries.items()
         if isinstance(child, Scalar) and name != "do"
@@ -287,25 +293,27 @@ def _entry_of_item(item_node: Node) -> Entry:
         chain = [node.text for node in do.items if isinstance(node, Scalar)]
     elif isinstance(do, Scalar) and not do.is_empty:
         chain = [*split_chain(do.text)]
-    return Entry(fields, tuple(chain))
+    return Entry(entry_fields, tuple(chain))
 
 
 def _closed(line: PlacedEntry, until: str) -> str:
     """A row with an end at a position; its other words and their spaces do not change."""
-    row = line.row or ""
-    until_text = words.parse_row(row).play.options.get("until")
+    table_row = line.row or ""
+    until_text = words.parse_row(table_row).play.options.get("until")
     if until_text is None:
-        return f"{row.strip()} until {until}"
+        return f"{table_row.strip()} until {until}"
     return (
-        row[: until_text.offset] + until + row[until_text.offset + len(until_text.text) :]
+        table_row[: until_text.offset]
+        + until
+        + table_row[until_text.offset + len(until_text.text) :]
     ).strip()
 
 
-def _aligned(new_entry: Entry, table: str) -> str:
+def _aligned(new_entry: Entry, table_text: str) -> str:
     """A row of an entry, aligned with the last row of its table."""
-    width = 0
-    for row, _ in words.rows(table):
+    column_width = 0
+    for row, _ in words.rows(table_text):
         cell = re.match(r"\S+\s+", row.strip())
-        width = cell.end() if cell else width
+        column_width = cell.end() if cell else column_width
     start_text = new_entry.fields["at"]
-    return f"{start_text.ljust(width - 1)} {new_entry.row_words()}"
+    return f"{start_text.ljust(column_width - 1)} {new_entry.row_words()}"

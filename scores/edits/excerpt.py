@@ -46,10 +46,12 @@ def keep(
     is_included = False
     excerpt_changes = []
     for player in piece.players:
-        lines = entries.lines(score_texts, piece, player)
-        chosen = [entry for line in lines if (entry := window.excerpt_of(line)) is not None]
+        placed_entries = entries.lines(score_texts, piece, player)
+        chosen = [
+            entry for line in placed_entries if (entry := window.excerpt_of(line)) is not None
+        ]
         is_included = is_included or bool(chosen)
-        excerpt_changes.append(entries.PartEdit(player, dropped=lines, new=chosen))
+        excerpt_changes.append(entries.PartEdit(player, dropped=placed_entries, new=chosen))
     excerpt = entries.change(excerpt, *excerpt_changes)
     for strikes in piece.strikes:
         excerpt, is_in = window.strikes(excerpt, strikes)
@@ -76,12 +78,14 @@ _PIECES = 32  # of a glide that is cut
 class _Window:
     """The beats from `start` to `stop` of a piece, counted from `start`."""
 
-    def __init__(self, piece: Piece, start: float, stop: float, value_on: ValueOn | None) -> None:
+    def __init__(
+        self, piece: Piece, start_beat: float, stop_beat: float, value_on: ValueOn | None
+    ) -> None:
         self.piece = piece
         self.value_on = value_on
         self.map = piece.tempo_map
-        self.start = start
-        self.stop = stop
+        self.start = start_beat
+        self.stop = stop_beat
 
     def within(self, beats: list[float]) -> list[float]:
         return [beat for beat in beats if self.start - SAME <= beat < self.stop - SAME]
@@ -102,10 +106,10 @@ class _Window:
         if placed_entry.starts is None:
             if not self.within([placed_entry.begin]):
                 return None
-            entry = placed_entry.entry.with_fields(at=self.position(placed_entry.begin))
+            part_entry = placed_entry.entry.with_fields(at=self.position(placed_entry.begin))
             if placed_entry.play.until is None:
-                return entry
-            return entry.with_fields(
+                return part_entry
+            return part_entry.with_fields(
                 until=self.position(min(self.stop, self.map.resolve(placed_entry.play.until)))
             )
         first_start, stop_start = (
@@ -146,13 +150,18 @@ class _Window:
                 return texts.remove(path), False
             changed_fields |= {"at": self.position(first_beat), "until": self.position(last_beat)}
         else:
-            end = stop_beat if strikes.until is not None or strikes.span is not None else None
-            step_length, times = strikes.every, strikes.times
+            end_beat = stop_beat if strikes.until is not None or strikes.span is not None else None
+            step_length, strike_times = strikes.every, strikes.times
             window_starts = (
                 strikes.rounds(self.map)
                 if strikes.has_rounds
                 else starts(
-                    self.map, begin_beat, Length(), every=step_length, times=times, until=end
+                    self.map,
+                    begin_beat,
+                    Length(),
+                    every=step_length,
+                    times=strike_times,
+                    until=end_beat,
                 )
             )
             inside = self.within(window_starts)
@@ -168,11 +177,15 @@ class _Window:
         for entry_index in reversed(range(len(self.piece.duet))):
             coupling = self.piece.duet[entry_index]
             begin_beat = self.map.resolve(coupling.at)
-            end = self.stop if coupling.until is None else self.map.resolve(coupling.until)
-            if begin_beat >= self.stop - SAME or end <= self.start + SAME:
+            end_beat = self.stop if coupling.until is None else self.map.resolve(coupling.until)
+            if begin_beat >= self.stop - SAME or end_beat <= self.start + SAME:
                 texts = dropped(texts, "duet", entry_index)
                 continue
-            until = self.position(end) if coupling.until is not None and end < self.stop else None
+            until = (
+                self.position(end_beat)
+                if coupling.until is not None and end_beat < self.stop
+                else None
+            )
             fields = {"at": self.position(begin_beat), "until": until}
             texts = self._with_fields(texts, place(texts, "duet", entry_index), fields)
         return texts
@@ -206,11 +219,11 @@ class _Window:
             if end_beat < math.inf:
                 entry_fields["until"] = self.position(min(end_beat, self.stop))
             if begin_beat < self.start - SAME and pattern_steps is not None:
-                first = n_before(pattern_steps, self.start - SAME)
-                if first == len(pattern_steps):
+                first_place = n_before(pattern_steps, self.start - SAME)
+                if first_place == len(pattern_steps):
                     score_texts = dropped(score_texts, "automation", entry_index)
                     continue
-                entry_fields |= pattern_steps.part(first, len(pattern_steps), self.position)
+                entry_fields |= pattern_steps.part(first_place, len(pattern_steps), self.position)
                 entry_fields["until"] = self.position(min(end_beat, self.stop))
             elif begin_beat < self.start - SAME and automation_entry.swing is not None:
                 period = self.map.after(begin_beat, automation_entry.swing.period) - begin_beat
@@ -255,11 +268,11 @@ class _Window:
             seconds_left = tempo.seconds(max(ended, self.start)) - tempo.seconds(self.start)
             glide_points = []
             for step in range(_PIECES + 1 if seconds_left > 0.0 else 1):
-                offset = seconds_left * step / _PIECES
-                beat = tempo.beats(tempo.seconds(self.start) + offset)
+                glide_offset = seconds_left * step / _PIECES
+                beat = tempo.beats(tempo.seconds(self.start) + glide_offset)
                 value = self.value_on(self.piece, module_key, automation_entry.parameter, beat)
                 word = value_text(piece, automation_entry.name, value, self.value_on)
-                glide_points.append(f"{word}@{offset:.12g}s")
+                glide_points.append(f"{word}@{glide_offset:.12g}s")
             entry_fields["to"] = " line ".join(glide_points)
         return self._with_fields(
             score_texts, place(score_texts, "automation", entry_index), entry_fields
@@ -304,15 +317,15 @@ class _Window:
         return texts
 
     def _with_fields(
-        self, score_texts: Texts, path: edit.Path, fields: dict[str, str | None]
+        self, score_texts: Texts, path: edit.Path, entry_fields: dict[str, str | None]
     ) -> Texts:
         """Set fields of an entry; None removes a field."""
-        for name, text in fields.items():
+        for field_name, text in entry_fields.items():
             if text is not None:
-                score_texts = score_texts.put((*path, name), text)
+                score_texts = score_texts.put((*path, field_name), text)
                 continue
             try:
-                score_texts = score_texts.remove((*path, name))
+                score_texts = score_texts.remove((*path, field_name))
             except EditError:  # the field is not written
                 continue
         return score_texts

@@ -34,14 +34,14 @@ def with_files_read(score_texts: Texts) -> tuple[Texts, dict[str, str]]:
     not of the library.
     """
     documents = replace(score_texts, sealed=False).load().files
-    read = {
+    read_texts = {
         name: document_read.text
         for name, document_read in documents.items()
         if name != score_texts.path
         and name not in score_texts.overlay
         and shipped(Path(name)) is None
     }
-    return replace(score_texts, overlay={**read, **score_texts.overlay}), read
+    return replace(score_texts, overlay={**read_texts, **score_texts.overlay}), read_texts
 
 
 def unplayed(piece: Piece) -> dict[str, str]:
@@ -64,12 +64,12 @@ def is_defined(piece: Piece, name: str) -> bool:
     return name in piece.instruments or name in piece.families or name in piece.keys
 
 
-def base(piece: Piece, name: str) -> str:
+def base(piece: Piece, instrument_name: str) -> str:
     """What an instrument is built from: `skins/kick` where `kick` is one of a family that nothing
     plays yet, else the name itself.
     """
-    family, _, plain = unplayed(piece).get(name, "").rpartition(".")
-    return f"{family}/{plain}" if family else name
+    family, _, plain = unplayed(piece).get(instrument_name, "").rpartition(".")
+    return f"{family}/{plain}" if family else instrument_name
 
 
 def played(score_texts: Texts, piece: Piece, paths: Iterable[str]) -> Texts:

@@ -40,12 +40,12 @@ def couple(
     return score_texts
 
 
-def uncouple(texts: Texts, piece: Piece, beat: float, a: str, b: str) -> Texts:
+def uncouple(score_texts: Texts, piece: Piece, from_beat: float, a: str, b: str) -> Texts:
     """End the coupling of two keys at a beat. Raises EditError if there is none."""
-    texts, count = _parted(texts, piece, beat, a, b)
+    score_texts, count = _parted(score_texts, piece, from_beat, a, b)
     if not count:
-        raise EditError(f"{a} and {b} are not coupled at {piece.tempo_map.written(beat)}")
-    return texts
+        raise EditError(f"{a} and {b} are not coupled at {piece.tempo_map.written(from_beat)}")
+    return score_texts
 
 
 def _parted(

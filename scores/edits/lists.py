@@ -9,10 +9,14 @@ from ergon.scores.edits.texts import Texts
 
 def items(texts: Texts, *path: str) -> list[Node]:
     """The entries of such a section."""
-    node = _node(texts, path)
-    if isinstance(node, document.Sequence):
-        return node.items
-    return [] if node is None or (isinstance(node, Scalar) and node.is_empty) else [node]
+    list_node = _node(texts, path)
+    if isinstance(list_node, document.Sequence):
+        return list_node.items
+    return (
+        []
+        if list_node is None or (isinstance(list_node, Scalar) and list_node.is_empty)
+        else [list_node]
+    )
 
 
 def place(texts: Texts, section: str, number: int, *further: str) -> edit.Path:
@@ -21,17 +25,19 @@ def place(texts: Texts, section: str, number: int, *further: str) -> edit.Path:
     return (*path, number) if isinstance(_node(texts, path), document.Sequence) else path
 
 
-def dropped(texts: Texts, section: str, number: int) -> Texts:
+def dropped(score_texts: Texts, section_name: str, item_index: int) -> Texts:
     """Remove an entry; a section that loses its last entry becomes an empty list, which keeps its
     comment.
     """
-    if len(items(texts, section)) == 1:
-        return texts.put((section,), "[]")
-    return texts.remove((section, number))
+    if len(items(score_texts, section_name)) == 1:
+        return score_texts.put((section_name,), "[]")
+    return score_texts.remove((section_name, item_index))
 
 
 def _node(texts: Texts, path: tuple[str, ...]) -> Node | None:
-    node = texts.section(path[0])
+    section_node = texts.section(path[0])
     for name in path[1:]:
-        node = node.get(name) if isinstance(node, document.Mapping) else None
-    return node
+        section_node = (
+            section_node.get(name) if isinstance(section_node, document.Mapping) else None
+        )
+    return section_node

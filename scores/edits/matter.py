@@ -77,7 +77,7 @@ class _Owner:
         return (*self.base, self.kind) if self.written.kind else None
 
 
-def set_value(texts: Texts, piece: Piece, target_path: str, value: str) -> Texts:
+def set_value(score_texts: Texts, piece: Piece, target_path: str, value_text: str) -> Texts:
     """Set `bell.m.K`, `k1.M` or `gong.f` to a value, or multiply it (`x1.5`).
 
     A value that comes by `like` or `from` is written for this part alone. Setting K or Z
@@ -85,7 +85,7 @@ def set_value(texts: Texts, piece: Piece, target_path: str, value: str) -> Texts
     value. Raises EditError.
     """
     with tuning.used(piece.tuning_of(target_path)):
-        return _set_value(texts, piece, target_path, value)
+        return _set_value(score_texts, piece, target_path, value_text)
 
 
 def _set_value(score_texts: Texts, piece: Piece, target_path: str, value_text: str) -> Texts:
@@ -217,7 +217,7 @@ def _set_pitch(score_texts: Texts, instrument: Instrument, pitch_text: str) -> T
     return score_texts.put((*path, "transpose"), change_text, file_name)
 
 
-def _set_transposition(score_texts: Texts, part_name: str, value: str) -> Texts:
+def _set_transposition(score_texts: Texts, part_name: str, value_text: str) -> Texts:
     """Set the interval by which an instrument is moved. Raises EditError."""
     names, uses = score_texts.names()
     instrument_table = names.tables["instruments"]
@@ -241,7 +241,7 @@ def _set_transposition(score_texts: Texts, part_name: str, value: str) -> Texts:
                 f"{quote(family_name)} has no note {quote(note_name)} that can be transposed"
             )
         path = (*path, "members", member[0])
-    return score_texts.put((*path, TRANSPOSE), value, entry_values.node.document.file)
+    return score_texts.put((*path, TRANSPOSE), value_text, entry_values.node.document.file)
 
 
 def quantities(part_module: Module) -> Iterator[tuple[str, float]]:
@@ -268,13 +268,13 @@ def gain(score_texts: Texts, instrument_name: str | None, level_text: str) -> Te
             raise EditError("the score has no mix, so it has no master gain")
         return score_texts.put(("mix", "master", "gain"), level_text)
     is_routed = False
-    for number, route in enumerate(items(score_texts, "mix", "route")):
+    for route_index, route in enumerate(items(score_texts, "mix", "route")):
         source = route.get("from") if isinstance(route, document.Mapping) else None
         if isinstance(source, Scalar) and (
             source.text == instrument_name or source.text.startswith(f"{instrument_name}.")
         ):
             score_texts = score_texts.put(
-                (*place(score_texts, "mix", number, "route"), "gain"), level_text
+                (*place(score_texts, "mix", route_index, "route"), "gain"), level_text
             )
             is_routed = True
     if not is_routed:
@@ -283,14 +283,14 @@ def gain(score_texts: Texts, instrument_name: str | None, level_text: str) -> Te
 
 
 def _owner(texts: Texts, target_path: str) -> tuple[_Owner, str]:
-    names, uses = texts.names()
+    score_names, uses = texts.names()
     path_words = target_path.split(".")
     for word_count in range(
         len(path_words) - 1, 0, -1
     ):  # names that a file brings in have dots themselves
         part_name = ".".join(path_words[:word_count])
         for section_name in ("keys", "instruments"):
-            named_entry = names.tables[section_name].get(part_name)
+            named_entry = score_names.tables[section_name].get(part_name)
             if named_entry is None or not isinstance(named_entry.values, Values):
                 continue
             values, _ = uses.resolved(section_name, named_entry)
@@ -301,37 +301,46 @@ def _owner(texts: Texts, target_path: str) -> tuple[_Owner, str]:
             if (values["notes"] or ()) if section_name == "instruments" else ():
                 member_found = _member(values, part_values, path_words[word_count])
                 if member_found is not None:
-                    note, values, part_values = member_found
+                    note_name, values, part_values = member_found
                     part_name, path, word_count = (
-                        f"{part_name}.{note}",
-                        (*path, "members", note),
+                        f"{part_name}.{note_name}",
+                        (*path, "members", note_name),
                         word_count + 1,
                     )
-            module, field_name = ".".join(path_words[word_count:-1]), path_words[-1]
-            fields_written, kind = _fields(values, module, target_path)
+            module_name, field_name = ".".join(path_words[word_count:-1]), path_words[-1]
+            fields_written, module_kind = _fields(values, module_name, target_path)
             is_ca = section_name == "instruments" and values["units"] == "ca"
             owner = _Owner(
-                part_name, section_name, part_values, path, module, kind, fields_written, is_ca
+                part_name,
+                section_name,
+                part_values,
+                path,
+                module_name,
+                module_kind,
+                fields_written,
+                is_ca,
             )
             is_space = section_name == "instruments" and values["space"] > 1
-            field_table = KINDS[kind].tables["space" if is_space else "si"] if kind else KEY
+            field_table = (
+                KINDS[module_kind].tables["space" if is_space else "si"] if module_kind else KEY
+            )
             if field_name not in field_table.by_name and field_name not in fields_written.free:
-                fields = ", ".join([*field_table.by_name, *fields_written.free])
+                field_list = ", ".join([*field_table.by_name, *fields_written.free])
                 raise EditError(
                     f"{quote(target_path)}: the field {quote(field_name)} does not "
-                    f"exist; the fields are {fields}"
+                    f"exist; the fields are {field_list}"
                 )
             return owner, field_name
     raise EditError(f"{quote(target_path)} is not a field of a key or an instrument")
 
 
 def _member(
-    instrument_values: Values, part_values: Values, word: str
+    instrument_values: Values, part_values: Values, note_word: str
 ) -> tuple[str, Values, Values] | None:
     """The note that a word names, the instrument at this note, and the fields that are written for
     it.
     """
-    pitch_asked = notes.pitch(word)
+    pitch_asked = notes.pitch(note_word)
     for note_name in instrument_values["notes"]:
         if notes.pitch(note_name) == pitch_asked:
             member_values = overlay.member(part_values, pitch_asked or 0.0)
@@ -397,11 +406,11 @@ def _changes(
         value_factor = q.factor(value_text)
     except TextError as error:
         raise EditError(error.message) from None
-    node = value_owner.followed.nodes.get(field_name)
+    field_node = value_owner.followed.nodes.get(field_name)
     if "calib" in value_owner.followed.nodes and not value_owner.written.written(field_name):
-        node = None  # the measured value is used, not the written one
-    if isinstance(node, Scalar) and _is_as_written(value_owner, field_name, node.text):
-        scaled = _scaled_text(node.text, value_factor)
+        field_node = None  # the measured value is used, not the written one
+    if isinstance(field_node, Scalar) and _is_as_written(value_owner, field_name, field_node.text):
+        scaled = _scaled_text(field_node.text, value_factor)
         if scaled is not None:
             return {**field_changes, field_name: scaled}
     amount = current_values.get(field_name)
@@ -438,12 +447,12 @@ def _current_values(owner: _Owner, piece: Piece) -> Mapping[str, object]:
     return owner.followed.by_name
 
 
-def _is_as_written(owner: _Owner, name: str, text: str) -> bool:
+def _is_as_written(owner: _Owner, field_name: str, field_text: str) -> bool:
     """Whether a field has the value of its text; a transposition makes it differ."""
-    field = (KINDS[owner.kind].table if owner.kind else KEY).by_name.get(name)
+    field = (KINDS[owner.kind].table if owner.kind else KEY).by_name.get(field_name)
     if field is None or not isinstance(field.shape, Text):
         return True
-    return bool(field.shape.parse(text) == owner.followed.by_name.get(name))
+    return bool(field.shape.parse(field_text) == owner.followed.by_name.get(field_name))
 
 
 def _as_written(
@@ -458,38 +467,40 @@ def _as_written(
     ):
         return field_changes
     is_root = not value_owner.written.written("like", "from")
-    table = KINDS[value_owner.kind].table
+    field_table = KINDS[value_owner.kind].table
     changes_written = dict(field_changes)
     for field_name, value_text in field_changes.items():
         is_moved = is_root or (home == value_owner.base and field_name == "f")
-        shape = table.by_name[field_name].shape if field_name in table.by_name else None
+        shape = field_table.by_name[field_name].shape if field_name in field_table.by_name else None
         if not is_moved or value_text is None or not isinstance(shape, Text):
             continue
         try:
-            value = shape.parse(value_text)
+            parsed_value = shape.parse(value_text)
         except TextError:
             continue  # reported where the score is read
-        untransposed = moved(field_name, value, interval.back())
-        if untransposed != value and isinstance(untransposed, float):
+        untransposed = moved(field_name, parsed_value, interval.back())
+        if untransposed != parsed_value and isinstance(untransposed, float):
             changes_written[field_name] = f"{untransposed!r}{_UNITS.get(field_name, '')}"
     return changes_written
 
 
 def _stiffness_and_viscosity(current_values: Mapping[str, object]) -> dict[str, float]:
     """K and Z from a damped frequency and its decay."""
-    mass, f, t60 = (_current_number(current_values, name) for name in ("M", "f", "t60"))
+    mode_mass, f, t60 = (_current_number(current_values, name) for name in ("M", "f", "t60"))
     sigma = LN_1000 / t60 if t60 else 0.0
     omega = 2.0 * math.pi * f
-    return {"K": mass * (omega * omega + sigma * sigma), "Z": 2.0 * mass * sigma}
+    return {"K": mode_mass * (omega * omega + sigma * sigma), "Z": 2.0 * mode_mass * sigma}
 
 
-def _frequency_and_decay(current_values: Mapping[str, object], target: str) -> dict[str, float]:
+def _frequency_and_decay(
+    current_values: Mapping[str, object], target_path: str
+) -> dict[str, float]:
     """The damped frequency and decay from K and Z."""
     mass, k, z = (_current_number(current_values, name) for name in ("M", "K", "Z"))
     sigma = z / (2.0 * mass)
     square = k / mass - sigma * sigma
     if square <= 0.0:
-        raise EditError(f"{quote(target)}: it is overdamped and has no frequency; set K and Z")
+        raise EditError(f"{quote(target_path)}: it is overdamped and has no frequency; set K and Z")
     return {"f": math.sqrt(square) / (2.0 * math.pi), "t60": LN_1000 / sigma if sigma else 0.0}
 
 
@@ -502,10 +513,10 @@ def _scaled_text(text: str, factor: float) -> str | None:
     """A number or a range times a factor, with the same unit; None for a note or a fraction."""
     scaled_texts = []
     for amount_text in text.split(".."):
-        match = _AMOUNT.fullmatch(amount_text.strip())
-        if match is None or match[2].startswith("/"):
+        amount_match = _AMOUNT.fullmatch(amount_text.strip())
+        if amount_match is None or amount_match[2].startswith("/"):
             return None
-        scaled_texts.append(f"{float(match[1]) * factor:.9g}{match[2]}")
+        scaled_texts.append(f"{float(amount_match[1]) * factor:.9g}{amount_match[2]}")
     return "..".join(scaled_texts)
 
 
@@ -516,7 +527,7 @@ def _amount_text(value: float, name: str, owner: _Owner) -> str:
 
 def _written_node(texts: Texts, path: tuple[str, ...], file: str) -> document.Node | None:
     is_own = file == texts.path
-    node = texts.section(path[0]) if is_own else texts.document(file).root
+    value_node = texts.section(path[0]) if is_own else texts.document(file).root
     for name in path[1:] if is_own else path:
-        node = node.get(name) if isinstance(node, document.Mapping) else None
-    return node
+        value_node = value_node.get(name) if isinstance(value_node, document.Mapping) else None
+    return value_node

@@ -125,16 +125,16 @@ def _with_items(
         value_before is not None and not isinstance(value_before, list)
     ):
         raise EditError("items were removed")
-    for number, (item_before, typed_item) in enumerate(
+    for item_index, (item_before, typed_item) in enumerate(
         zip(items_before, typed_items, strict=False)
     ):
         if item_before != typed_item:
-            texts_now = texts_now.put((*spot.path, number), edit.flow(typed_item), spot.file)
+            texts_now = texts_now.put((*spot.path, item_index), edit.flow(typed_item), spot.file)
     for typed_item in typed_items[len(items_before) :]:
-        text = edit.flow(typed_item)
+        item_text = edit.flow(typed_item)
         texts_now = texts_now.edited(
             spot.path[0],
-            partial(edit.append, path=spot.path, text=text, order=SECTIONS),
+            partial(edit.append, path=spot.path, text=item_text, order=SECTIONS),
             spot.file,
         )
     return texts_now
@@ -145,11 +145,11 @@ def _with_rows(
 ) -> Texts:
     if len(typed_rows) < len(rows_before):
         raise EditError("lines were removed")
-    for number, (row_before, typed_row) in enumerate(zip(rows_before, typed_rows, strict=False)):
+    for row_index, (row_before, typed_row) in enumerate(zip(rows_before, typed_rows, strict=False)):
         if row_before != typed_row:
             texts_now = texts_now.edited(
                 spot.path[0],
-                partial(edit.put_row, path=spot.path, row=number, text=typed_row),
+                partial(edit.put_row, path=spot.path, row=row_index, text=typed_row),
                 spot.file,
             )
     for typed_row in typed_rows[len(rows_before) :]:
@@ -181,13 +181,13 @@ def _differing(value_before: _Value, value_after: _Value, path: edit.Path) -> It
     ):
         yield path
         return
-    names = dict.fromkeys(
+    differing_names = dict.fromkeys(
         name
         for tree_value in (value_after, value_before)
         if isinstance(tree_value, dict)
         for name in tree_value
     )
-    for name in names:
+    for name in differing_names:
         yield from _differing(
             _child_value(value_before, name), _child_value(value_after, name), (*path, name)
         )

@@ -38,12 +38,12 @@ def define(score_texts: Texts, gesture_name: str, notation: str) -> Texts:
         return score_texts.put(("gestures", gesture_name), notation_text)
     if not isinstance(named_entry.values, Values):
         raise EditError(f"the definition of {gesture_name} has mistakes")
-    node, file_name = named_entry.values.node, named_entry.values.node.document.file
+    gesture_node, file_name = named_entry.values.node, named_entry.values.node.document.file
     path = ("gestures", named_entry.values.context.name)
-    if isinstance(node, Scalar) and not node.is_empty:
+    if isinstance(gesture_node, Scalar) and not gesture_node.is_empty:
         return score_texts.put(path, notation_text, file_name)
-    if isinstance(node, document.Mapping) and "points" in node.entries:
-        if len(node.entries) == 1:
+    if isinstance(gesture_node, document.Mapping) and "points" in gesture_node.entries:
+        if len(gesture_node.entries) == 1:
             return score_texts.put(path, notation_text, file_name)
         score_texts = score_texts.put((*path, "notation"), notation_text, file_name)
         return score_texts.remove((*path, "points"), file=file_name)

@@ -109,36 +109,44 @@ def rest(score_texts: Texts, piece: Piece, player: str | None, beat: float) -> T
 
 
 def ending(
-    texts: Texts, piece: Piece, player: str, end_beat: float, new: Sequence[Entry] = ()
+    score_texts: Texts,
+    piece: Piece,
+    player: str,
+    end_beat: float,
+    new_entries: Sequence[Entry] = (),
 ) -> PartEdit:
     """The edit that ends the part of a player at a beat, and adds new entries."""
-    lines = entries.lines(texts, piece, player, end_beat)
+    lines = entries.lines(score_texts, piece, player, end_beat)
     closed = [line for line in lines if line.is_open(end_beat, piece)]
     later_lines = [line for line in lines if line.begin >= end_beat - SAME]
-    return PartEdit(player, written(piece, end_beat), closed, later_lines, new)
+    return PartEdit(player, written(piece, end_beat), closed, later_lines, new_entries)
 
 
-def hush(texts: Texts, piece: Piece, beat: float) -> Texts:
+def hush(score_texts: Texts, piece: Piece, from_beat: float) -> Texts:
     """End all parts and strikes at a beat, also in the middle of a phrase. Raises EditError."""
-    texts = rest(texts, piece, None, beat)
+    score_texts = rest(score_texts, piece, None, from_beat)
     for strikes_entry in piece.strikes:
-        texts = strikes.cut(texts, piece, strikes_entry, beat)
-    return texts
+        score_texts = strikes.cut(score_texts, piece, strikes_entry, from_beat)
+    return score_texts
 
 
 def finish(score_texts: Texts, piece: Piece, end_beat: float) -> Texts:
     """End endless parts, strikes and automation at a beat, for a score that is saved."""
     for player_name in piece.players:
-        for line in entries.lines(score_texts, piece, player_name):
-            if END.fullmatch(line.entry.fields.get("until", "")) is None:
+        for placed_entry in entries.lines(score_texts, piece, player_name):
+            if END.fullmatch(placed_entry.entry.fields.get("until", "")) is None:
                 continue
             # An entry that begins after `end_beat` plays once.
-            until = written(piece, max(end_beat, line.begin + 1.0))
-            score_texts = entries.change(score_texts, PartEdit(player_name, until, [line]))
-    for entry in piece.strikes:
-        if entry.until is not None and END.fullmatch(entry.until.text) is not None:
-            until = written(piece, max(end_beat, piece.tempo_map.resolve(entry.at) + 1.0))
-            score_texts = score_texts.put(("strikes", entry.name, "until"), until)
+            until_text = written(piece, max(end_beat, placed_entry.begin + 1.0))
+            score_texts = entries.change(
+                score_texts, PartEdit(player_name, until_text, [placed_entry])
+            )
+    for strikes_entry in piece.strikes:
+        if strikes_entry.until is not None and END.fullmatch(strikes_entry.until.text) is not None:
+            until_text = written(
+                piece, max(end_beat, piece.tempo_map.resolve(strikes_entry.at) + 1.0)
+            )
+            score_texts = score_texts.put(("strikes", strikes_entry.name, "until"), until_text)
     return automation.finish(score_texts, piece, end_beat)
 
 
@@ -167,18 +175,20 @@ def _under_way(
             placed_entry.starts[last_played],
             course.played(last_played) or "",
         )
-        fields = dict.fromkeys((*PATTERN_FIELDS, words.NTH), None)
+        pattern_fields = dict.fromkeys((*PATTERN_FIELDS, words.NTH), None)
         placed_entry = replace(
             placed_entry,
-            entry=placed_entry.entry.with_fields(**{**fields, "play": pattern_or_name}),
+            entry=placed_entry.entry.with_fields(**{**pattern_fields, "play": pattern_or_name}),
         )
     gesture = piece.gestures.get(pattern_or_name)
     if begin_beat >= end_instant - SAME or gesture is None:
         return None
     beat = gesture.beat(tempo, begin_beat)
-    points, _ = apply(gesture.points, (*gesture.do, *placed_entry.play.do), MidpointChance(), beat)
+    gesture_points, _ = apply(
+        gesture.points, (*gesture.do, *placed_entry.play.do), MidpointChance(), beat
+    )
     return (
         placed_entry
-        if gesture.instant(tempo, begin_beat, points[-1].at) > tempo.seconds(end_instant)
+        if gesture.instant(tempo, begin_beat, gesture_points[-1].at) > tempo.seconds(end_instant)
         else None
     )

@@ -13,30 +13,34 @@ _TRIAL = "trial"
 
 
 def define(
-    texts: Texts,
+    score_texts: Texts,
     phrase_name: str,
     phrase_entries: Sequence[Mapping[str, str]],
-    fields: Mapping[str, str],
+    phrase_fields: Mapping[str, str],
 ) -> Texts:
-    """Write a phrase; it replaces a phrase of the same name. `fields` may have `to` and `length`.
-    Raises EditError if the phrase cannot be played.
+    """Write a phrase; it replaces a phrase of the same name. `phrase_fields` may have `to` and
+    `length`. Raises EditError if the phrase cannot be played.
     """
-    fields_written: dict[str, edit.Tree] = dict(fields)
+    fields_written: dict[str, edit.Tree] = dict(phrase_fields)
     if "impulse" not in phrase_entries[0]:
         fields_written["impulse"] = _LOUD
     fields_written["entries"] = [_row(entry) for entry in phrase_entries]
-    edited = texts.put(("phrases", phrase_name), edit.flow(fields_written))
+    edited = score_texts.put(("phrases", phrase_name), edit.flow(fields_written))
     _check(edited, phrase_name)
     return edited
 
 
-def _row(entry: Mapping[str, str]) -> edit.Tree:
-    note_words = entry["what"].split()
-    row: dict[str, edit.Tree] = {
-        "at": entry["at"],
+def _row(phrase_entry: Mapping[str, str]) -> edit.Tree:
+    note_words = phrase_entry["what"].split()
+    row_tree: dict[str, edit.Tree] = {
+        "at": phrase_entry["at"],
         "what": note_words[0] if len(note_words) == 1 else [*note_words],
     }
-    return row if "impulse" not in entry else {**row, "impulse": entry["impulse"]}
+    return (
+        row_tree
+        if "impulse" not in phrase_entry
+        else {**row_tree, "impulse": phrase_entry["impulse"]}
+    )
 
 
 def _check(texts: Texts, name: str) -> None:

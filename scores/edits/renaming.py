@@ -39,16 +39,19 @@ def rename(score_texts: Texts, piece: Piece, old_name: str, new_name: str) -> Te
 
     Raises EditError.
     """
-    text, copied_until = "", 0
+    renamed_text, copied_until = "", 0
     for start, stop in places_named(score_texts, piece, old_name, new_name):
-        text, copied_until = f"{text}{score_texts.text[copied_until:start]}{new_name}", stop
-    changed = score_texts.changed(text + score_texts.text[copied_until:])
-    section, _ = definition_path(score_texts, old_name)
-    if section in (*_PARTS, "phrases"):
+        renamed_text, copied_until = (
+            f"{renamed_text}{score_texts.text[copied_until:start]}{new_name}",
+            stop,
+        )
+    changed = score_texts.changed(renamed_text + score_texts.text[copied_until:])
+    section_name, _ = definition_path(score_texts, old_name)
+    if section_name in (*_PARTS, "phrases"):
         _check(
             piece,
             changed,
-            SoundingNames({new_name: old_name} if section in _PARTS else {}),
+            SoundingNames({new_name: old_name} if section_name in _PARTS else {}),
             old_name,
         )
     return changed
@@ -62,11 +65,11 @@ def places_named(score_texts: Texts, piece: Piece, old_name: str, new_name: str)
             f"{old_name} is not the name of a gesture, phrase, take, player, block, key or "
             "instrument"
         )
-    names: dict[str, Container[str]] = {"players": piece.players, "blocks": piece.blocks}
-    names["phrases"] = piece.phrases
+    names_by_section: dict[str, Container[str]] = {"players": piece.players, "blocks": piece.blocks}
+    names_by_section["phrases"] = piece.phrases
     parts = {*piece.keys, *piece.instruments, *piece.families}
-    names |= dict.fromkeys(_PARTS, parts | {part.partition(".")[0] for part in parts})
-    if new_name in names.get(section_name, {*piece.gestures, *piece.takes}):
+    names_by_section |= dict.fromkeys(_PARTS, parts | {part.partition(".")[0] for part in parts})
+    if new_name in names_by_section.get(section_name, {*piece.gestures, *piece.takes}):
         raise EditError(f"the name {quote(new_name)} is in use")
     root = score_texts.document().root
     assert isinstance(root, document.Mapping)
@@ -78,15 +81,16 @@ def places_named(score_texts: Texts, piece: Piece, old_name: str, new_name: str)
     return sorted({*places})
 
 
-def _check(piece: Piece, changed: Texts, names: SoundingNames, old: str) -> None:
+def _check(piece: Piece, changed: Texts, sounding_names: SoundingNames, old_name: str) -> None:
     """Raise EditError if the renamed text is not the same piece: then some use of the name was not
     found.
     """
     piece_after = changed.load().piece
-    back = None if piece_after is None else names.piece(piece_after)
+    back = None if piece_after is None else sounding_names.piece(piece_after)
     if back is None or digest_of(replace(back, takes={})) != digest_of(replace(piece, takes={})):
         raise EditError(
-            f"`rename` cannot find every use of {old}, so nothing was changed; rename it in the "
+            f"`rename` cannot find every use of {old_name}, so nothing was changed; rename it in "
+            "the "
             "file, then type `load`"
         )
 
@@ -95,10 +99,10 @@ def _check(piece: Piece, changed: Texts, names: SoundingNames, old: str) -> None
 
 
 def _part_named(
-    root_node: document.Mapping, piece: Piece, section: str, old_name: str
+    root_node: document.Mapping, piece: Piece, section_name: str, old_name: str
 ) -> Iterator[Span]:
     """Where a key or an instrument is named in a score."""
-    section_node = root_node.get(section)
+    section_node = root_node.get(section_name)
     if isinstance(section_node, document.Mapping) and old_name in section_node.entries:
         word, _ = section_node.entries[old_name]
         yield word.start, word.end
@@ -157,20 +161,22 @@ def _references(
             yield from _spans_of_words(value_node, [(value_node.text, 0)], old_name)
 
 
-def _spans_of_words(node: Scalar, words: list[tuple[str, int]], name: str) -> Iterator[Span]:
+def _spans_of_words(
+    text_node: Scalar, placed_words: list[tuple[str, int]], old_name: str
+) -> Iterator[Span]:
     """Where words of a text name a part, or something reached through it; each word has its
     offset.
     """
-    for word, offset in words:
-        if re.split("[.:]", word)[0] == name and notes.word_of(word) is None:
-            yield _span(node, offset, len(name))
+    for word, offset in placed_words:
+        if re.split("[.:]", word)[0] == old_name and notes.word_of(word) is None:
+            yield _span(text_node, offset, len(old_name))
 
 
-def _span(node: Scalar, offset: int, length: int) -> Span:
+def _span(node: Scalar, offset: int, span_length: int) -> Span:
     """The start and end of a word, given its offset in the text of a node."""
-    source, offset_place = node.document, node.place_at(offset, length)
+    source, offset_place = node.document, node.place_at(offset, span_length)
     start, _ = source.line_span(offset_place.line - source.first_row - 1)
-    return start + offset_place.column - 1, start + offset_place.column - 1 + length
+    return start + offset_place.column - 1, start + offset_place.column - 1 + span_length
 
 
 # --- gestures, takes, players, blocks -----------------------------------------------------------
@@ -225,11 +231,11 @@ def _named(root_node: document.Mapping, section_name: str, old_name: str) -> Ite
 
 def _in_blocks(blocks: Node | None, name: str) -> Iterator[Span]:
     """Where lines of blocks contain a name."""
-    word = re.compile(rf"(?<![\w./-]){re.escape(name)}(?![\w/-])")
+    name_pattern = re.compile(rf"(?<![\w./-]){re.escape(name)}(?![\w/-])")
     for _, block in blocks.entries.values() if isinstance(blocks, document.Mapping) else ():
         lines = block.items if isinstance(block, document.Sequence) else [block]
         for line in lines:
-            for match in word.finditer(line.document.text, line.start, line.end):
+            for match in name_pattern.finditer(line.document.text, line.start, line.end):
                 yield match.span()
 
 
@@ -242,10 +248,10 @@ def _in_phrase(entries_node: Node | None, phrase_name: str) -> Iterator[Span]:
                 what_node = what_node.items[0]
             yield from _same(what_node, phrase_name)
     elif isinstance(entries_node, Scalar):
-        for row, offset in words.rows(entries_node.text):
+        for row, row_offset in words.rows(entries_node.text):
             cells = [*_WORD.finditer(row)]
             if len(cells) > 1 and cells[1].group() == phrase_name:
-                yield _span(entries_node, offset + cells[1].start(), len(phrase_name))
+                yield _span(entries_node, row_offset + cells[1].start(), len(phrase_name))
 
 
 def _same(node: Node | None, name: str) -> Iterator[Span]:
@@ -259,26 +265,28 @@ def _is_named(word: str, name: str) -> bool:
     return word == name or (key_name == name and axis in AXES)
 
 
-def _in_table(part: Scalar, name: str) -> Iterator[Span]:
+def _in_table(part_node: Scalar, old_name: str) -> Iterator[Span]:
     """Where rows of a table name what is played."""
-    for row, offset in words.rows(part.text):
+    for row, offset in words.rows(part_node.text):
         offsets: list[int] = []
-        play = words.parse_row(row, offset, _noting(name, offsets)).play
-        yield from _spans(part, name, play, offsets)
+        play = words.parse_row(row, offset, _noting(old_name, offsets)).play
+        yield from _spans(part_node, old_name, play, offsets)
 
 
-def _in_play(node: Node | None, name: str) -> Iterator[Span]:
+def _in_play(play_node: Node | None, old_name: str) -> Iterator[Span]:
     """Where the play of an entry names what is played."""
-    if isinstance(node, Scalar) and not node.is_empty:
+    if isinstance(play_node, Scalar) and not play_node.is_empty:
         offsets: list[int] = []
-        yield from _spans(node, name, words.parse(node.text, 0, _noting(name, offsets)), offsets)
+        yield from _spans(
+            play_node, old_name, words.parse(play_node.text, 0, _noting(old_name, offsets)), offsets
+        )
 
 
-def _noting(name: str, offsets: list[int]) -> Callable[[str, int], str]:
+def _noting(old_name: str, offsets: list[int]) -> Callable[[str, int], str]:
     """A function for reading patterns that records in `offsets` where a name stands."""
 
     def note(word: str, offset: int) -> str:
-        if _is_named(word, name):
+        if _is_named(word, old_name):
             offsets.append(offset)
         return word
 

@@ -15,7 +15,7 @@ TUNING = "tuning"
 
 
 def retune(
-    score_texts: Texts, target: str, tuning_fields: Mapping[str, str]
+    score_texts: Texts, target_path: str, tuning_fields: Mapping[str, str]
 ) -> tuple[Texts, Mapping[str, str]]:
     """Set `tuning`, or `vib.tuning` of an instrument, to fields as they are written; without any,
     that of the score holds, or equal steps. Returns the texts of scales that were read for it, too.
@@ -24,15 +24,15 @@ def retune(
     """
     path: tuple[str, ...] = (TUNING,)
     file_name, root_node = score_texts.path, score_texts.document().root
-    instrument_name = target.removesuffix(TUNING).rstrip(".")
+    instrument_name = target_path.removesuffix(TUNING).rstrip(".")
     if instrument_name:
         names, _ = score_texts.names()
         entry = names.tables["instruments"].get(instrument_name)
-        values = None if entry is None else entry.values
-        if not isinstance(values, Values):
+        tuning_values = None if entry is None else entry.values
+        if not isinstance(tuning_values, Values):
             raise EditError(f"{quote(instrument_name)} is not an instrument that can be tuned")
-        path = ("instruments", values.context.name, TUNING)
-        file_name, root_node = values.node.document.file, values.node
+        path = ("instruments", tuning_values.context.name, TUNING)
+        file_name, root_node = tuning_values.node.document.file, tuning_values.node
     if tuning_fields:
         return families.with_files_read(
             score_texts.put(path, edit.flow(dict(tuning_fields)), file_name)

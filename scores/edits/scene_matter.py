@@ -53,10 +53,10 @@ def with_matter(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
     missing_parts = _with_parts_of(missing_names, missing_entries)
     texts_now = replace(score_texts, overlay={**scene.texts.overlay, **score_texts.overlay})
     texts_now = _with_files(texts_now, scene)
-    for section in _SECTIONS:
-        for name, entry in missing_entries[section].items():
+    for section_name in _SECTIONS:
+        for name, entry in missing_entries[section_name].items():
             if name in missing_parts:
-                texts_now = texts_now.put((section, name), edit.flow(entry))
+                texts_now = texts_now.put((section_name, name), edit.flow(entry))
     texts_now = _with_links(texts_now, piece, scene, needed)
     return _routed(texts_now, piece, scene, missing_parts)
 
@@ -66,14 +66,14 @@ def _played_names(piece: Piece) -> set[str]:
     family = piece.note_families()
     players = {play.player for play in piece.parts}
     key_names = {piece.players[name].key for name in players}
-    struck = {part for strikes in piece.strikes for part in strikes.parts}
+    struck_parts = {part for strikes in piece.strikes for part in strikes.parts}
     led = {name.partition(".")[0] for name in (entry.name for entry in piece.automation)}
     touched = {
         part.name
         for part in piece.instruments.values()
         if any(key_names & {*_end_parts(module)} for module in part.modules)
     }
-    parts = {family.get(part, part) for part in struck | led | touched}
+    parts = {family.get(part, part) for part in struck_parts | led | touched}
     return players | key_names | parts
 
 
@@ -115,12 +115,12 @@ def _with_parts_of(
 def _names_in(value_tree: edit.Tree) -> Iterator[str]:
     """The names in the texts of a value."""
     if isinstance(value_tree, dict):
-        for name, value in value_tree.items():
+        for name, tree_value in value_tree.items():
             yield name
-            yield from _names_in(value)
+            yield from _names_in(tree_value)
     elif isinstance(value_tree, list):
-        for value in value_tree:
-            yield from _names_in(value)
+        for tree_value in value_tree:
+            yield from _names_in(tree_value)
     elif value_tree is not None:
         yield from _NAME.findall(value_tree)
 
@@ -139,16 +139,16 @@ def _with_files(score_texts: Texts, scene: Scene) -> Texts:
         for used in new_files:
             score_texts = score_texts.put(("use", used.prefix), edit.quoted(used.file))
         return score_texts
-    rows: list[edit.Tree] = [
+    use_rows: list[edit.Tree] = [
         {used.prefix: used.file} if used.prefix else used.file for used in (*used_here, *new_files)
     ]
-    return score_texts.put(("use",), edit.flow(rows))
+    return score_texts.put(("use",), edit.flow(use_rows))
 
 
-def _used_files(texts: Texts) -> list[_Used]:
+def _used_files(score_texts: Texts) -> list[_Used]:
     """The files that a score uses."""
     used_files = []
-    for node in items(texts, "use"):
+    for node in items(score_texts, "use"):
         use_row = edit.tree(node)
         if isinstance(use_row, dict):
             used_files += [
@@ -170,16 +170,16 @@ def _with_links(score_texts: Texts, piece: Piece, scene: Scene, needed: set[str]
         module_names_here = {module.name for module in part_here.modules}
         entry = _entries(scene.texts, "instruments").get(instrument_name)
         entry_modules = entry.get("modules") if isinstance(entry, dict) else None
-        for module in instrument.modules:
-            end_parts = {*_end_parts(module)}
-            is_new = module.name not in module_names_here and end_parts and end_parts <= needed
-            if is_new and isinstance(entry_modules, dict) and module.name in entry_modules:
-                path = "instruments", instrument_name, "modules", module.name
-                score_texts = score_texts.put(path, edit.flow(entry_modules[module.name]))
+        for link_module in instrument.modules:
+            end_parts = {*_end_parts(link_module)}
+            is_new = link_module.name not in module_names_here and end_parts and end_parts <= needed
+            if is_new and isinstance(entry_modules, dict) and link_module.name in entry_modules:
+                path = "instruments", instrument_name, "modules", link_module.name
+                score_texts = score_texts.put(path, edit.flow(entry_modules[link_module.name]))
     return score_texts
 
 
-def _routed(score_texts: Texts, piece: Piece, scene: Scene, names: set[str]) -> Texts:
+def _routed(score_texts: Texts, piece: Piece, scene: Scene, new_names: set[str]) -> Texts:
     """The texts with the routes of a scene for new instruments, and the rooms that these need."""
     routed_scene = structure.routed(scene.texts, scene.piece)
     rows = [
@@ -187,7 +187,7 @@ def _routed(score_texts: Texts, piece: Piece, scene: Scene, names: set[str]) -> 
         for node in items(routed_scene, "mix", "route")
         if isinstance(route_row := edit.tree(node), dict)
     ]
-    new_rows = [row for row in rows if str(row.get("from")).partition(".")[0] in names]
+    new_rows = [row for row in rows if str(row.get("from")).partition(".")[0] in new_names]
     if not new_rows:
         return score_texts
     score_texts = structure.routed(score_texts, piece)

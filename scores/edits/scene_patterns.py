@@ -40,14 +40,14 @@ def entries(
     turns = _turns(pattern_entry) if course.pattern.turns else []
     played: dict[tuple[str, ...], list[tuple[float, str]]] = {}
     for place_index in range(place_count):
-        if (name := course.played(place_index)) is not None:
+        if (played_name := course.played(place_index)) is not None:
             chain = tuple(
                 text[do.offset : do.offset + do.length]
                 for turn, text in turns
                 for do in course.due(place_index, (turn,))
                 if do is not None
             )
-            played.setdefault(chain, []).append((pattern_steps[place_index], name))
+            played.setdefault(chain, []).append((pattern_steps[place_index], played_name))
     for chain, starts_found in played.items():
         always = takewhile(lambda do: not is_turn(do), pattern_entry.do)
         occurrence = Entry(pattern_entry.with_fields(**_PATTERN_FIELDS).fields, (*always, *chain))
@@ -55,11 +55,11 @@ def entries(
             yield begin, occurrence.with_fields(play=play).with_step(f"{every:.12g}")
 
 
-def _turns(entry: Entry) -> list[tuple[Turn, str]]:
+def _turns(pattern_entry: Entry) -> list[tuple[Turn, str]]:
     """The turns of an entry as its reading numbers them, each with its text. Raises EditError."""
-    text = entry.fields.get(words.NTH, "")
+    text = pattern_entry.fields.get(words.NTH, "")
     turn_pairs = [(turn, text) for turn in parse_turns(text)] if text else []
-    later_turns = [*dropwhile(lambda do: not is_turn(do), entry.do)]
+    later_turns = [*dropwhile(lambda do: not is_turn(do), pattern_entry.do)]
     for do in later_turns:
         try:
             turn_pairs.append((as_turn(parse_change(do)), do))
@@ -106,10 +106,10 @@ def strikes(
         yield begin, {**plain, "every": f"{round_beats:.12g}"}
 
 
-def _check(count: int) -> None:
-    if count > _PLACES_MAX:
+def _check(place_count: int) -> None:
+    if place_count > _PLACES_MAX:
         raise EditError(
-            f"a pattern has {count:,} steps in this scene; a scene can repeat at most "
+            f"a pattern has {place_count:,} steps in this scene; a scene can repeat at most "
             f"{_PLACES_MAX:,}: make the scene shorter"
         )
 

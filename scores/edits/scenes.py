@@ -77,10 +77,12 @@ def play_scene(
     edits = []
     for player in piece.players:
         scene_players = scene.piece.players
-        lines = entries.lines(scene.texts, scene.piece, player) if player in scene_players else []
+        scene_lines = (
+            entries.lines(scene.texts, scene.piece, player) if player in scene_players else []
+        )
         new_entries = [
             entry.with_fields(at=written(piece, from_beat + begin), until=stop_text)
-            for line in lines
+            for line in scene_lines
             for begin, entry in _repeated_entries(line, scene.beats)
             if from_beat + begin < last_beat
         ]
@@ -97,13 +99,15 @@ def play_scene(
     )
 
 
-def released(piece: Piece, scene: Scene, beat: float) -> list[str]:
+def released(piece: Piece, scene: Scene, release_beat: float) -> list[str]:
     """Parameters whose automation a scene ends on a beat because it does not automate them
     itself.
     """
     automated_here = {entry.name for entry in scene.piece.automation}
     automated_names = (
-        entry.name for entry in piece.automation if automation.is_automated_from(piece, entry, beat)
+        entry.name
+        for entry in piece.automation
+        if automation.is_automated_from(piece, entry, release_beat)
     )
     return [name for name in dict.fromkeys(automated_names) if name not in automated_here]
 
@@ -130,7 +134,7 @@ def tuned(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
     return score_texts
 
 
-def has_events_from(piece: Piece, beat: float) -> bool:
+def has_events_from(piece: Piece, from_beat: float) -> bool:
     """Whether anything of a piece begins or ends on a beat or later; True also for a piece without
     events.
     """
@@ -146,7 +150,7 @@ def has_events_from(piece: Piece, beat: float) -> bool:
         event_beats.append(begin_beat if strikes.until is None else tempo.resolve(strikes.until))
         if strikes.span is not None:
             event_beats.append(tempo.after(begin_beat, strikes.span))
-    return not event_beats or max(event_beats) >= beat - SAME
+    return not event_beats or max(event_beats) >= from_beat - SAME
 
 
 def _repeated_entries(
@@ -162,11 +166,11 @@ def _repeated_entries(
     repeated_entry = repeated_entry.with_step(f"{scene_beats:.12g}")
     begins = [placed_entry.begin] if placed_entry.starts is None else [*placed_entry.starts]
     begins = [begin for begin in begins if begin < scene_beats - SAME]
-    step = scene_beats / len(begins) if begins else scene_beats
+    step_beats = scene_beats / len(begins) if begins else scene_beats
     if len(begins) > 1 and all(
-        abs(begin - begins[0] - number * step) < SAME for number, begin in enumerate(begins)
+        abs(begin - begins[0] - number * step_beats) < SAME for number, begin in enumerate(begins)
     ):
-        yield begins[0], repeated_entry.with_step(f"{step:.12g}")
+        yield begins[0], repeated_entry.with_step(f"{step_beats:.12g}")
         return
     for begin in begins:
         yield begin, repeated_entry
@@ -178,14 +182,16 @@ def _defined(score_texts: Texts, names_here: Names | None, scene: Scene) -> Text
     assert names_here is not None  # a score without a text has no scenes
     assert scene_names is not None
     for section_name in ("gestures", "takes"):
-        for definition_name, entry in scene_names.tables[section_name].items():
+        for definition_name, scene_entry in scene_names.tables[section_name].items():
             definition = names_here.tables[section_name].get(definition_name)
-            if not isinstance(entry.values, Values):
+            if not isinstance(scene_entry.values, Values):
                 continue
-            node = entry.values.node
-            definition_tree = edit.tree(node)
+            entry_node = scene_entry.values.node
+            definition_tree = edit.tree(entry_node)
             if definition is None:
-                if node.document.file == scene.texts.path:  # files that it uses are used here too
+                if (
+                    entry_node.document.file == scene.texts.path
+                ):  # files that it uses are used here too
                     score_texts = score_texts.put(
                         (section_name, definition_name), edit.flow(definition_tree)
                     )
@@ -210,18 +216,21 @@ def _changed_parameters(piece_now: Piece, scene_piece: Piece) -> Iterator[tuple[
         ),
     ]
     for part_name, module_owner in pairs:
-        modules = (
+        scene_modules = (
             {} if module_owner is None else {module.name: module for module in module_owner.modules}
         )
-        for module in part_name.modules:
-            module_now = modules.get(module.name)
-            if module_now is None or module_now.kind != module.kind:
+        for scene_module in part_name.modules:
+            module_now = scene_modules.get(scene_module.name)
+            if module_now is None or module_now.kind != scene_module.kind:
                 continue
-            path = ".".join(filter(None, (part_name.name, module.name)))
-            for name, value in matter.quantities(module):
-                if value != module_now.fields.get(name):
+            path = ".".join(filter(None, (part_name.name, scene_module.name)))
+            for quantity_name, quantity_value in matter.quantities(scene_module):
+                if quantity_value != module_now.fields.get(quantity_name):
                     is_ca = getattr(part_name, "ca_rate", None) is not None
-                    yield f"{path}.{name}", matter.written_quantity(value, name, is_ca=is_ca)
+                    yield (
+                        f"{path}.{quantity_name}",
+                        matter.written_quantity(quantity_value, quantity_name, is_ca=is_ca),
+                    )
 
 
 def _coupled(
@@ -229,18 +238,18 @@ def _coupled(
 ) -> Texts:
     """Write the couplings with which a scene begins, from a beat on; all others end there."""
     tempo = piece.tempo_map
-    for number in reversed(range(len(piece.duet))):
-        coupling = piece.duet[number]
+    for coupling_index in reversed(range(len(piece.duet))):
+        coupling = piece.duet[coupling_index]
         is_over = coupling.until is not None and tempo.resolve(coupling.until) <= from_beat + SAME
         if not is_over and tempo.resolve(coupling.at) < from_beat - SAME:
             score_texts = score_texts.put(
-                (*place(score_texts, "duet", number), "until"), written(piece, from_beat)
+                (*place(score_texts, "duet", coupling_index), "until"), written(piece, from_beat)
             )
     nodes = items(scene.texts, "duet")
-    for node, coupling in zip(nodes, scene.piece.duet, strict=True):
+    for coupling_node, coupling in zip(nodes, scene.piece.duet, strict=True):
         if scene.piece.tempo_map.resolve(coupling.at) > SAME:
             continue
-        coupling_tree = edit.tree(node)
+        coupling_tree = edit.tree(coupling_node)
         assert isinstance(coupling_tree, dict)
         entry_tree: dict[str, edit.Tree] = {**coupling_tree, "at": written(piece, from_beat)}
         entry_tree.pop("until", None)
@@ -264,7 +273,7 @@ def _automated(
     begins on the beat `last_beat` or later is left out: another scene plays there.
     """
     nodes, tempo = items(scene.texts, "automation"), scene.piece.tempo_map
-    for node, entry in zip(nodes, scene.piece.automation, strict=True):
+    for automation_node, entry in zip(nodes, scene.piece.automation, strict=True):
         begin_beat, ending = tempo.resolve(entry.at), automation.ending(scene.piece, entry)
         module_path = entry.name.rpartition(".")[0]
         if (
@@ -273,7 +282,7 @@ def _automated(
             or automatable.named_module(module_path, piece.keys, piece.instruments) is None
         ):
             continue
-        entry_tree = edit.tree(node)
+        entry_tree = edit.tree(automation_node)
         assert isinstance(entry_tree, dict)
         entry_tree = {**entry_tree, "at": written(piece, from_beat + begin_beat)}
         goes_on = ending >= scene.beats - SAME or from_beat + ending >= last_beat
@@ -332,11 +341,13 @@ def _struck(
         occurrences = [*scene_patterns.strikes(strike_fields, places, count, scene.beats, notes)]
     else:
         limit = None if strikes.until is None and strikes.span is None else stop_beat
-        every, times_max = strikes.every, strikes.times
+        strike_step, times_max = strikes.every, strikes.times
         begins = (
             strikes.rounds(tempo)
             if strikes.passing is not None
-            else starts(tempo, begin_beat, Length(), every=every, times=times_max, until=limit)
+            else starts(
+                tempo, begin_beat, Length(), every=strike_step, times=times_max, until=limit
+            )
         )
         repeated_fields = {**strike_fields, "every": f"{scene.beats:.12g}"}
         occurrences = [(beat, repeated_fields) for beat in begins if beat < scene.beats - SAME]
@@ -350,11 +361,11 @@ def _struck(
     return score_texts
 
 
-def _note(name: str, amount: Amount) -> str:
+def _note(module_name: str, amount: Amount) -> str:
     """A note of a pattern as it is written by itself; notes of a scale have no names, so their
     frequency is written.
     """
-    return f"{amount.value!r}Hz" if "." in name else name
+    return f"{amount.value!r}Hz" if "." in module_name else module_name
 
 
 def _melody(
@@ -369,20 +380,20 @@ def _melody(
     """Write a melody of a scene as a phrase as long as the scene, under a free name."""
     falling = strikes.falls(scene.piece, before=scene.beats)
     falls = [(beat, hit) for beat, _, hit in falling]
-    rows = [row(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME]
-    if not rows or start_beat >= last_beat:
+    melody_rows = [row(hit, f"{beat:.12g}") for beat, hit in falls if beat < scene.beats - SAME]
+    if not melody_rows or start_beat >= last_beat:
         return score_texts
-    name = _free_section_name(score_texts, strikes.name, "phrases")
-    phrase: edit.Tree = {"length": f"{scene.beats:.12g}", "entries": rows}
-    score_texts = score_texts.put(("phrases", name), edit.flow(phrase))
-    play_fields: edit.Tree = {"play": name, "at": written(piece, start_beat), "until": until}
+    phrase_name = _free_section_name(score_texts, strikes.name, "phrases")
+    phrase: edit.Tree = {"length": f"{scene.beats:.12g}", "entries": melody_rows}
+    score_texts = score_texts.put(("phrases", phrase_name), edit.flow(phrase))
+    play_fields: edit.Tree = {"play": phrase_name, "at": written(piece, start_beat), "until": until}
     return score_texts.put(
         ("strikes", _free_section_name(score_texts, strikes.name)), edit.flow(play_fields)
     )
 
 
-def _free_section_name(texts: Texts, name: str, section: str = "strikes") -> str:
+def _free_section_name(texts: Texts, wanted_name: str, section: str = "strikes") -> str:
     """A name that is free in a section: `rain`, `rain-2`, …"""
     section_tree = edit.tree(texts.section(section))
     taken_names = section_tree if isinstance(section_tree, dict) else {}
-    return free_name(name, taken_names)
+    return free_name(wanted_name, taken_names)

@@ -19,13 +19,15 @@ from ergon.scores.reading.piece import Piece
 _SOON = 0.02  # [s] to silence, before a fade in
 
 
-def set_route_fields(texts: Texts, piece: Piece, name: str, fields: Mapping[str, str]) -> Texts:
+def set_route_fields(
+    score_texts: Texts, piece: Piece, instrument_name: str, route_fields: Mapping[str, str]
+) -> Texts:
     """Set fields (`pan`, `gain`) of the routes of an instrument. Raises EditError."""
-    texts = structure.routed(texts, piece)
-    for path in _routes(texts, name):
-        for field, text in fields.items():
-            texts = texts.put((*path, field), text)
-    return texts
+    score_texts = structure.routed(score_texts, piece)
+    for path in _routes(score_texts, instrument_name):
+        for field, text in route_fields.items():
+            score_texts = score_texts.put((*path, field), text)
+    return score_texts
 
 
 def without_route_field(
@@ -54,27 +56,27 @@ def move_pan(
     instrument_name: str,
     pan: float,
     begin_beat: float,
-    end: float,
+    end_beat: float,
 ) -> Texts:
     """Move an instrument between two beats to a place between its channels. Raises EditError."""
     score_texts = structure.routed(score_texts, piece)
     members = {instrument_name, *piece.families.get(instrument_name, ())}
     part_route = next((route for route in piece.mix.routes if route.part in members), None)
     pan_before = 0.0 if part_route is None else pan_of(part_route, piece.tempo_map, begin_beat)
-    points: list[edit.Tree] = [
+    pan_points: list[edit.Tree] = [
         {"at": written(piece, begin_beat), "pan": f"{pan_before:.12g}"},
-        {"at": written(piece, end), "pan": f"{pan:.12g}"},
+        {"at": written(piece, end_beat), "pan": f"{pan:.12g}"},
     ]
     for path in _routes(score_texts, instrument_name):
-        score_texts = score_texts.put((*path, "pan"), edit.flow(points))
+        score_texts = score_texts.put((*path, "pan"), edit.flow(pan_points))
     return score_texts
 
 
-def pan_of(route: Route, tempo: TempoMap, beat: float) -> float:
+def pan_of(route: Route, tempo: TempoMap, from_beat: float) -> float:
     """The place of a route between its channels on a beat, from -1 to 1; 0 without a pan."""
     if route.pan is not None:
         return 2.0 * route.pan[1] ** 2 - 1.0
-    beat_instant = tempo.seconds(beat)
+    beat_instant = tempo.seconds(from_beat)
     point_before: tuple[float, float] | None = None
     for t, pan_point in sorted(
         ((tempo.seconds(tempo.resolve(point.at)), point) for point in route.pan_path),
@@ -83,21 +85,23 @@ def pan_of(route: Route, tempo: TempoMap, beat: float) -> float:
         if t > beat_instant:
             if point_before is None:
                 return pan_point.pan
-            begin, low = point_before
+            begin, low_pan = point_before
             u = (beat_instant - begin) / (t - begin)
             u = u * u * (3.0 - 2.0 * u) if pan_point.is_smooth else u
-            angles = [acos(-place) for place in (low, pan_point.pan)]
+            angles = [acos(-place) for place in (low_pan, pan_point.pan)]
             return -cos(angles[0] + (angles[1] - angles[0]) * u)
         point_before = t, pan_point.pan
     return 0.0 if point_before is None else point_before[1]
 
 
-def send(texts: Texts, piece: Piece, name: str, room: str, level: str) -> Texts:
+def send(
+    score_texts: Texts, piece: Piece, instrument_name: str, room: str, level_text: str
+) -> Texts:
     """Send an instrument to a room. Raises EditError."""
-    texts = structure.routed(texts, piece)
-    for path in _routes(texts, name):
-        texts = texts.put((*path, "send", room), level)
-    return texts
+    score_texts = structure.routed(score_texts, piece)
+    for path in _routes(score_texts, instrument_name):
+        score_texts = score_texts.put((*path, "send", room), level_text)
+    return score_texts
 
 
 def room(score_texts: Texts, piece: Piece, room_name: str, fields: Mapping[str, str]) -> Texts:
@@ -149,12 +153,12 @@ def level(fade: Fade, tempo: TempoMap, beat: float) -> float:
         if t > beat_instant:
             if point_before is None:
                 return point_gain
-            begin, low = point_before
+            begin, low_gain = point_before
             u = (beat_instant - begin) / (t - begin)
             u = u * u * (3.0 - 2.0 * u) if is_smooth else u
-            if low > 0.0 and point_gain > 0.0:
-                return q.level_between(low, point_gain, u)
-            return low + (point_gain - low) * u
+            if low_gain > 0.0 and point_gain > 0.0:
+                return q.level_between(low_gain, point_gain, u)
+            return low_gain + (point_gain - low_gain) * u
         point_before = t, point_gain
     return 1.0 if point_before is None else point_before[1]
 
@@ -168,10 +172,10 @@ def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
             {"at": "0", "gain": _ratio(level(fade, tempo, start_beat))}
         ]
         for fade_point in fade:
-            beat = tempo.resolve(fade_point.at)
-            if start_beat < beat:
+            point_beat = tempo.resolve(fade_point.at)
+            if start_beat < point_beat:
                 curve = "smooth" if fade_point.is_smooth else "line"
-                offset_text = f"{beat - start_beat:.12g}"
+                offset_text = f"{point_beat - start_beat:.12g}"
                 points_written.append(
                     {"at": offset_text, "gain": _ratio(fade_point.gain), "curve": curve}
                 )
@@ -196,18 +200,18 @@ def fades_from(score_texts: Texts, piece: Piece, start_beat: float) -> Texts:
 
 
 def _pan_from(
-    score_texts: Texts, piece: Piece, name: str, route: Route, start_beat: float
+    score_texts: Texts, piece: Piece, instrument_name: str, route: Route, start_beat: float
 ) -> Texts:
     """The pan of an instrument from the beat `start_beat` on, with positions counted from there."""
     tempo = piece.tempo_map
     pan_points: list[edit.Tree] = [{"at": "0", "pan": f"{pan_of(route, tempo, start_beat):.12g}"}]
-    for point in route.pan_path:
-        beat = tempo.resolve(point.at)
-        if start_beat < beat:
-            curve = "smooth" if point.is_smooth else "line"
-            beats_after = f"{beat - start_beat:.12g}"
-            pan_points.append({"at": beats_after, "pan": f"{point.pan:.12g}", "curve": curve})
-    for path in _routes(score_texts, name):
+    for pan_point in route.pan_path:
+        point_beat = tempo.resolve(pan_point.at)
+        if start_beat < point_beat:
+            curve = "smooth" if pan_point.is_smooth else "line"
+            beats_after = f"{point_beat - start_beat:.12g}"
+            pan_points.append({"at": beats_after, "pan": f"{pan_point.pan:.12g}", "curve": curve})
+    for path in _routes(score_texts, instrument_name):
         score_texts = score_texts.put((*path, "pan"), edit.flow(pan_points))
     return score_texts
 
@@ -221,7 +225,7 @@ def _written(piece: Piece, route: Route) -> str:
 
 
 def _points(
-    piece: Piece, fade: Fade, from_beat: float, end: float, *, is_in: bool
+    piece: Piece, fade: Fade, from_beat: float, end_beat: float, *, is_in: bool
 ) -> list[edit.Tree]:
     tempo = piece.tempo_map
     points_written: list[edit.Tree] = []
@@ -233,15 +237,15 @@ def _points(
         soon = tempo.beats(tempo.seconds(from_beat) + _SOON)
         points_written.append({"at": written(piece, from_beat), "gain": "0dB"})
         points_written.append({"at": written(piece, soon), "gain": "x0"})
-    return [*points_written, {"at": written(piece, end), "gain": "0dB" if is_in else "x0"}]
+    return [*points_written, {"at": written(piece, end_beat), "gain": "0dB" if is_in else "x0"}]
 
 
 def _ratio(level: float) -> str:
     return f"x{level:.12g}"
 
 
-def _routes(texts: Texts, name: str) -> Iterator[edit.Path]:
+def _routes(score_texts: Texts, instrument_name: str) -> Iterator[edit.Path]:
     """The paths of the routes of an instrument."""
-    for number, node in enumerate(items(texts, "mix", "route")):
-        if structure.is_of(node, name):
-            yield place(texts, "mix", number, "route")
+    for number, node in enumerate(items(score_texts, "mix", "route")):
+        if structure.is_of(node, instrument_name):
+            yield place(score_texts, "mix", number, "route")

@@ -37,7 +37,7 @@ def strike(
         if piece.tempo_map.resolve(strikes_entry.at) >= from_beat - SAME
     }
     used_names = {strikes_entry.name for strikes_entry in piece.strikes} - ahead
-    new = free_name(strikes_name, used_names)
+    new_name = free_name(strikes_name, used_names)
     fields_written: dict[str, edit.Tree] = {**strike_fields, "at": written(piece, from_beat)}
     if "to" in strike_fields:
         target_words = strike_fields["to"].split()
@@ -63,13 +63,13 @@ def strike(
         and not fields_written.keys() & bounds
     ):
         fields_written["until"] = distant(piece, from_beat)
-    return score_texts.put(("strikes", new), edit.flow(fields_written))
+    return score_texts.put(("strikes", new_name), edit.flow(fields_written))
 
 
-def named(piece: Piece, name: str) -> list[Strikes]:
+def named(piece: Piece, strikes_name: str) -> list[Strikes]:
     """The strikes of a name, and those that a session has numbered after it: `rain`, `rain-2`."""
-    numbered = re.compile(rf"{re.escape(name)}(-[0-9]+)?")
-    if not any(strikes_entry.name == name for strikes_entry in piece.strikes):
+    numbered = re.compile(rf"{re.escape(strikes_name)}(-[0-9]+)?")
+    if not any(strikes_entry.name == strikes_name for strikes_entry in piece.strikes):
         return []
     return [
         strikes_entry for strikes_entry in piece.strikes if numbered.fullmatch(strikes_entry.name)

@@ -29,17 +29,17 @@ def build(
     piece: Piece,
     instrument_name: str,
     base_name: str,
-    fields: Fields,
+    instrument_fields: Fields,
     semitones: float = 0.0,
 ) -> Texts:
     """Add an instrument like another (`bell`), or one from a file (`bell/bell`), heard on all
     channels until a route says otherwise.
 
-    Its own `fields` replace those of the other. Raises EditError.
+    Its own `instrument_fields` replace those of the other. Raises EditError.
     """
     fields_written: dict[str, edit.Tree] = {
         "from" if "/" in base_name else "like": base_name,
-        **fields,
+        **instrument_fields,
     }
     if semitones:
         fields_written["transpose"] = f"{semitones:g}st"
@@ -84,25 +84,25 @@ def key(texts: Texts, name: str, like: str) -> Texts:
     return texts.put(("keys", name), edit.flow({"like": like}))
 
 
-def player(texts: Texts, piece: Piece, name: str, key: str) -> Texts:
+def player(score_texts: Texts, piece: Piece, player_name: str, key_name: str) -> Texts:
     """Let a player play a key; a new player has no part yet. Raises EditError."""
-    if name not in piece.players:
-        return texts.put(("players", name), edit.flow({"key": key}))
-    if piece.players[name].hand != "virtual":
-        raise EditError(f"{name} is a real hand, whose key is that of its device")
-    return texts.put(("players", name, "key"), key)
+    if player_name not in piece.players:
+        return score_texts.put(("players", player_name), edit.flow({"key": key_name}))
+    if piece.players[player_name].hand != "virtual":
+        raise EditError(f"{player_name} is a real hand, whose key is that of its device")
+    return score_texts.put(("players", player_name, "key"), key_name)
 
 
 def link(
-    score_texts: Texts, kind: str, end_paths: Sequence[str], fields: Fields
+    score_texts: Texts, link_kind: str, end_paths: Sequence[str], link_fields: Fields
 ) -> tuple[Texts, str]:
     """Join two modules by a link of a kind; returns the link's name too. Raises EditError."""
     links_node = _node(score_texts, ("instruments", LINKS, "modules"))
     taken_names = links_node.entries if isinstance(links_node, document.Mapping) else {}
-    name = free_name(kind.lower(), taken_names, is_numbered=True)
-    body: dict[str, edit.Tree] = {kind: {"between": [*end_paths], **fields}}
-    path = ("instruments", LINKS, "modules", name)
-    return score_texts.put(path, edit.flow(body)), f"{LINKS}.{name}"
+    link_name = free_name(link_kind.lower(), taken_names, is_numbered=True)
+    body: dict[str, edit.Tree] = {link_kind: {"between": [*end_paths], **link_fields}}
+    path = ("instruments", LINKS, "modules", link_name)
+    return score_texts.put(path, edit.flow(body)), f"{LINKS}.{link_name}"
 
 
 def route(
@@ -183,10 +183,12 @@ class Entry:
         return f"{shape.noun} {quote(self.name)}"
 
 
-def entries_with_mistakes(texts: Texts) -> list[Entry]:
+def entries_with_mistakes(score_texts: Texts) -> list[Entry]:
     """The entries of a score in which there are mistakes, in the order of the text, each once."""
-    mistakes = [reported for reported in texts.load().diagnostics if reported.severity == "error"]
-    score = texts.document() if mistakes else None
+    mistakes = [
+        reported for reported in score_texts.load().diagnostics if reported.severity == "error"
+    ]
+    score = score_texts.document() if mistakes else None
     entries = (
         Entry(mistake.place.file)
         if score is None or mistake.place.file != score.file
@@ -206,12 +208,12 @@ def _entry_at(score: document.Document, place: Place) -> Entry:
         section_node, document.Mapping
     ):
         return Entry(section_name)
-    name = _last_before(section_node, text_index)
-    body = section_node.entries[name][1]
+    entry_name = _last_before(section_node, text_index)
+    body = section_node.entries[entry_name][1]
     modules = body.get("modules") if isinstance(body, document.Mapping) else None
     if isinstance(modules, document.Mapping) and modules.start <= text_index < modules.end:
-        name = f"{name}.{_last_before(modules, text_index)}"
-    return Entry(section_name, name)
+        entry_name = f"{entry_name}.{_last_before(modules, text_index)}"
+    return Entry(section_name, entry_name)
 
 
 def _last_before(node: document.Mapping, index: int) -> str:
@@ -229,10 +231,12 @@ def routed(score_texts: Texts, piece: Piece) -> Texts:
     family = piece.note_families()
     channels = {}  # of the outputs by name; the notes of an instrument share those of its own
     for route in piece.routes():
-        name = ".".join(filter(None, (family.get(route.part, route.part), route.out)))
-        channels[name] = [str(channel) for channel in route.to]
-    for name, to in channels.items():
-        score_texts = score_texts.append(("mix", "route"), edit.flow({"from": name, "to": [*to]}))
+        output_name = ".".join(filter(None, (family.get(route.part, route.part), route.out)))
+        channels[output_name] = [str(channel) for channel in route.to]
+    for output_name, to in channels.items():
+        score_texts = score_texts.append(
+            ("mix", "route"), edit.flow({"from": output_name, "to": [*to]})
+        )
     return score_texts
 
 
@@ -265,10 +269,12 @@ def _has(texts: Texts, path: Sequence[str]) -> bool:
 
 def _node(texts: Texts, path: Sequence[str]) -> Node | None:
     """The node at a path of names; None if nothing is written there."""
-    node = texts.section(path[0])
+    section_node = texts.section(path[0])
     for name in path[1:]:
-        node = node.get(name) if isinstance(node, document.Mapping) else None
-    return node
+        section_node = (
+            section_node.get(name) if isinstance(section_node, document.Mapping) else None
+        )
+    return section_node
 
 
 def _is_from(route: Node, name: str) -> bool:
@@ -276,9 +282,9 @@ def _is_from(route: Node, name: str) -> bool:
     return isinstance(source, Scalar) and source.text == name
 
 
-def is_of(route: Node, name: str) -> bool:
+def is_of(route: Node, owner_name: str) -> bool:
     """Whether a route is from an instrument, or from one of its outputs or notes."""
     source = route.get("from") if isinstance(route, document.Mapping) else None
     return isinstance(source, Scalar) and (
-        source.text == name or source.text.startswith(f"{name}.")
+        source.text == owner_name or source.text.startswith(f"{owner_name}.")
     )

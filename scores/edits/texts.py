@@ -72,10 +72,10 @@ class Texts:
         Later changes of the files have no effect. Raises OSError or EditError.
         """
         collector = Collector()
-        text = decode(read_bounded(Path(path), MAX_BYTES), str(path), collector)
-        if text is None:
+        file_text = decode(read_bounded(Path(path), MAX_BYTES), str(path), collector)
+        if file_text is None:
             raise EditError(collector.finish()[0].message)
-        return cls(str(path), text, bounds=bounds).complete()
+        return cls(str(path), file_text, bounds=bounds).complete()
 
     def complete(self) -> Texts:
         """These texts sealed, with every file that they use; unchanged if the score has
@@ -166,10 +166,10 @@ class Texts:
                     )
         return self.changed(change(self.document(file)), file)
 
-    def _added_below(self, section: str, change: Callable[[Document], str]) -> str | None:
+    def _added_below(self, section_name: str, change: Callable[[Document], str]) -> str | None:
         """The text with a missing section added; None if its place is not between two sections."""
         section_lines = names(self.text)
-        rank = SECTIONS.index(section)
+        rank = SECTIONS.index(section_name)
         lines_above = [
             i for i, (name, *_) in enumerate(section_lines[:-1]) if name in SECTIONS[:rank]
         ]
@@ -179,23 +179,23 @@ class Texts:
         line_below = (
             f"{section_lines[lines_above[-1] + 1][0]}:\n"  # marks the end of the lines above
         )
-        text = change(edit.read(self.text[first_line:end_line] + line_below, self.path))
-        if not text.endswith(line_below):
+        section_text = change(edit.read(self.text[first_line:end_line] + line_below, self.path))
+        if not section_text.endswith(line_below):
             return None
-        return self.text[:first_line] + text.removesuffix(line_below) + self.text[end_line:]
+        return self.text[:first_line] + section_text.removesuffix(line_below) + self.text[end_line:]
 
-    def edited_lists(self, edits: Sequence[ListEdit], file: str | None = None) -> Texts:
+    def edited_lists(self, edits: Sequence[ListEdit], file_name: str | None = None) -> Texts:
         """Edit lists of one section; only the items that change are parsed.
 
         If items cannot be read alone, the section is edited.
         """
         section = str(edits[0].path[0])
         return self._edited_alone(
-            section, [(list_edit.window, list_edit.change) for list_edit in edits], file
+            section, [(list_edit.window, list_edit.change) for list_edit in edits], file_name
         )
 
     def _edited_line(
-        self, path: edit.Path, change: Callable[[Document], str], file: str | None
+        self, path: edit.Path, change: Callable[[Document], str], file_name: str | None
     ) -> Texts:
         """Edit the value at a path; if possible, only its line and those below it are parsed."""
 
@@ -205,7 +205,7 @@ class Texts:
         def change_one(document_now: Document, _: int) -> str:
             return change(document_now)
 
-        return self._edited_alone(str(path[0]), [(window, change_one)], file, path)
+        return self._edited_alone(str(path[0]), [(window, change_one)], file_name, path)
 
     def _edited_alone(
         self,
@@ -218,12 +218,12 @@ class Texts:
         section, of which only what is at a `path` of names matters, if it is written.
         """
         section_lines = lines(self.text, section_name) if file_name in (None, self.path) else None
-        section = self._alone(section_name) if section_lines is not None else None
+        known_section = self._alone(section_name) if section_lines is not None else None
         changes_left, edited_texts = [change for _, change in edits], self
-        if section_lines is not None and section is not None:
+        if section_lines is not None and known_section is not None:
             section_text = self.text[slice(*section_lines)]
             splices = [
-                self._splice(section_text, section, *window_and_change)
+                self._splice(section_text, known_section, *window_and_change)
                 for window_and_change in edits
             ]
             changes_left = [
@@ -260,19 +260,21 @@ class Texts:
         ):
             return None
         with contextlib.suppress(EditError):
-            text = short.put_back(change(edit.read(short.text, self.path)))
-            if text is not None:
+            put_back_text = short.put_back(change(edit.read(short.text, self.path)))
+            if put_back_text is not None:
                 return self.changed(
-                    self.text[: section_lines[0]] + text + self.text[section_lines[1] :]
+                    self.text[: section_lines[0]] + put_back_text + self.text[section_lines[1] :]
                 )
         return None
 
-    def _splice(self, text: str, section: Section, window: _Find, change: Change) -> Splice | None:
+    def _splice(
+        self, section_text: str, known_section: Section, window: _Find, change: Change
+    ) -> Splice | None:
         """The result of a change in a section's text; None if the change has no window of its
         own.
         """
         with contextlib.suppress(EditError):
-            if (part := window(text, section)) is not None:
+            if (part := window(section_text, known_section)) is not None:
                 return part.put_back(change(edit.read(part.text, self.path), part.first))
         return None
 

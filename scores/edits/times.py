@@ -27,22 +27,22 @@ def change(
     over = None if over is None else _over(piece, from_beat, over)
     score_texts, number_below = _without_later(score_texts, piece, from_beat, "bpm", "over")
     number_here: int | None = None  # the entry that sets the tempo at this beat
-    for number, begin in _until(piece, from_beat):
-        entry = piece.tempo[number]
-        if begin >= from_beat - SAME:
-            number_here = number if entry.bpm is not None else number_here
-        elif entry.bpm_end is not None:
-            score_texts = _cut(score_texts, piece, number, begin, from_beat)
+    for tempo_index, begin_beat in _until(piece, from_beat):
+        tempo_entry = piece.tempo[tempo_index]
+        if begin_beat >= from_beat - SAME:
+            number_here = tempo_index if tempo_entry.bpm is not None else number_here
+        elif tempo_entry.bpm_end is not None:
+            score_texts = _cut(score_texts, piece, tempo_index, begin_beat, from_beat)
     if number_here is not None:
         score_texts = score_texts.put((*place(score_texts, "tempo", number_here), "bpm"), bpm)
         if over is None:
             return _without(score_texts, number_here, "over")
         return score_texts.put((*place(score_texts, "tempo", number_here), "over"), over)
     ramp = {} if over is None else {"over": over}
-    line: dict[str, edit.Tree] = {"at": written(piece, from_beat), "bpm": bpm, **ramp}
+    tempo_line: dict[str, edit.Tree] = {"at": written(piece, from_beat), "bpm": bpm, **ramp}
     if from_beat <= SAME and piece.tempo and piece.tempo[0].tempos:
-        return score_texts.put(place(score_texts, "tempo", 0), edit.flow(line))
-    return _inserted(score_texts, number_below, line)
+        return score_texts.put(place(score_texts, "tempo", 0), edit.flow(tempo_line))
+    return _inserted(score_texts, number_below, tempo_line)
 
 
 def change_meter(score_texts: Texts, piece: Piece, from_beat: float, meter: str) -> Texts:
@@ -65,28 +65,28 @@ def change_meter(score_texts: Texts, piece: Piece, from_beat: float, meter: str)
     return _inserted(score_texts, number_below, {"at": written(piece, from_beat), "meter": meter})
 
 
-def _until(piece: Piece, beat: float) -> Iterator[tuple[int, float]]:
+def _until(piece: Piece, from_beat: float) -> Iterator[tuple[int, float]]:
     """The entries up to a beat, the last one first: their numbers, and the beats of their
     beginnings.
     """
-    for number in reversed(range(len(piece.tempo))):
-        begin = piece.tempo_map.resolve(piece.tempo[number].at)
-        if begin <= beat + SAME:
-            yield number, begin
+    for tempo_index in reversed(range(len(piece.tempo))):
+        begin = piece.tempo_map.resolve(piece.tempo[tempo_index].at)
+        if begin <= from_beat + SAME:
+            yield tempo_index, begin
 
 
 def _without_later(
-    score_texts: Texts, piece: Piece, beat: float, *field_names: str
+    score_texts: Texts, piece: Piece, from_beat: float, *field_names: str
 ) -> tuple[Texts, int | None]:
     """Remove fields from the entries after a beat, and the entries that have nothing else; returns
     the number of the first later entry that stays too.
     """
     number_below: int | None = None
     for entry_index in reversed(range(len(piece.tempo))):
-        entry = piece.tempo[entry_index]
-        if piece.tempo_map.resolve(entry.at) <= beat + SAME:
+        tempo_entry = piece.tempo[entry_index]
+        if piece.tempo_map.resolve(tempo_entry.at) <= from_beat + SAME:
             continue
-        values: dict[str, object] = {"bpm": entry.bpm, "meter": entry.meter}
+        values: dict[str, object] = {"bpm": tempo_entry.bpm, "meter": tempo_entry.meter}
         if values.pop(field_names[0]) is not None and not any(values.values()):
             score_texts = dropped(score_texts, "tempo", entry_index)
             number_below = None if number_below is None else number_below - 1
@@ -98,10 +98,10 @@ def _without_later(
 
 
 def _inserted(
-    score_texts: Texts, number_below: int | None, entry: Mapping[str, edit.Tree]
+    score_texts: Texts, number_below: int | None, entry_tree: Mapping[str, edit.Tree]
 ) -> Texts:
     """A new entry above the one of a number, or after all others."""
-    entry_text = edit.flow(dict(entry))
+    entry_text = edit.flow(dict(entry_tree))
     if number_below is None:
         return score_texts.append(("tempo",), entry_text)
     path = place(score_texts, "tempo", number_below)
@@ -122,27 +122,35 @@ def mark(texts: Texts, piece: Piece, name: str, at: float) -> Texts:
 def _over(piece: Piece, from_beat: float, over: str) -> str:
     """The length of a ramp; in beats if it is in bars and the meter changes during the ramp."""
     try:
-        length = parse_length(over)
+        ramp_length = parse_length(over)
     except TextError as error:
         raise EditError(error.message) from None
-    end = piece.tempo_map.after(from_beat, length)
+    end_beat = piece.tempo_map.after(from_beat, ramp_length)
     changes = any(
-        from_beat + SAME < begin < end - SAME for begin, *_ in piece.tempo_map.bars.changes()
+        from_beat + SAME < begin < end_beat - SAME for begin, *_ in piece.tempo_map.bars.changes()
     )
-    return f"{end - from_beat:.12g}" if length.bars and changes else over
+    return f"{end_beat - from_beat:.12g}" if ramp_length.bars and changes else over
 
 
-def _without(texts: Texts, number: int, name: str) -> Texts:
-    entry = edit.tree(items(texts, "tempo")[number])
-    if not isinstance(entry, dict) or name not in entry:
-        return texts
-    return texts.remove((*place(texts, "tempo", number), name))
+def _without(score_texts: Texts, entry_index: int, field_name: str) -> Texts:
+    entry = edit.tree(items(score_texts, "tempo")[entry_index])
+    if not isinstance(entry, dict) or field_name not in entry:
+        return score_texts
+    return score_texts.remove((*place(score_texts, "tempo", entry_index), field_name))
 
 
-def _cut(texts: Texts, piece: Piece, number: int, begin: float, beat: float) -> Texts:
+def _cut(
+    score_texts: Texts, piece: Piece, number: int, begin_beat: float, cut_beat: float
+) -> Texts:
     """End a ramp that is under way at a beat, at the tempo reached there."""
-    entry, path, tempo = piece.tempo[number], place(texts, "tempo", number), piece.tempo_map
-    if tempo.after(begin, entry.over or Length()) <= beat + SAME:
-        return texts
-    texts = texts.put((*path, "bpm"), f"{entry.bpm:.12g} -> {tempo.bpm(beat):.12g}")
-    return texts.put((*path, "over"), f"{beat - begin:.12g}")
+    tempo_entry, path, tempo = (
+        piece.tempo[number],
+        place(score_texts, "tempo", number),
+        piece.tempo_map,
+    )
+    if tempo.after(begin_beat, tempo_entry.over or Length()) <= cut_beat + SAME:
+        return score_texts
+    score_texts = score_texts.put(
+        (*path, "bpm"), f"{tempo_entry.bpm:.12g} -> {tempo.bpm(cut_beat):.12g}"
+    )
+    return score_texts.put((*path, "over"), f"{cut_beat - begin_beat:.12g}")

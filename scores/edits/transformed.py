@@ -66,11 +66,11 @@ def transform(
             strike_fields = {**strike_fields, "for": "", "until": written(piece, stop_beat)}
         for field in [field for field, value in strike_fields.items() if value == ""]:
             del strike_fields[field]
-        new = (
+        new_strikes = (
             strikes.name if turn_beat <= begin_beat + SAME else free_name(strikes_name, taken_names)
         )
-        taken_names.add(new)
-        score_texts = score_texts.put(("strikes", new), edit.flow(_in_order(strike_fields)))
+        taken_names.add(new_strikes)
+        score_texts = score_texts.put(("strikes", new_strikes), edit.flow(_in_order(strike_fields)))
         changed = True
     if not changed:
         raise EditError(f"{quote(strikes_name)} plays nothing now that could be transformed")
@@ -96,7 +96,7 @@ def _in_order(body: Body) -> Body:
 # --- strikes by the clock as a rhythm ------------------------------------------------------------
 
 
-def _as_rhythm(texts: Texts, strikes: Strikes, strike_fields: Body) -> tuple[Rhythm, Body]:
+def _as_rhythm(score_texts: Texts, strikes: Strikes, strike_fields: Body) -> tuple[Rhythm, Body]:
     """The rhythm of strikes, and their fields with it. Raises EditError if they have none."""
     if "rhythm" in strike_fields and strikes.rhythm is not None:
         return strikes.rhythm, strike_fields
@@ -109,7 +109,7 @@ def _as_rhythm(texts: Texts, strikes: Strikes, strike_fields: Body) -> tuple[Rhy
     rhythm_fields = {name: value for name, value in strike_fields.items() if name not in _REPLACED}
     rhythm_fields |= {"rhythm": rhythm.text, "do": rhythm.do}
     if "play" in strike_fields:  # the words of the rhythm say levels
-        rhythm_fields = {**_notes_of(texts, strike_fields), **rhythm_fields, "impulse": ""}
+        rhythm_fields = {**_notes_of(score_texts, strike_fields), **rhythm_fields, "impulse": ""}
     if strikes.every is not None or rhythm.cycle != _BAR:
         rhythm_fields["cycle"] = _length(rhythm.cycle)
     if not rhythm_fields.keys() & {"times", "for", "until"}:
@@ -130,10 +130,10 @@ def _length(length_written: Length) -> str:
             "a MIDI file whose quarter notes are no beats of the meter is not written as a rhythm; "
             "write its transformations in the score, in `do`"
         )
-    parts = [
+    length_parts = [
         (length_written.bars, "bar"),
         (length_written.beats, ""),
         (length_written.seconds, "s"),
     ]
-    (written_length,) = [f"{value!r}{unit}" for value, unit in parts if value] or ["0"]
+    (written_length,) = [f"{value!r}{unit}" for value, unit in length_parts if value] or ["0"]
     return written_length

@@ -59,12 +59,12 @@ class TunablePart:
         """Every number above 0 of the part's modules that may affect its modes."""
         for part_module in self._definition.modules:
             constants = part_module.fields.get("constants", {})
-            for name, number in quantities(part_module):
-                if number > 0 and (name in _FIELDS or name in constants):
-                    yield Value(part_module.name, name, number)
+            for name, quantity_number in quantities(part_module):
+                if quantity_number > 0 and (name in _FIELDS or name in constants):
+                    yield Value(part_module.name, name, quantity_number)
             if part_module.kind == "MODES":
-                for place, number in enumerate(part_module.fields["f"], 1):
-                    yield Value(part_module.name, "f", number, place)
+                for place, quantity_number in enumerate(part_module.fields["f"], 1):
+                    yield Value(part_module.name, "f", quantity_number, place)
 
     def target(self, value: Value) -> str:
         """The value's name in a line of a session and in a table of automation: `bell.m.K`.
@@ -87,11 +87,15 @@ class TunablePart:
     def edit(self, texts: Texts, values: Sequence[Value]) -> Texts:
         """A score's texts with the values set in them. Raises EditError."""
         lists: dict[str, dict[int, str]] = {}
-        for value in values:
-            if value.place is None:
-                texts = set_value(texts, self.piece, self.target(value), self.text(value))
+        for tuned_value in values:
+            if tuned_value.place is None:
+                texts = set_value(
+                    texts, self.piece, self.target(tuned_value), self.text(tuned_value)
+                )
             else:
-                lists.setdefault(self.listed(value), {})[value.place - 1] = self.text(value)
+                lists.setdefault(self.listed(tuned_value), {})[tuned_value.place - 1] = self.text(
+                    tuned_value
+                )
         for target, changes in lists.items():
             texts = set_list(texts, target, changes)
         return texts
@@ -103,16 +107,16 @@ class TunablePart:
         ca_rate = part_definition.ca_rate if isinstance(part_definition, Instrument) else None
         valued_modules = [_module_with_values(module, values) for module in part_definition.modules]
         assembly = Assembly(seed=self.piece.seed)
-        points = [module for module in valued_modules if module.kind in HOLDERS]
+        held_modules = [module for module in valued_modules if module.kind in HOLDERS]
         space = part_definition.space if isinstance(part_definition, Instrument) else None
-        assembly.part(self.name, points, ca_rate=ca_rate, reach=lever_ratio, space=space)
-        assembly.add_followers(self.name, points, ca_rate=ca_rate)
+        assembly.part(self.name, held_modules, ca_rate=ca_rate, reach=lever_ratio, space=space)
+        assembly.add_followers(self.name, held_modules, ca_rate=ca_rate)
         links = [module for module in valued_modules if self._is_inside(module, assembly)]
         assembly.joins(self.name, links, ca_rate=ca_rate, reach=lever_ratio)
-        for other_part, module in self.piece.modules():
-            if other_part != self.name and self._is_inside(module, assembly):
+        for other_part, other_module in self.piece.modules():
+            if other_part != self.name and self._is_inside(other_module, assembly):
                 rate = self.piece.instruments[other_part].ca_rate
-                assembly.joins(other_part, [module], ca_rate=rate)
+                assembly.joins(other_part, [other_module], ca_rate=rate)
         return assembly.network
 
     def _is_inside(self, module: Module, assembly: Assembly) -> bool:
@@ -124,10 +128,10 @@ class TunablePart:
         return all((end.part, end.module) in assembly.mats for end in end_targets)
 
 
-def _module_with_values(part_module: Module, values: Mapping[FieldKey, float]) -> Module:
+def _module_with_values(part_module: Module, numbers_by_field: Mapping[FieldKey, float]) -> Module:
     field_numbers: dict[str, float] = {}
     module_fields = dict(part_module.fields)
-    for (name, field_name, list_index), field_number in values.items():
+    for (name, field_name, list_index), field_number in numbers_by_field.items():
         if name != part_module.name:
             continue
         if list_index is None:

@@ -50,12 +50,12 @@ def parse(varied_text: str) -> Varied:
         raise EditError(f"{quote(varied_text)} is not TARGET=VALUES, {_EXAMPLE}")
     if ".." in values_text:
         return Varied(target_path, tuple(_range(target_path, values_text)))
-    values = tuple(word.strip() for word in values_text.split(","))
-    if not all(values):
+    value_texts = tuple(word.strip() for word in values_text.split(","))
+    if not all(value_texts):
         raise EditError(f"{quote(varied_text)} has an empty value; write {target_path}=1,2,5")
-    if twice := next((value for value in values if values.count(value) > 1), None):
+    if twice := next((value for value in value_texts if value_texts.count(value) > 1), None):
         raise EditError(f"{quote(varied_text)} has the value {twice} twice")
-    return Varied(target_path, values)
+    return Varied(target_path, value_texts)
 
 
 def combined(varied: Sequence[Varied], *, is_zipped: bool) -> list[tuple[str, ...]]:
@@ -79,19 +79,19 @@ def combined(varied: Sequence[Varied], *, is_zipped: bool) -> list[tuple[str, ..
 
 
 def variants(
-    score_texts: Texts, targets: Sequence[str], values: Sequence[tuple[str, ...]]
+    score_texts: Texts, targets: Sequence[str], combined_values: Sequence[tuple[str, ...]]
 ) -> Iterator[Variant]:
     """The score with each of the combined values set; one with mistakes has no piece.
 
     Raises EditError if a target cannot be set.
     """
     loaded_base = score_texts.load()
-    for variant_values in values:
+    for variant_values in combined_values:
         edited, loaded = score_texts, loaded_base
-        for target, value in zip(targets, variant_values, strict=True):
+        for target_path, value in zip(targets, variant_values, strict=True):
             if loaded.piece is None:
                 break
-            edited = _with(edited, loaded.piece, target, value)
+            edited = _with(edited, loaded.piece, target_path, value)
             loaded = edited.load()
         yield Variant(variant_values, edited, loaded)
 

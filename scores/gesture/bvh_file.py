@@ -75,15 +75,15 @@ class _Words:
         read_numbers: list[float] = []
         line_number = None
         for _ in range(count):
-            word = self.word()
+            read_word = self.word()
             line_number = line_number or self.number
             try:
-                value = float(word)
+                read_value = float(read_word)
             except ValueError:
-                value = math.nan
-            if not abs(value) <= _HIGH:
+                read_value = math.nan
+            if not abs(read_value) <= _HIGH:
                 raise self.wrong(f"{what} must be {count:,} numbers", line_number)
-            read_numbers.append(value)
+            read_numbers.append(read_value)
         return read_numbers
 
 
@@ -106,12 +106,12 @@ def read(path: Path) -> Motion:
             _motion(file_words)
             rows_left = n
             while rows_left:
-                rows = [
+                frame_rows = [
                     file_words.numbers(n_channels, "a frame")
                     for _ in range(min(rows_left, rows_max))
                 ]
-                rows_left -= len(rows)
-                yield _places(joints, np.array(rows).reshape(len(rows), n_channels))
+                rows_left -= len(frame_rows)
+                yield _places(joints, np.array(frame_rows).reshape(len(frame_rows), n_channels))
 
     if left_over:
         message = (
@@ -120,12 +120,14 @@ def read(path: Path) -> Motion:
         raise TakeError(message + "is incomplete", path)
     if n_there < n:
         raise TakeError("the file has fewer frames than it says", path)
-    note = None
+    file_note = None
     if n_there > n:
-        note = f"the file says {n:,} frames, and {n_there - n:,} more follow, which are not read"
+        file_note = (
+            f"the file says {n:,} frames, and {n_there - n:,} more follow, which are not read"
+        )
     names = unique_names([joint.name for joint in joints])
     passed_over = ("rotations, but for where they put the joints",)
-    return judged(Motion(names, n, rate, None, blocks, note, passed_over), path)
+    return judged(Motion(names, n, rate, None, blocks, file_note, passed_over), path)
 
 
 def _hierarchy(file_words: _Words) -> tuple[list[_Joint], int]:
@@ -162,26 +164,28 @@ def _hierarchy(file_words: _Words) -> tuple[list[_Joint], int]:
     return joints, n_channels
 
 
-def _name(words: _Words) -> str:
+def _name(file_words: _Words) -> str:
     """The words before a brace that opens."""
-    name: list[str] = []
-    while (word := words.word()) != "{":
-        if not word or word == "}" or word.upper() in _KEYWORDS:
-            raise words.wrong("this line is out of place in a BVH file: a brace opens no joint")
-        name.append(word)
-    return " ".join(name)
+    name_words: list[str] = []
+    while (read_word := file_words.word()) != "{":
+        if not read_word or read_word == "}" or read_word.upper() in _KEYWORDS:
+            raise file_words.wrong(
+                "this line is out of place in a BVH file: a brace opens no joint"
+            )
+        name_words.append(read_word)
+    return " ".join(name_words)
 
 
 def _channels(file_words: _Words) -> list[int]:
     """The kinds of channels that a joint has."""
-    count, line = file_words.word(), file_words.number
+    count_text, line_number = file_words.word(), file_words.number
     channel_kinds: list[int] = []
     while (word := file_words.word().lower()) in _CHANNELS:
         channel_kinds.append(_CHANNELS.index(word))
     file_words.back(word)
-    if count != str(len(channel_kinds)):
+    if count_text != str(len(channel_kinds)):
         channel_names = ", ".join(f"{name[0].upper()}{name[1:]}" for name in _CHANNELS)
-        raise file_words.wrong(f"channels are a count and names of {channel_names}", line)
+        raise file_words.wrong(f"channels are a count and names of {channel_names}", line_number)
     return channel_kinds
 
 
@@ -196,10 +200,10 @@ def _motion(file_words: _Words) -> tuple[int, float]:
     if period is None:
         raise file_words.wrong("after `Frames:` comes `Frame Time:` and seconds")
     file_words.back(period)
-    (seconds,) = file_words.numbers(1, "the time of a frame")
-    if not seconds > 1e-6:
+    (frame_seconds,) = file_words.numbers(1, "the time of a frame")
+    if not frame_seconds > 1e-6:
         raise file_words.wrong("the time of a frame must be above a microsecond")
-    return int(frame_count_text), 1 / seconds
+    return int(frame_count_text), 1 / frame_seconds
 
 
 def _after(file_words: _Words, *label: str) -> str | None:
@@ -207,12 +211,12 @@ def _after(file_words: _Words, *label: str) -> str | None:
     *first_words, last_word = label
     if any(file_words.word().lower() != expected_word for expected_word in first_words):
         return None
-    name, colon, value = file_words.word().partition(":")
+    name, colon, value_text = file_words.word().partition(":")
     if name.lower() != last_word:
         return None
     if not colon:
-        colon, value = (following := file_words.word())[:1], following[1:]
-    return (value or file_words.word()) if colon == ":" else None
+        colon, value_text = (following := file_words.word())[:1], following[1:]
+    return (value_text or file_words.word()) if colon == ":" else None
 
 
 def _places(joints: list[_Joint], frame_rows: Floats) -> Floats:
@@ -225,11 +229,13 @@ def _places(joints: list[_Joint], frame_rows: Floats) -> Floats:
     for i, joint in enumerate(joints):
         joint_places = np.tile(np.array(joint.offset), (n, 1))
         joint_rotation = np.tile(np.eye(3), (n, 1, 1))
-        for kind, column in joint.channels:
-            if kind < 3:
-                joint_places[:, kind] = frame_rows[:, column]
+        for channel_kind, column_index in joint.channels:
+            if channel_kind < 3:
+                joint_places[:, channel_kind] = frame_rows[:, column_index]
             else:
-                joint_rotation = joint_rotation @ _turned(kind - 3, frame_rows[:, column])
+                joint_rotation = joint_rotation @ _turned(
+                    channel_kind - 3, frame_rows[:, column_index]
+                )
         if joint.parent is None:
             joint_positions[:, i], joint_rotations[i] = joint_places, joint_rotation
         else:

@@ -131,14 +131,16 @@ def _layouts(
     return list(dict.fromkeys([header, *itertools.starmap(_Layout, candidates)]))
 
 
-def _fitting(layouts: list[_Layout], open_file: BufferedReader, start: int, path: Path) -> _Layout:
+def _fitting(
+    layouts: list[_Layout], open_file: BufferedReader, start_offset: int, path: Path
+) -> _Layout:
     """The layout that fills the file up to its last sector. Raises TakeError."""
     if len({layout.meaning for layout in layouts}) == 1:
         return layouts[0]
     file_size = os.fstat(open_file.fileno()).st_size
 
     def left_over(layout: _Layout) -> int:
-        return file_size - start - layout.n * layout.frame
+        return file_size - start_offset - layout.n * layout.frame
 
     def is_followed_by_zeros(layout: _Layout) -> bool:
         open_file.seek(file_size - left_over(layout))
@@ -188,7 +190,7 @@ def read(path: Path) -> Motion:
     n_points, n, is_real, frame_bytes = layout.n_points, layout.n, layout.is_real, layout.frame
     # POINT:SCALE repeats the header's scale; floating-point numbers are not scaled.
     factor = 1.0 if is_real else layout.scale
-    width = layout.width
+    frame_width = layout.width
     if start_offset + n * frame_bytes > file_size:
         n_complete = max(0, (file_size - start_offset) // frame_bytes)
         raise TakeError(f"the file is cut: of {n:,} frames {n_complete:,} are there", path)
@@ -196,16 +198,18 @@ def read(path: Path) -> Motion:
     metres = metres_of(_text(parameter_values, "POINT", "UNITS").replace("\0", " "))
 
     def blocks() -> Iterator[Floats]:
-        with opened(path) as file:
-            file.seek(start_offset)
-            frames_left, frames_max = n, max(1, BLOCK * width // max(frame_bytes, 1))
+        with opened(path) as open_file:
+            open_file.seek(start_offset)
+            frames_left, frames_max = n, max(1, BLOCK * frame_width // max(frame_bytes, 1))
             while frames_left:
-                data = file.read(frame_bytes * min(frames_left, frames_max))
-                if len(data) != frame_bytes * min(frames_left, frames_max):
+                file_bytes = open_file.read(frame_bytes * min(frames_left, frames_max))
+                if len(file_bytes) != frame_bytes * min(frames_left, frames_max):
                     raise TakeError("the file is shorter than its header says", path)
-                frames_left -= len(data) // frame_bytes
+                frames_left -= len(file_bytes) // frame_bytes
                 yield (
-                    _places(data, len(data) // frame_bytes, n_points, number_format, is_real)
+                    _places(
+                        file_bytes, len(file_bytes) // frame_bytes, n_points, number_format, is_real
+                    )
                     * factor
                 )
 
@@ -217,22 +221,24 @@ def read(path: Path) -> Motion:
     return judged(motion, path)
 
 
-def _places(data: bytes, n: int, n_points: int, numbers: _Numbers, is_real: bool) -> Floats:
+def _places(
+    file_bytes: bytes, n: int, n_points: int, number_format: _Numbers, is_real: bool
+) -> Floats:
     """Positions (n, points, 3); NaN if the fourth word of a point is negative."""
     if is_real:
-        words = numbers.reals(data)
+        frame_words = number_format.reals(file_bytes)
     else:
-        words = np.frombuffer(data, f"{numbers.order}i2").astype(np.float64)
-    points_by_frame = words.reshape(n, -1)[:, : 4 * n_points].reshape(n, n_points, 4)
+        frame_words = np.frombuffer(file_bytes, f"{number_format.order}i2").astype(np.float64)
+    points_by_frame = frame_words.reshape(n, -1)[:, : 4 * n_points].reshape(n, n_points, 4)
     return np.where(points_by_frame[:, :, 3:] < 0, np.nan, points_by_frame[:, :, :3])
 
 
 def _parameters(
-    file: BufferedReader, parameters_start: int, path: Path
+    open_file: BufferedReader, parameters_start: int, path: Path
 ) -> tuple[_Numbers, dict[tuple[str, str], _Value]]:
     """Parameters by the names of their groups and their own."""
-    file.seek(parameters_start)
-    file_bytes = file.read(_PARAMETERS_MAX)
+    open_file.seek(parameters_start)
+    file_bytes = open_file.read(_PARAMETERS_MAX)
     if len(file_bytes) < 4 or file_bytes[3] not in _ORDERS:
         raise TakeError("this is not a C3D file that can be read: no parameters", path)
     number_format = _Numbers(file_bytes[3])
@@ -241,18 +247,18 @@ def _parameters(
     parameters_start = 4
     while parameters_start + 2 < len(file_bytes):
         # A negative length of the name locks a parameter; a negative number makes it a group.
-        length, group_number = (
+        name_length, group_number = (
             abs(struct.unpack_from("b", file_bytes, parameters_start)[0]),
             file_bytes[parameters_start + 1],
         )
         parameters_start += 2
         parameter_name = (
-            file_bytes[parameters_start : parameters_start + length]
+            file_bytes[parameters_start : parameters_start + name_length]
             .decode("ascii", "replace")
             .upper()
         )
-        parameters_start += length
-        if not length or parameters_start + 2 > len(file_bytes):
+        parameters_start += name_length
+        if not name_length or parameters_start + 2 > len(file_bytes):
             break
         byte_offset = number_format.word(file_bytes, parameters_start)
         if group_number >= 0x80:
@@ -273,11 +279,11 @@ def _value(parameter_bytes: bytes, byte_offset: int) -> _Value | None:
         return None
     value_kind, n_dimensions = struct.unpack_from("bB", parameter_bytes, byte_offset)
     dimensions = tuple(parameter_bytes[byte_offset + 2 : byte_offset + 2 + n_dimensions])
-    size = _SIZES.get(value_kind, 0) * math.prod(dimensions)
+    value_size = _SIZES.get(value_kind, 0) * math.prod(dimensions)
     byte_offset += 2 + n_dimensions
-    if value_kind not in _SIZES or byte_offset + size > len(parameter_bytes):
+    if value_kind not in _SIZES or byte_offset + value_size > len(parameter_bytes):
         return None
-    return value_kind, dimensions, parameter_bytes[byte_offset : byte_offset + size]
+    return value_kind, dimensions, parameter_bytes[byte_offset : byte_offset + value_size]
 
 
 def _text(values: dict[tuple[str, str], _Value], group: str, name: str) -> str:
@@ -286,45 +292,50 @@ def _text(values: dict[tuple[str, str], _Value], group: str, name: str) -> str:
 
 
 def _number(
-    values: dict[tuple[str, str], _Value], group: str, name: str, number_format: _Numbers
+    cell_values: dict[tuple[str, str], _Value],
+    group_name: str,
+    parameter_name: str,
+    number_format: _Numbers,
 ) -> float | None:
     """The first number of a parameter; two 16-bit integers are one number, the frame count of a
     long file.
     """
-    kind, _, data = values.get((group, name), (0, (), b""))
-    if kind == 4 and len(data) >= 4:
-        return number_format.real(data, 0)
-    if kind == 2 and len(data) >= 4:
-        return number_format.word(data, 0) + 0x10000 * number_format.word(data, 2)
-    return number_format.word(data, 0) if kind == 2 and len(data) >= 2 else None
+    value_kind, _, value_bytes = cell_values.get((group_name, parameter_name), (0, (), b""))
+    if value_kind == 4 and len(value_bytes) >= 4:
+        return number_format.real(value_bytes, 0)
+    if value_kind == 2 and len(value_bytes) >= 4:
+        return number_format.word(value_bytes, 0) + 0x10000 * number_format.word(value_bytes, 2)
+    return number_format.word(value_bytes, 0) if value_kind == 2 and len(value_bytes) >= 2 else None
 
 
 def _frames(
-    first: int,
+    first_frame: int,
     last_frame: int,
     parameter_values: dict[tuple[str, str], _Value],
     number_format: _Numbers,
 ) -> int:
     """The number of frames; from parameters if it is too large for the header."""
     if last_frame == _MANY:
-        begin = _number(parameter_values, "TRIAL", "ACTUAL_START_FIELD", number_format)
+        begin_field = _number(parameter_values, "TRIAL", "ACTUAL_START_FIELD", number_format)
         end = _number(parameter_values, "TRIAL", "ACTUAL_END_FIELD", number_format)
-        if begin and end and math.isfinite(begin) and math.isfinite(end):
-            return int(end) - int(begin) + 1
+        if begin_field and end and math.isfinite(begin_field) and math.isfinite(end):
+            return int(end) - int(begin_field) + 1
         for name in ("LONG_FRAMES", "FRAMES"):
             n = _number(parameter_values, "POINT", name, number_format)
             if n and math.isfinite(n):
                 return int(n)
-    return last_frame - first + 1
+    return last_frame - first_frame + 1
 
 
 def _labels(parameter_values: dict[tuple[str, str], _Value], n: int) -> tuple[str, ...]:
     """Names of points, (n,)."""
     point_names: list[str] = []
-    number = 1
-    while (label := ("POINT", "LABELS" if number == 1 else f"LABELS{number}")) in parameter_values:
+    label_number = 1
+    while (
+        label := ("POINT", "LABELS" if label_number == 1 else f"LABELS{label_number}")
+    ) in parameter_values:
         _, dimensions, _ = parameter_values[label]
         text, width = _text(parameter_values, *label), max(1, dimensions[0] if dimensions else 1)
         point_names += [text[i : i + width].strip(" \0") for i in range(0, len(text), width)]
-        number += 1
+        label_number += 1
     return unique_names([*point_names, *[""] * n][:n])

@@ -16,20 +16,21 @@ _Written = TypeVar("_Written")
 def on_bar_lines(
     path: Path,
     meters: Iterable[tuple[float, _Written]],
-    read: Callable[[_Written], Meter],
+    read_meter: Callable[[_Written], Meter],
 ) -> tuple[tuple[float, Meter], ...]:
-    """Meters by quarter notes from the beginning, each read by `read`, which raises TextError.
+    """Meters by quarter notes from the beginning, each read by `read_meter`, which raises
+    TextError.
 
     Raises TakeError for a meter that no score has, and for one that does not begin on a bar line.
     """
     bar_map, placed_meters = Bars(), []
     last_quarter, last_beat = 0.0, 0.0
     for quarter, file_meter in meters:
-        beat = bar_map.after_quarters(last_beat, quarter - last_quarter)
-        last_quarter, last_beat = quarter, beat
+        meter_beat = bar_map.after_quarters(last_beat, quarter - last_quarter)
+        last_quarter, last_beat = quarter, meter_beat
         try:
-            meter = read(file_meter)
-            bar_map.change(beat, meter)
+            meter = read_meter(file_meter)
+            bar_map.change(meter_beat, meter)
         except TextError as error:
             message = f"its meter {quarter:g} quarters after the beginning: {error.message}"
             raise TakeError(message, path) from None

@@ -110,10 +110,10 @@ class MidiBytes:
     def track(self, span: tuple[int, int]) -> Iterator[MidiEvent]:
         """The events of a track in order, up to the event that ends it. Raises TakeError."""
         byte_offset, track_stop = span
-        tick, status, count = 0, 0, 0
+        tick, status, event_count = 0, 0, 0
         while byte_offset < track_stop:
-            count += 1
-            if not count % 4096:
+            event_count += 1
+            if not event_count % 4096:
                 poll()
             step, byte_offset = self._variable(byte_offset, track_stop)
             tick += step
@@ -133,13 +133,13 @@ class MidiBytes:
                 status, byte_offset = byte, byte_offset + 1
             elif not status:
                 raise self.damaged(byte_offset, "data without a status before it")
-            size = _SIZES[status >> 4]
-            content = self.data[byte_offset : byte_offset + size]
-            if byte_offset + size > track_stop or any(byte & 0x80 for byte in content):
+            event_size = _SIZES[status >> 4]
+            event_content = self.data[byte_offset : byte_offset + event_size]
+            if byte_offset + event_size > track_stop or any(byte & 0x80 for byte in event_content):
                 raise self.damaged(byte_offset, "an event lacks its data")
-            byte_offset += size
+            byte_offset += event_size
             channel = (status & 0xF) + 1
-            yield MidiEvent(tick, status & 0xF0, channel, content[0], content)
+            yield MidiEvent(tick, status & 0xF0, channel, event_content[0], event_content)
 
     def _message(self, tick: int, status: int, offset: int, stop: int) -> tuple[MidiEvent, int]:
         """A meta event or a message of the system, and the offset of its end."""
@@ -150,19 +150,19 @@ class MidiBytes:
             message_number, offset = self.data[offset], offset + 1
         elif status not in (SYSEX, SYSEX_PART):
             raise self.damaged(offset - 1, f"a message 0x{status:02X}, which no file has")
-        size, offset = self._variable(offset, stop)
-        if offset + size > stop:
-            raise self.damaged(offset, f"an event of {size:,} bytes goes beyond its track")
-        content = self.data[offset : offset + size]
-        return MidiEvent(tick, status, 0, message_number, content), offset + size
+        message_size, offset = self._variable(offset, stop)
+        if offset + message_size > stop:
+            raise self.damaged(offset, f"an event of {message_size:,} bytes goes beyond its track")
+        content = self.data[offset : offset + message_size]
+        return MidiEvent(tick, status, 0, message_number, content), offset + message_size
 
     def _variable(self, offset: int, stop: int) -> tuple[int, int]:
         """A number of variable length, and the offset of its end."""
-        value = 0
-        for place in range(offset, min(offset + 4, stop)):
-            value = value << 7 | self.data[place] & 0x7F
-            if not self.data[place] & 0x80:
-                return value, place + 1
+        read_number = 0
+        for byte_offset in range(offset, min(offset + 4, stop)):
+            read_number = read_number << 7 | self.data[byte_offset] & 0x7F
+            if not self.data[byte_offset] & 0x80:
+                return read_number, byte_offset + 1
         raise self.damaged(offset, "a number has no end")
 
 
@@ -172,9 +172,11 @@ def _within_riff(riff_bytes: bytes) -> bytes:
         return riff_bytes
     chunk_start = 12
     while chunk_start + _NAME_SIZE <= len(riff_bytes):
-        size = int.from_bytes(riff_bytes[chunk_start + 4 : chunk_start + _NAME_SIZE], "little")
-        content = riff_bytes[chunk_start + _NAME_SIZE :][:size]
+        chunk_size = int.from_bytes(
+            riff_bytes[chunk_start + 4 : chunk_start + _NAME_SIZE], "little"
+        )
+        content = riff_bytes[chunk_start + _NAME_SIZE :][:chunk_size]
         if riff_bytes[chunk_start : chunk_start + 4] == b"data":
             return content
-        chunk_start += _NAME_SIZE + size + size % 2
+        chunk_start += _NAME_SIZE + chunk_size + chunk_size % 2
     return riff_bytes

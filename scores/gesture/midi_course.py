@@ -18,45 +18,48 @@ MAX_VALUES = 100_000
 Course = tuple[tuple[float, float], ...]
 
 
-def read_course(path: Path, channel: int | None, source: MidiSource) -> Course:
+def read_course(path: Path, channel: int | None, midi_source: MidiSource) -> Course:
     """How something moves on a channel from 1 to 16, or on all. Raises TakeError."""
     try:
-        return _read(path, channel, source, state_of(path))
+        return _read(path, channel, midi_source, state_of(path))
     except OSError as error:
         raise TakeError(f"cannot be read: {error.strerror or error}", path) from None
 
 
 @lru_cache(32)
-def _read(path: Path, channel_name: int | None, source: MidiSource, _: FileState) -> Course:
-    file = read_bytes(path)
-    header = file.header()
+def _read(path: Path, channel_name: int | None, midi_source: MidiSource, _: FileState) -> Course:
+    midi_bytes = read_bytes(path)
+    header = midi_bytes.header()
     track_events = [
         event
-        for event in chain.from_iterable(map(file.track, header.tracks))
-        if event.kind == source.kind and (not source.numbers or event.number in source.numbers)
+        for event in chain.from_iterable(map(midi_bytes.track, header.tracks))
+        if event.kind == midi_source.kind
+        and (not midi_source.numbers or event.number in midi_source.numbers)
     ]
     moving = [event for event in track_events if channel_name in (None, event.channel)]
     if not moving:
-        raise TakeError(_nothing(source, track_events, channel_name), path, field="by")
+        raise TakeError(_nothing(midi_source, track_events, channel_name), path, field="by")
     moving.sort(key=lambda event: event.tick)
-    by_tick = dict(_shares(moving, source))  # of several values in a tick the last
+    by_tick = dict(_shares(moving, midi_source))  # of several values in a tick the last
     course, share_before = [], None
-    for tick, share in by_tick.items():
-        if share != share_before:
-            course.append((tick / header.ticks, share))
-        share_before = share
+    for tick, travel_share in by_tick.items():
+        if travel_share != share_before:
+            course.append((tick / header.ticks, travel_share))
+        share_before = travel_share
     if len(course) > MAX_VALUES:
-        raise TakeError(f"{source} has more than {MAX_VALUES:,} values", path, field="by")
+        raise TakeError(f"{midi_source} has more than {MAX_VALUES:,} values", path, field="by")
     return tuple(course)
 
 
-def _shares(events: Iterable[MidiEvent], midi_source: MidiSource) -> Iterator[tuple[int, float]]:
+def _shares(
+    midi_events: Iterable[MidiEvent], midi_source: MidiSource
+) -> Iterator[tuple[int, float]]:
     """The tick of each event, and where things stand then.
 
     The upper bits of a pair put the lower ones at 0, until these come (MIDI 1.0, control change).
     """
     upper, lower = 0, 0
-    for midi_event in events:
+    for midi_event in midi_events:
         controller_value = midi_event.content[-1]
         if midi_source.kind == PITCH_BEND:
             travel_share = wheel_share(midi_event.content[0] | controller_value << 7)
@@ -72,10 +75,10 @@ def _shares(events: Iterable[MidiEvent], midi_source: MidiSource) -> Iterator[tu
         yield midi_event.tick, travel_share
 
 
-def _nothing(source: MidiSource, events: Iterable[MidiEvent], channel: int | None) -> str:
+def _nothing(midi_source: MidiSource, events: Iterable[MidiEvent], channel: int | None) -> str:
     """Why there is nothing on a channel."""
     channels = sorted({event.channel for event in events})
     if not channels:
-        return f"it has no values of `{source}`"
+        return f"it has no values of `{midi_source}`"
     channel_list = ", ".join(map(str, channels))
-    return f"channel {channel} has no values of `{source}`; they are on channel {channel_list}"
+    return f"channel {channel} has no values of `{midi_source}`; they are on channel {channel_list}"

@@ -59,10 +59,10 @@ def state_of(path: Path) -> FileState:
 
 def read_bytes(path: Path) -> MidiBytes:
     """The content of a file. Raises TakeError and OSError."""
-    data = read_bounded(path, MAX_BYTES)
-    if len(data) > MAX_BYTES:
+    file_bytes = read_bounded(path, MAX_BYTES)
+    if len(file_bytes) > MAX_BYTES:
         raise TakeError(f"the file has more than {MAX_BYTES // 1_000_000} MB", path)
-    return MidiBytes(path, data)
+    return MidiBytes(path, file_bytes)
 
 
 def read_notes(path: Path, channel: str | None = None) -> MidiNotes:
@@ -88,12 +88,12 @@ def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
             if note_event.kind == _OTHER:
                 continue
             with_notes |= {track_event.channel} if note_event.kind == _ON else set()
-            events = by_channel.setdefault(track_event.channel, [])
+            channel_events = by_channel.setdefault(track_event.channel, [])
             if channel_asked is None or track_event.channel == channel_asked:
                 note_count += note_event.kind == _ON
                 if note_count > MAX_NOTES:
                     raise TakeError(f"more than {MAX_NOTES:,} notes are played", path)
-                events.append(note_event)
+                channel_events.append(note_event)
     played = [note for events in by_channel.values() for note in _notes(events, end_tick)]
     if not played:
         channel_list = ", ".join(
@@ -106,13 +106,13 @@ def _read(path: Path, channel_name: str | None, _: FileState) -> MidiNotes:
         raise TakeError(message, path, field=field)
     played.sort(key=lambda note: note[:2])
     ticks = header.ticks
-    notes = tuple(
+    note_tuple = tuple(
         MidiNote(tick / ticks, number, hard, None if held is None else held / ticks)
         for tick, number, hard, held in played
     )
-    last_instant = notes[-1].at
+    last_instant = note_tuple[-1].at
     return MidiNotes(
-        notes, end_tick / ticks if end_tick / ticks > last_instant else int(last_instant) + 1.0
+        note_tuple, end_tick / ticks if end_tick / ticks > last_instant else int(last_instant) + 1.0
     )
 
 
@@ -132,7 +132,7 @@ def _in_order(event: _Event) -> tuple[int, int]:
     return event.tick, event.kind
 
 
-def _notes(events: list[_Event], end: int) -> Iterator[tuple[int, int, int, int | None]]:
+def _notes(midi_events: list[_Event], end_tick: int) -> Iterator[tuple[int, int, int, int | None]]:
     """The notes of a channel: tick, number, velocity, and for how many ticks each is held.
 
     A note ends with its key; while the pedal (controller 64) is down, where that comes up, or at
@@ -147,7 +147,7 @@ def _notes(events: list[_Event], end: int) -> Iterator[tuple[int, int, int, int 
             begin, velocity = notes.pop(number)
             yield begin, number, velocity, tick - begin
 
-    for note_event in sorted(events, key=_in_order):
+    for note_event in sorted(midi_events, key=_in_order):
         if note_event.kind == _PEDAL:
             is_down = note_event.value >= 64
             for note_number in [] if is_down else [*on_pedal]:
@@ -163,10 +163,10 @@ def _notes(events: list[_Event], end: int) -> Iterator[tuple[int, int, int, int 
             yield from ended(open_notes, note_number, note_event.tick)
             yield from ended(on_pedal, note_number, note_event.tick)
             open_notes[note_number] = note_event.tick, note_event.value
-    for note_number, (begin, velocity) in on_pedal.items():
-        yield begin, note_number, velocity, max(end - begin, 1)
-    for note_number, (begin, velocity) in open_notes.items():
-        yield begin, note_number, velocity, None
+    for note_number, (begin_tick, velocity) in on_pedal.items():
+        yield begin_tick, note_number, velocity, max(end_tick - begin_tick, 1)
+    for note_number, (begin_tick, velocity) in open_notes.items():
+        yield begin_tick, note_number, velocity, None
 
 
 def channel_number(path: Path, channel: str | None) -> int | None:

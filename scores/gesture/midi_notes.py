@@ -15,10 +15,10 @@ def note_number(note_text: str) -> int:
     if note_text.isascii() and note_text.isdigit() and len(note_text) <= 3:
         number = int(note_text)
     elif note_text[:1] in _STEPS:
-        sign = note_text[1:2] if note_text[1:2] in ("#", "b") else ""
-        octave = note_text[1 + len(sign) :]
+        accidental_sign = note_text[1:2] if note_text[1:2] in ("#", "b") else ""
+        octave = note_text[1 + len(accidental_sign) :]
         if octave in ("-1", *map(str, range(10))):
-            number = 12 * (int(octave) + 1) + _STEPS[note_text[0]] + _SIGNS[sign]
+            number = 12 * (int(octave) + 1) + _STEPS[note_text[0]] + _SIGNS[accidental_sign]
     if not 0 <= number < _NOTES:
         raise TextError(
             f"{quote(note_text)} is not a note: write a number from 0 to 127, or a name such as C4 "

@@ -48,15 +48,15 @@ def read_pressures(path: Path, channel: str | None) -> tuple[KeyPressure, ...]:
 @lru_cache(8)
 def _read(path: Path, channel: str | None, _: FileState) -> tuple[KeyPressure, ...]:
     channel_asked = channel_number(path, channel)
-    file = read_bytes(path)
-    header = file.header()
+    midi_bytes = read_bytes(path)
+    header = midi_bytes.header()
     by_channel: dict[int, list[MidiEvent]] = {}
-    for event in chain.from_iterable(map(file.track, header.tracks)):
-        if event.kind in (CHANNEL_PRESSURE, KEY_PRESSURE) and channel_asked in (
+    for midi_event in chain.from_iterable(map(midi_bytes.track, header.tracks)):
+        if midi_event.kind in (CHANNEL_PRESSURE, KEY_PRESSURE) and channel_asked in (
             None,
-            event.channel,
+            midi_event.channel,
         ):
-            by_channel.setdefault(event.channel, []).append(event)
+            by_channel.setdefault(midi_event.channel, []).append(midi_event)
     pressures: list[KeyPressure] = []
     for number, events in by_channel.items():
         events.sort(key=lambda event: event.tick)
@@ -71,18 +71,22 @@ def _channel_pressures(
     path: Path, channel: str, midi_events: Sequence[MidiEvent], ticks: int
 ) -> Iterator[KeyPressure]:
     try:
-        notes, length = read_notes(path, channel)
+        note_list, piece_length = read_notes(path, channel)
     except TakeError:  # the channel has no notes
         return
     starts = [event.tick / ticks for event in midi_events]
-    for held_note in notes:
-        note_end = length if held_note.lasting is None else held_note.at + held_note.lasting
-        first, stop = bisect_left(starts, held_note.at), bisect_left(starts, note_end)
-        values = {
+    for held_note in note_list:
+        note_end = piece_length if held_note.lasting is None else held_note.at + held_note.lasting
+        first_event, stop_event = bisect_left(starts, held_note.at), bisect_left(starts, note_end)
+        pressures_by_instant = {
             start: event.content[-1]  # of several at one instant the last
-            for start, event in zip(starts[first:stop], midi_events[first:stop], strict=True)
+            for start, event in zip(
+                starts[first_event:stop_event], midi_events[first_event:stop_event], strict=True
+            )
             if event.kind == CHANNEL_PRESSURE or event.number == held_note.number
         }
-        for (start, value), (next_start, _) in pairwise([*values.items(), (note_end, 0)]):
+        for (start, value), (next_start, _) in pairwise(
+            [*pressures_by_instant.items(), (note_end, 0)]
+        ):
             if value:
                 yield KeyPressure(start, held_note.number, value, next_start - start)

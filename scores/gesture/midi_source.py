@@ -46,18 +46,22 @@ class MidiSource(NamedTuple):
         return next(word for word, kind in _HEADS.items() if kind == self.kind)
 
 
-def parse_source(text: str) -> MidiSource:
+def parse_source(written_text: str) -> MidiSource:
     """Read `cc 21`, `cc 1/33`, `bend`, `pressure` or `pressure C4`. Raises TextError."""
-    prefix, _, source_text = text.strip().partition(" ")
+    prefix, _, source_text = written_text.strip().partition(" ")
     source_text = source_text.strip()
     if prefix == "cc":
-        return MidiSource(CONTROLLER, _controllers(source_text, len(text) - len(source_text)))
+        return MidiSource(
+            CONTROLLER, _controllers(source_text, len(written_text) - len(source_text))
+        )
     if prefix == "pressure" and source_text:
         return MidiSource(KEY_PRESSURE, (note_number(source_text),))
     if prefix in _HEADS and not source_text:
         return MidiSource(_HEADS[prefix])
-    message = f"{quote(text)} is not what moves in MIDI: write cc 21, cc 1/33, bend, pressure or "
-    raise TextError(f"{message}pressure C4", length=max(1, len(text)), code="E201")
+    message = (
+        f"{quote(written_text)} is not what moves in MIDI: write cc 21, cc 1/33, bend, pressure or "
+    )
+    raise TextError(f"{message}pressure C4", length=max(1, len(written_text)), code="E201")
 
 
 def _controllers(controllers_text: str, text_offset: int) -> tuple[int, ...]:
@@ -92,8 +96,8 @@ def pair_share(upper: int, lower: int) -> float:
     return (upper << 7 | lower) / _PAIR_MAX
 
 
-def wheel_share(value: int) -> float:
+def wheel_share(wheel_value: int) -> float:
     """Where the wheel stands: 0 and 1 at its ends (0 and 16383), one half in its middle."""
-    if value <= _WHEEL_MIDDLE:
-        return 0.5 * value / _WHEEL_MIDDLE
-    return 0.5 + 0.5 * (value - _WHEEL_MIDDLE) / (_PAIR_MAX - _WHEEL_MIDDLE)
+    if wheel_value <= _WHEEL_MIDDLE:
+        return 0.5 * wheel_value / _WHEEL_MIDDLE
+    return 0.5 + 0.5 * (wheel_value - _WHEEL_MIDDLE) / (_PAIR_MAX - _WHEEL_MIDDLE)

@@ -153,20 +153,20 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
     return file_survey
 
 
-def _count(event: MidiEvent, track: MidiTrack, result: MidiSurvey) -> None:
-    if event.kind == m.NOTE_ON and event.content[1]:
-        track.notes.setdefault(event.channel, NoteCount()).add(event.number)
-    elif event.kind in NOUNS:
-        number = event.number if event.kind in _NUMBERED else 0
-        result.moves[MidiMove(event.kind, event.channel, number)] += 1
+def _count(midi_event: MidiEvent, track: MidiTrack, file_survey: MidiSurvey) -> None:
+    if midi_event.kind == m.NOTE_ON and midi_event.content[1]:
+        track.notes.setdefault(midi_event.channel, NoteCount()).add(midi_event.number)
+    elif midi_event.kind in NOUNS:
+        number = midi_event.number if midi_event.kind in _NUMBERED else 0
+        file_survey.moves[MidiMove(midi_event.kind, midi_event.channel, number)] += 1
 
 
-def _text(content: bytes) -> str:
+def _text(event_content: bytes) -> str:
     """A text of a file, which says no encoding."""
     try:
-        return content.decode()
+        return event_content.decode()
     except UnicodeDecodeError:
-        return content.decode("latin-1")
+        return event_content.decode("latin-1")
 
 
 _Value = TypeVar("_Value")
@@ -187,10 +187,12 @@ def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:
 
 @lru_cache(8)
 def _tempos(path: Path, state: FileState) -> tuple[tuple[float, float], ...]:
-    file, tempo_changes = _survey(path, state), []
-    _check_count(len(file.tempos), "tempos", path)
-    first_tempo = () if file.tempos and file.tempos[0][0] == 0.0 else ((0.0, QUARTER),)
-    for quarter, micros in (*first_tempo, *file.tempos):
+    file_survey, tempo_changes = _survey(path, state), []
+    _check_count(len(file_survey.tempos), "tempos", path)
+    first_tempo = (
+        () if file_survey.tempos and file_survey.tempos[0][0] == 0.0 else ((0.0, QUARTER),)
+    )
+    for quarter, micros in (*first_tempo, *file_survey.tempos):
         if not micros or not SLOWEST <= _MINUTE / micros <= FASTEST:
             message = (
                 f"its tempo {quarter:g} quarters after the beginning is {micros} microseconds a "
@@ -219,10 +221,10 @@ def _meters(path: Path, state: FileState) -> tuple[tuple[float, Meter], ...]:
 
 def _meter(count_and_power: tuple[int, int]) -> Meter:
     """A meter by its beats and the power of two of their note. Raises TextError."""
-    count, power = count_and_power
-    if not 1 <= count <= MAX_BEATS or power > _LARGEST_UNIT:
-        raise TextError(f"no score has a meter {count}/2^{power}")
-    return Meter(count, 2**power, (count,))
+    beat_count, power = count_and_power
+    if not 1 <= beat_count <= MAX_BEATS or power > _LARGEST_UNIT:
+        raise TextError(f"no score has a meter {beat_count}/2^{power}")
+    return Meter(beat_count, 2**power, (beat_count,))
 
 
 def _check_count(count: int, noun: str, path: Path) -> None:
@@ -250,20 +252,20 @@ def passed_over(
     played = {*((SUSTAIN,) if has_pedal else ()), *(CONTROLLERS if has_wheel else ())}
     event_counts: Counter[int] = Counter()
     controllers: set[int] = set()
-    for move, count in midi_survey.moves.items():
+    for move, event_count in midi_survey.moves.items():
         is_controller = move.kind == m.CONTROLLER
         is_wheel = has_wheel and move.kind == m.PITCH_BEND
         is_pressure = has_pressure and move.kind in (m.CHANNEL_PRESSURE, m.KEY_PRESSURE)
         is_played = is_wheel or is_pressure or (is_controller and move.number in played)
         if follows(move) or is_played:
             continue
-        event_counts[move.kind] += count
+        event_counts[move.kind] += event_count
         controllers |= {move.number} if is_controller else set()
-    for kind, noun in NOUNS.items():
-        if event_counts[kind]:
-            is_controller = kind == m.CONTROLLER
+    for event_kind, noun in NOUNS.items():
+        if event_counts[event_kind]:
+            is_controller = event_kind == m.CONTROLLER
             numbers = f" ({', '.join(map(str, sorted(controllers)))})" if is_controller else ""
-            yield plural(event_counts[kind], noun) + numbers
+            yield plural(event_counts[event_kind], noun) + numbers
     if midi_survey.n_other_chunks:
         yield plural(midi_survey.n_other_chunks, ("chunk of another kind", "chunks of other kinds"))
 

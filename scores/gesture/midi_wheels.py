@@ -46,19 +46,19 @@ def _read(path: Path, channel: str | None, cents: float, _: FileState) -> NoteCu
     channel_asked = channel_number(path, channel)
     file = read_bytes(path)
     header = file.header()
-    events = [*chain.from_iterable(map(file.track, header.tracks))]
-    events = [event for event in events if event.kind in _ORDER]
-    events.sort(key=lambda event: (event.tick, _ORDER[event.kind]))
+    file_events = [*chain.from_iterable(map(file.track, header.tracks))]
+    file_events = [event for event in file_events if event.kind in _ORDER]
+    file_events.sort(key=lambda event: (event.tick, _ORDER[event.kind]))
     wheels, curve_points = Wheels(cents), dict[int, dict[float, float]]()
-    count = 0
-    for wheel_event in events:
-        for number, sounding_channel in wheels.moved(wheel_event):
+    curve_count = 0
+    for wheel_event in file_events:
+        for note_number, sounding_channel in wheels.moved(wheel_event):
             if channel_asked in (None, sounding_channel):
-                count += 1
-                if count > MAX_POINTS:
+                curve_count += 1
+                if curve_count > MAX_POINTS:
                     raise TakeError(f"the wheel moves notes more than {MAX_POINTS:,} times", path)
                 quarter = wheel_event.tick / header.ticks
-                curve_points.setdefault(number, {})[quarter] = wheels.cents(sounding_channel)
+                curve_points.setdefault(note_number, {})[quarter] = wheels.cents(sounding_channel)
     return {
         number: tuple(by_time.items())
         for number, by_time in sorted(curve_points.items())

@@ -71,11 +71,11 @@ def judged(motion: Motion, path: Path) -> Motion:
     return motion
 
 
-def unique_names(names: Sequence[str]) -> tuple[str, ...]:
+def unique_names(column_names: Sequence[str]) -> tuple[str, ...]:
     """The names; a name that is empty or taken gets its number, from 1."""
     taken_names: set[str] = set()
     unique = []
-    for i, name in enumerate(names, 1):
+    for i, name in enumerate(column_names, 1):
         unique.append(f"{name} {i}".strip() if not name or name in taken_names else name)
         taken_names.add(unique[-1])
     return tuple(unique)
@@ -89,24 +89,24 @@ def positions(
     """
     words = [cell.strip() for column in starts for cell in cells[column : column + 3]]
     try:
-        values = [nan if word.upper() in _HIDDEN else float(word) for word in words]
+        positions_read = [nan if word.upper() in _HIDDEN else float(word) for word in words]
     except ValueError:
         raise TakeError("this line is not a row of numbers", path, line_number) from None
-    if any(abs(value) > _HIGH for value in values):
+    if any(abs(value) > _HIGH for value in positions_read):
         raise TakeError("this line has a position that no camera sees", path, line_number)
-    return values
+    return positions_read
 
 
-def in_blocks(rows: Iterable[list[float]], n: int, path: Path) -> Iterator[Floats]:
+def in_blocks(frame_rows: Iterable[list[float]], n: int, path: Path) -> Iterator[Floats]:
     """Rows of positions as (frames, points, 3). Raises TakeError if the number of rows is not
     `n`.
     """
     row_block: list[list[float]] = []
     n_rows = 0
-    for row in rows:
-        row_block.append(row)
+    for frame_row in frame_rows:
+        row_block.append(frame_row)
         n_rows += 1
-        if len(row_block) * len(row) >= BLOCK:
+        if len(row_block) * len(frame_row) >= BLOCK:
             yield np.array(row_block).reshape(len(row_block), -1, 3)
             row_block = []
     if row_block:
@@ -151,11 +151,11 @@ def chosen(point_names: Sequence[str], channel_name: str | None, path: Path) -> 
     return list(point_names).index(point_name), axis_name
 
 
-def scale(scale_of_file: float | None, unit: float | None, path: Path) -> float:
-    """The length of 1.0 in a file [m], by the file or by `unit`. Raises TakeError."""
-    if scale_of_file is not None and unit is not None:
+def scale(scale_of_file: float | None, metre_unit: float | None, path: Path) -> float:
+    """The length of 1.0 in a file [m], by the file or by `metre_unit`. Raises TakeError."""
+    if scale_of_file is not None and metre_unit is not None:
         raise TakeError("the file states its own unit; remove `unit`", path, field="unit")
-    metres = unit if scale_of_file is None else scale_of_file
+    metres = metre_unit if scale_of_file is None else scale_of_file
     if metres is None:
         raise TakeError(
             "the file does not state the unit of its lengths; write what 1.0 means, "
@@ -167,7 +167,7 @@ def scale(scale_of_file: float | None, unit: float | None, path: Path) -> float:
 
 
 def track(
-    motion: Motion, channel: str | None, rate: float | None, unit: float | None, path: Path
+    motion: Motion, channel: str | None, rate: float | None, metre_unit: float | None, path: Path
 ) -> tuple[Floats, Floats, str | None]:
     """Instants [s] and positions [m] of a channel, both (seen,), and a note on damage and on gaps
     that the spline fills.
@@ -176,7 +176,7 @@ def track(
     TakeError.
     """
     point_index, axis_name = chosen(motion.points, channel, path)
-    metres = scale(motion.metres, unit, path)
+    metres = scale(motion.metres, metre_unit, path)
     if motion.rate is not None and rate is not None:
         raise TakeError("the file states its own rate; remove `rate`", path, field="rate")
     hertz = motion.rate if rate is None else rate
@@ -227,24 +227,25 @@ def _direction(places: Floats, point_name: str, path: Path) -> Floats:
     """
     spread = places - places.mean(axis=0)
     # Relative to the largest value, so that no square overflows or underflows.
-    size = float(np.abs(spread).max())
-    if not size:
+    spread_size = float(np.abs(spread).max())
+    if not spread_size:
         raise TakeError(f"'{point_name[:60]}' does not move", path, field="channel")
-    spread = spread / size
+    spread = spread / spread_size
     values, vectors = np.linalg.eigh(spread.T @ spread)
-    share = float(values[-1] / values.sum())
-    if share < _STRAIGHT:
+    line_share = float(values[-1] / values.sum())
+    if line_share < _STRAIGHT:
         raise TakeError(
             f"'{point_name[:60]}' does not move along a straight line: the nearest one holds "
-            f"{100 * share:.0f}% of its variance, and auto needs {100 * _STRAIGHT:.0f}%; choose x, "
+            f"{100 * line_share:.0f}% of its variance, and auto needs {100 * _STRAIGHT:.0f}%; "
+            "choose x, "
             "y or z",
             path,
             field="channel",
         )
-    line: Floats = vectors[:, -1]
-    positions_along = spread @ line
+    line_direction: Floats = vectors[:, -1]
+    positions_along = spread @ line_direction
     return (
-        line
+        line_direction
         if positions_along.max() - positions_along[0] >= positions_along[0] - positions_along.min()
-        else -line
+        else -line_direction
     )

@@ -44,12 +44,12 @@ def _parsed(xml_bytes: bytes) -> Element:
     for mark, encoding in _MARKS.items():
         if xml_bytes.startswith(mark):
             try:
-                text = xml_bytes.decode(encoding)
+                xml_text = xml_bytes.decode(encoding)
             except UnicodeDecodeError:
                 raise XmlError(f"the XML is not in {encoding.upper()}, as it begins") from None
-            if text.startswith("<?xml"):  # which names an encoding
-                text = text.partition("?>")[2]
-            xml_bytes = text.encode()
+            if xml_text.startswith("<?xml"):  # which names an encoding
+                xml_text = xml_text.partition("?>")[2]
+            xml_bytes = xml_text.encode()
     return parse_xml(xml_bytes, bytes_max=2 * MAX_BYTES, elements_max=MAX_ELEMENTS, has_type=True)
 
 
@@ -81,12 +81,12 @@ def _named(container: bytes) -> str | None:
     return None if rootfile is None else rootfile.get("full-path")
 
 
-def _entry(file: zipfile.ZipFile, name: str) -> bytes:
-    with file.open(name) as entry:
-        data = entry.read(MAX_BYTES + 1)
-    if len(data) > MAX_BYTES:
-        raise XmlError(f"its {name[:80]} has more than {MAX_BYTES >> 20} MB")
-    return data
+def _entry(file: zipfile.ZipFile, entry_name: str) -> bytes:
+    with file.open(entry_name) as entry:
+        file_bytes = entry.read(MAX_BYTES + 1)
+    if len(file_bytes) > MAX_BYTES:
+        raise XmlError(f"its {entry_name[:80]} has more than {MAX_BYTES >> 20} MB")
+    return file_bytes
 
 
 def _by_parts(root: Element) -> Element:
@@ -97,12 +97,12 @@ def _by_parts(root: Element) -> Element:
         if root_child.tag != "measure":
             score.append(root_child)
             continue
-        for content in root_child.findall("part"):
-            name = content.get("id", "")
-            if name not in parts_by_id:
-                parts_by_id[name] = Element("part", {"id": name})
+        for part_element in root_child.findall("part"):
+            part_id = part_element.get("id", "")
+            if part_id not in parts_by_id:
+                parts_by_id[part_id] = Element("part", {"id": part_id})
             measure = Element("measure", root_child.attrib)
-            measure.extend(content)
-            parts_by_id[name].append(measure)
+            measure.extend(part_element)
+            parts_by_id[part_id].append(measure)
     score.extend(parts_by_id.values())
     return score

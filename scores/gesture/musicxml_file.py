@@ -92,35 +92,39 @@ def _read(path: Path, _: FileState) -> XmlScore:
 
 def _score(score_root: Element) -> XmlScore:
     ids = [part.get("id", "") for part in score_root.iterfind("part")]
-    names = {
+    part_names = {
         score_part.get("id", ""): " ".join((score_part.findtext("part-name") or "").split())[:80]
         for score_part in score_root.iterfind("part-list/score-part")
     }
-    columns = _columns(score_root)
+    measure_columns = _columns(score_root)
     skipped_counts: Counter[str] = Counter()
     meters: list[tuple[int, str]] = []  # index of the measure, text
-    read = _measures(columns, {name: XmlNotes(skipped_counts) for name in ids}, meters)
-    played_order = played(turns([list(column.measures.values()) for column in columns]))
-    starts, end, texts = _bars(columns, played_order, meters)
+    measures_read = _measures(
+        measure_columns, {name: XmlNotes(skipped_counts) for name in ids}, meters
+    )
+    played_order = played(turns([list(column.measures.values()) for column in measure_columns]))
+    starts, end_quarter, placed_meters = _bars(measure_columns, played_order, meters)
     voices: dict[str, list[tuple[Fraction, Event]]] = {name: [] for name in ids}
     tempos: list[tuple[Fraction, float]] = []
     n_notes = 0
-    for start, index in zip(starts, played_order, strict=True):
-        for name, events in read[index].items():
-            voices[name] += ((start, event) for event in events)
-            n_notes += sum(event.pitch is not None for event in events)
-            tempos += ((start + e.at, e.tempo) for e in events if e.tempo is not None)
+    for start_quarter, index in zip(starts, played_order, strict=True):
+        for name, part_events in measures_read[index].items():
+            voices[name] += ((start_quarter, event) for event in part_events)
+            n_notes += sum(event.pitch is not None for event in part_events)
+            tempos += ((start_quarter + e.at, e.tempo) for e in part_events if e.tempo is not None)
         if n_notes > MAX_NOTES:
             raise TooLongError(f"more than {MAX_NOTES:,} notes are played")
-    title = score_root.findtext("work/work-title") or score_root.findtext("movement-title") or ""
+    work_title = (
+        score_root.findtext("work/work-title") or score_root.findtext("movement-title") or ""
+    )
     changes = dict(sorted(tempos, key=lambda pair: pair[0]))
     return XmlScore(
-        " ".join(title.split())[:200],
-        float(end),
+        " ".join(work_title.split())[:200],
+        float(end_quarter),
         len(played_order),
-        tuple(XmlPart(name, names.get(name, ""), tuple(_notes(voices[name]))) for name in ids),
+        tuple(XmlPart(name, part_names.get(name, ""), tuple(_notes(voices[name]))) for name in ids),
         tuple((float(quarter), tempo) for quarter, tempo in changes.items()),
-        tuple((float(quarter), meter) for quarter, meter in texts),
+        tuple((float(quarter), meter) for quarter, meter in placed_meters),
         dict(skipped_counts),
     )
 
@@ -128,16 +132,18 @@ def _score(score_root: Element) -> XmlScore:
 def _columns(root: Element) -> list[_Column]:
     """The measures of all parts, by their places."""
     measure_columns: list[_Column] = []
-    for part in root.iterfind("part"):
-        for index, measure in enumerate(part.iterfind("measure")):
-            if index == len(measure_columns):
+    for part_element in root.iterfind("part"):
+        for measure_index, measure in enumerate(part_element.iterfind("measure")):
+            if measure_index == len(measure_columns):
                 measure_columns.append(_Column())
-            measure_columns[index].measures[part.get("id", "")] = measure
+            measure_columns[measure_index].measures[part_element.get("id", "")] = measure
     return measure_columns
 
 
 def _bars(
-    columns: Sequence[_Column], played_order: Sequence[int], meters: Sequence[tuple[int, str]]
+    measure_columns: Sequence[_Column],
+    played_order: Sequence[int],
+    meters: Sequence[tuple[int, str]],
 ) -> tuple[list[Fraction], Fraction, list[tuple[Fraction, str]]]:
     """Where each measure that is played begins, where the last ends, and the meters from where
     they hold, in quarters. An upbeat fills the end of a bar that is whole.
@@ -146,7 +152,7 @@ def _bars(
     starts: list[Fraction] = []
     placed_meters: list[tuple[Fraction, str]] = []
     for turn_number, index in enumerate(played_order):
-        measure_column, meter = columns[index], _current(meters, index)
+        measure_column, meter = measure_columns[index], _current(meters, index)
         is_upbeat = turn_number == 0 and measure_column.is_upbeat
         if is_upbeat:
             measure_start = _length(meter) - measure_column.length
@@ -160,14 +166,14 @@ def _bars(
 
 
 def _measures(
-    columns: Sequence[_Column],
+    measure_columns: Sequence[_Column],
     readers: Mapping[str, XmlNotes],
     meters: list[tuple[int, str]],
 ) -> list[dict[str, list[Event]]]:
     """Read each measure once."""
     measure_events: list[dict[str, list[Event]]] = []
     meter = "4/4"
-    for measure_index, measure_column in enumerate(columns):
+    for measure_index, measure_column in enumerate(measure_columns):
         content_by_part: dict[str, MeasureContent] = {}
         for name, measure in measure_column.measures.items():
             part_content = content_by_part[name] = readers[name].measure(measure)
@@ -215,10 +221,10 @@ def _fitted(meter: str, measure_length: Fraction) -> str:
     """
     if not measure_length or measure_length == _length(meter):
         return meter
-    unit = next(
+    meter_unit = next(
         (unit for unit in (4, 8, 16, 32, 64) if (measure_length * unit / 4).denominator == 1), None
     )
-    return meter if unit is None else f"{int(measure_length * unit / 4)}/{unit}"
+    return meter if meter_unit is None else f"{int(measure_length * meter_unit / 4)}/{meter_unit}"
 
 
 def _length(meter: str) -> Fraction:
@@ -227,19 +233,21 @@ def _length(meter: str) -> Fraction:
     return sum(map(int, beats.split("+"))) * Fraction(4, int(unit))
 
 
-def _notes(events: Sequence[tuple[Fraction, Event]]) -> Iterator[XmlNote]:
+def _notes(placed_events: Sequence[tuple[Fraction, Event]]) -> Iterator[XmlNote]:
     """The notes of a part as they are played: ties join, and levels go by hairpins."""
-    loudness = Loudness([(start + event.at, event) for start, event in events])
+    loudness = Loudness([(start + event.at, event) for start, event in placed_events])
     joined: list[tuple[Fraction, Fraction, Pitch, float | None]] = []
     open_ties: dict[tuple[str, str], int] = {}  # by pitch and voice: the index of the note
-    for start, part_event in events:
+    for start_quarter, part_event in placed_events:
         if part_event.pitch is None:
             continue
-        begins, key = start + part_event.at, (part_event.pitch.word, part_event.voice)
-        if part_event.is_tied_from and key not in open_ties:  # a tie into another voice
-            key = next((open_key for open_key in open_ties if open_key[0] == key[0]), key)
+        begins, tie_key = start_quarter + part_event.at, (part_event.pitch.word, part_event.voice)
+        if part_event.is_tied_from and tie_key not in open_ties:  # a tie into another voice
+            tie_key = next(
+                (open_key for open_key in open_ties if open_key[0] == tie_key[0]), tie_key
+            )
         joined_index = open_ties.pop(
-            key, None
+            tie_key, None
         )  # many files say where ties begin, and not where they end
         if joined_index is not None and joined[joined_index][0] + joined[joined_index][1] == begins:
             begin, lasting, note_pitch, strength = joined[joined_index]
@@ -279,24 +287,24 @@ def notes_of(path: Path, part_name: str | None) -> tuple[tuple[XmlNote, ...], fl
         for score_part in score.parts
         if part_name in (None, score_part.id, score_part.name)
     ]
-    notes = sorted(
+    sorted_notes = sorted(
         (note for score_part in chosen_parts for note in score_part.notes),
         key=lambda note: (note.at, note.key),
     )
-    if notes:
-        return tuple(notes), score.length
+    if sorted_notes:
+        return tuple(sorted_notes), score.length
     parts_with_notes = ", ".join(score_part.label for score_part in score.parts if score_part.notes)
     if not parts_with_notes:
         raise TakeError("it has no notes", path)
     problem = "has no notes" if chosen_parts else "is not there"
     message = f"part {part_name} {problem}; those with notes are {parts_with_notes}"
-    names = [
+    part_names = [
         name
         for score_part in score.parts
         if score_part.notes
         for name in (score_part.id, score_part.name)
     ]
-    raise TakeError(message, path, suggestion=nearest(part_name or "", names), field="channel")
+    raise TakeError(message, path, suggestion=nearest(part_name or "", part_names), field="channel")
 
 
 def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:
@@ -320,8 +328,8 @@ def meters_of(path: Path) -> tuple[tuple[float, Meter], ...]:
     return on_bar_lines(path, read_score(path).meters, _meter)
 
 
-def _meter(text: str) -> Meter:
-    meter = parse_meter(text)
+def _meter(meter_text: str) -> Meter:
+    meter = parse_meter(meter_text)
     if sum(meter.groups) > MAX_BEATS:
-        raise TextError(f"no score has a meter {text}")
+        raise TextError(f"no score has a meter {meter_text}")
     return meter

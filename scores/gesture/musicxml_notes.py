@@ -129,11 +129,11 @@ class XmlNotes:
                     measure_content.events += _before(graces, begin_beat)
                     graces = []
                     onset, cursor = begin_beat, cursor + lasting
-                note = self._note(element, begin_beat, _GRACE if is_grace else lasting)
+                xml_note = self._note(element, begin_beat, _GRACE if is_grace else lasting)
                 if element.find("rest") is None:
                     measure_content.sounding = max(measure_content.sounding, cursor)
-                if note is not None:
-                    (graces if is_grace else measure_content.events).append(note)
+                if xml_note is not None:
+                    (graces if is_grace else measure_content.events).append(xml_note)
             measure_content.length = max(measure_content.length, cursor)
         measure_content.events += _before(graces, cursor)
         return measure_content
@@ -192,12 +192,19 @@ class XmlNotes:
         )
 
     def _pitch(self, pitch_element: Element | None) -> Pitch | None:
-        step = "" if pitch_element is None else (pitch_element.findtext("step") or "").strip()
+        step_letter = (
+            "" if pitch_element is None else (pitch_element.findtext("step") or "").strip()
+        )
         octave = None if pitch_element is None else number(pitch_element.findtext("octave"))
-        if pitch_element is None or step not in _STEPS or octave is None or not -1 <= octave <= 10:
+        if (
+            pitch_element is None
+            or step_letter not in _STEPS
+            or octave is None
+            or not -1 <= octave <= 10
+        ):
             return None
         alter = number(pitch_element.findtext("alter")) or Fraction(0)
-        place = _LETTERS.index(step) + 7 * int(octave)
+        place = _LETTERS.index(step_letter) + 7 * int(octave)
         moved = place + self._diatonic
         alter += self._chromatic - (_height(moved) - _height(place))
         midi_key = 12 + _height(moved) + alter
@@ -206,12 +213,12 @@ class XmlNotes:
             return None
         semitones = int(alter)  # towards the natural note
         if self._is_respelled or abs(semitones) > 2:
-            name = notes.name(nearest)
+            note_name = notes.name(nearest)
             cents = 100 * (midi_key - nearest)
         else:
-            name = f"{_LETTERS[moved % 7]}{_SIGNS[semitones]}{moved // 7}"
+            note_name = f"{_LETTERS[moved % 7]}{_SIGNS[semitones]}{moved // 7}"
             cents = 100 * (alter - semitones)
-        return Pitch(f"{name}{float(cents):+g}cents" if cents else name, nearest)
+        return Pitch(f"{note_name}{float(cents):+g}cents" if cents else note_name, nearest)
 
     def _direction(self, direction: Element, cursor: Fraction) -> Iterator[Event]:
         event_start = cursor
@@ -263,12 +270,12 @@ def _meter(parts: Sequence[tuple[str, str]]) -> str | None:
     smallest_unit = max(meter_units)
     if min(meter_units) < 1 or any(smallest_unit % part_unit for part_unit in meter_units):
         return None
-    groups = [
+    beat_groups = [
         str(int(group) * smallest_unit // part_unit)
         for text, part_unit in zip(meter_texts, meter_units, strict=True)
         for group in text.partition("/")[0].split("+")
     ]
-    return f"{'+'.join(groups)}/{smallest_unit}" if sum(map(int, groups)) else None
+    return f"{'+'.join(beat_groups)}/{smallest_unit}" if sum(map(int, beat_groups)) else None
 
 
 def _dynamics(direction: Element) -> Event | None:
@@ -311,11 +318,11 @@ class Loudness:
         self._instants = [beat for beat, _ in self._levels]
         self._swells: list[tuple[Fraction, Fraction, float, float]] = []
         open_swell: tuple[Fraction, int] | None = None
-        for beat, event in marks:
-            if event.swells:
-                open_swell = beat, event.swells
-            elif event.swells == 0 and open_swell is not None:
-                self._add(*open_swell, beat)
+        for mark_beat, mark_event in marks:
+            if mark_event.swells:
+                open_swell = mark_beat, mark_event.swells
+            elif mark_event.swells == 0 and open_swell is not None:
+                self._add(*open_swell, mark_beat)
                 open_swell = None
         self._begins = [begin for begin, *_ in self._swells]
 
@@ -323,12 +330,12 @@ class Loudness:
         """A hairpin: up to the mark at its end or within a quarter of it, else by one word."""
         low_strength = self._level_from(begin)
         low_strength = _MEZZO_FORTE if low_strength is None else low_strength
-        place = bisect_right(self._instants, end - Fraction(1, 1024))
-        high = min(1.0, max(0.0, low_strength + direction * _STEP))
-        if place < len(self._levels) and self._instants[place] <= end + 1:
-            high = self._levels[place][1].level or 0.0
+        mark_place = bisect_right(self._instants, end - Fraction(1, 1024))
+        high_strength = min(1.0, max(0.0, low_strength + direction * _STEP))
+        if mark_place < len(self._levels) and self._instants[mark_place] <= end + 1:
+            high_strength = self._levels[mark_place][1].level or 0.0
         if end > begin:
-            self._swells.append((begin, end, low_strength, high))
+            self._swells.append((begin, end, low_strength, high_strength))
 
     def _level_from(self, event_beat: Fraction) -> float | None:
         """The strength without hairpins that go on at an instant."""
@@ -344,12 +351,12 @@ class Loudness:
 
     def strength(self, beat: Fraction, event: Event) -> float | None:
         """The strength of a note; None if nothing is said."""
-        place = bisect_right(self._begins, beat)
+        begin_place = bisect_right(self._begins, beat)
         note_strength = event.strength
         if note_strength is None:
             note_strength = self._level_from(beat)
-            if place and beat < self._swells[place - 1][1]:
-                begin, end, low, high = self._swells[place - 1]
+            if begin_place and beat < self._swells[begin_place - 1][1]:
+                begin, end, low, high = self._swells[begin_place - 1]
                 note_strength = low + (high - low) * float((beat - begin) / (end - begin))
         if event.is_accented or beat in self._strokes:
             note_strength = min(

@@ -39,7 +39,7 @@ def turns(measure_columns: Sequence[Sequence[Element]]) -> list[Turns]:
     """What measures say, each of them as all parts have it."""
     turns_by_measure = [Turns() for _ in measure_columns]
     endings: frozenset[int] = frozenset()
-    for number, (part_turns, measures) in enumerate(
+    for measure_number, (part_turns, measures) in enumerate(
         zip(turns_by_measure, measure_columns, strict=True)
     ):
         opened, closed = _marks(measures, part_turns)
@@ -49,7 +49,7 @@ def turns(measure_columns: Sequence[Sequence[Element]]) -> list[Turns]:
             endings = frozenset()
         if part_turns.passes == 1:  # a repeat without a number of times
             last_ending = max(part_turns.endings, default=1)
-            part_turns.passes = max(2, last_ending + _follows(measure_columns, number))
+            part_turns.passes = max(2, last_ending + _follows(measure_columns, measure_number))
     return turns_by_measure
 
 
@@ -96,12 +96,12 @@ def _sound(sound_element: Element, part_turns: Turns) -> None:
 
 def played(measures: Sequence[Turns]) -> list[int]:
     """The indices of measures in the order in which they are played. Raises TooLongError."""
-    result: list[int] = []
-    for number in _walk(measures):
-        if len(result) >= MAX_PLAYED:
+    played_measures: list[int] = []
+    for measure_number in _walk(measures):
+        if len(played_measures) >= MAX_PLAYED:
             raise TooLongError(f"it has more than {MAX_PLAYED:,} measures, with its repeats")
-        result.append(number)
-    return result
+        played_measures.append(measure_number)
+    return played_measures
 
 
 def _walk(measures: Sequence[Turns]) -> Iterator[int]:
@@ -124,19 +124,21 @@ def _walk(measures: Sequence[Turns]) -> Iterator[int]:
         if has_jumped and part_turns.is_fine:
             return
         if has_jumped and part_turns.to_coda:
-            target = next(
+            target_index = next(
                 (i for i, measure in enumerate(measures) if part_turns.to_coda in measure.codas),
                 None,
             )
-            if target is not None and target > measure_index:
-                measure_index = section_start = target
+            if target_index is not None and target_index > measure_index:
+                measure_index = section_start = target_index
                 turn_number = 1
                 continue
         if part_turns.jumps_to and not has_jumped:
-            names = (
+            jump_names = (
                 i for i, measure in enumerate(measures) if part_turns.jumps_to in measure.segnos
             )
-            measure_index = section_start = 0 if part_turns.jumps_to == "capo" else next(names, 0)
+            measure_index = section_start = (
+                0 if part_turns.jumps_to == "capo" else next(jump_names, 0)
+            )
             has_jumped, turn_number = True, 1
             continue
         measure_index += 1
@@ -149,11 +151,14 @@ def _walk(measures: Sequence[Turns]) -> Iterator[int]:
             section_start, turn_number = measure_index, 1
 
 
-def _is_in_turn(measures: Sequence[Turns], number: int, turn: int, has_jumped: bool) -> bool:
+def _is_in_turn(measures: Sequence[Turns], turn_number: int, turn: int, has_jumped: bool) -> bool:
     """Whether an ending is played in this pass; after a jump the last one is."""
     if not has_jumped:
-        return turn in measures[number].endings
-    after = number
-    while after < len(measures) and measures[after].endings == measures[number].endings:
-        after += 1
-    return after >= len(measures) or not measures[after].endings
+        return turn in measures[turn_number].endings
+    number_after = turn_number
+    while (
+        number_after < len(measures)
+        and measures[number_after].endings == measures[turn_number].endings
+    ):
+        number_after += 1
+    return number_after >= len(measures) or not measures[number_after].endings

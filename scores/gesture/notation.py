@@ -79,24 +79,26 @@ class _Group:
         point_word = match.group()
         x, x_unit, plus, t, part, t_unit = match.groups()
         x_metres = metres(x, x_unit, offset)
-        beats, seconds = instant(t, part, t_unit, offset + match.start(4))
+        beats, point_seconds = instant(t, part, t_unit, offset + match.start(4))
         if plus:
             beats += self.beats
-            seconds += self.seconds
-        self._advance(beats, seconds, offset + match.start(4), len(point_word) - match.start(4))
-        self.events.append(_Event(beats, seconds, x_metres, curve, offset, len(point_word)))
+            point_seconds += self.seconds
+        self._advance(
+            beats, point_seconds, offset + match.start(4), len(point_word) - match.start(4)
+        )
+        self.events.append(_Event(beats, point_seconds, x_metres, curve, offset, len(point_word)))
 
     def row(self, match: re.Match[str], default: str, offset: int) -> None:
         """Add the point of a table row."""
         t, part, t_unit, x, x_unit, curve_name = match.groups()
         row_start = offset + match.start(1)
-        beats, seconds = instant(t, part, t_unit, row_start)
+        beats, point_seconds = instant(t, part, t_unit, row_start)
         x_metres = metres(x, x_unit, offset + match.start(4))
         curve = default if curve_name is None else curve_word(curve_name, offset + match.start(6))
-        self._advance(beats, seconds, row_start, match.end(3) - match.start(1))
+        self._advance(beats, point_seconds, row_start, match.end(3) - match.start(1))
         stop = match.end(5) if curve_name is None else match.end(6)
         self.events.append(
-            _Event(beats, seconds, x_metres, curve, row_start, stop - match.start(1))
+            _Event(beats, point_seconds, x_metres, curve, row_start, stop - match.start(1))
         )
 
     def bar_check(self, offset: int) -> None:
@@ -118,15 +120,17 @@ class _Group:
         self.beats += count * group.beats
         self.seconds += count * group.seconds
 
-    def _advance(self, point_beats: float, point_seconds: float, offset: int, length: int) -> None:
+    def _advance(
+        self, point_beats: float, point_seconds: float, point_offset: int, point_length: int
+    ) -> None:
         # Beats and seconds can be compared only with a tempo; a point that is earlier in both is an
         # error.
         early = point_beats < self.beats - SAME or point_seconds < self.seconds - SAME
         if early and point_beats <= self.beats + SAME and point_seconds <= self.seconds + SAME:
             raise TextError(
                 "this point is earlier than the point before it; times must rise",
-                offset=offset,
-                length=length,
+                offset=point_offset,
+                length=point_length,
             )
         self.beats, self.seconds = point_beats, point_seconds
 
@@ -140,7 +144,7 @@ def parse(text: str, first_curve: str = "smooth", events_max: int = MAX_EVENTS) 
     stack = [_Group(0, events_max)]
     pending: tuple[str, int] | None = None  # a curve word without its point
     for token_match in _TOKEN.finditer(text):
-        opened, closed, count, bar_sign, curve_name = token_match.groups()
+        opened, closed, count_text, bar_sign, curve_name = token_match.groups()
         if opened:
             _need_point(stack, token_match.start(1), opened)
             if len(stack) > MAX_DEPTH:
@@ -150,7 +154,7 @@ def parse(text: str, first_curve: str = "smooth", events_max: int = MAX_EVENTS) 
             stack.append(_Group(token_match.start(1), events_max))
         elif closed:
             _no_pending(pending)
-            _close(stack, token_match, count)
+            _close(stack, token_match, count_text)
         elif bar_sign:
             _need_point(stack, token_match.start(4), bar_sign)
             stack[-1].bar_check(token_match.start(4))
@@ -183,25 +187,25 @@ def parse_table(text: str, curve: str = "smooth", events_max: int = MAX_EVENTS) 
     only_group = _Group(0)
     line_offset = 0
     for table_line in text.split("\n"):
-        row = ROW.fullmatch(table_line.rstrip("\r"))
-        if row is None:
+        row_match = ROW.fullmatch(table_line.rstrip("\r"))
+        if row_match is None:
             raise row_error(table_line, line_offset)
-        if row.group(1) is not None:
-            only_group.row(row, curve, line_offset)
+        if row_match.group(1) is not None:
+            only_group.row(row_match, curve, line_offset)
             if len(only_group.events) > events_max:
                 raise TextError(_too_many("this table has", events_max), offset=line_offset)
         line_offset += len(table_line) + 1
     return _joined(only_group.events)
 
 
-def _need_point(stack: list[_Group], offset: int, sign_word: str) -> None:
+def _need_point(stack: list[_Group], sign_offset: int, sign_word: str) -> None:
     if len(stack) == 1 and not stack[0].events:
         example = (
             "0mm@0 before the group: 0mm@0 ( … )*4" if sign_word == "(" else "one, such as 0mm@0"
         )
         raise TextError(
             f"a notation begins with a point; write {example}",
-            offset=offset,
+            offset=sign_offset,
             length=len(sign_word),
             suggestion=None
             if sign_word in "(|" or sign_word in CURVES
@@ -216,21 +220,23 @@ def _no_pending(pending: tuple[str, int] | None) -> None:
 
 
 def _close(stack: list[_Group], token_match: re.Match[str], count_text: str | None) -> None:
-    offset = token_match.start(2)
+    count_offset = token_match.start(2)
     if len(stack) == 1:
-        raise TextError("')' has no '(' before it", offset=offset)
+        raise TextError("')' has no '(' before it", offset=count_offset)
     if count_text is None:
-        raise TextError("this group has no number of repetitions; write ( … )*4", offset=offset)
+        raise TextError(
+            "this group has no number of repetitions; write ( … )*4", offset=count_offset
+        )
     if not re.fullmatch(r"[0-9]{1,9}", count_text) or int(count_text) == 0:
         raise TextError(
             f"'{count_text}' is not a number of repetitions; write ( … )*4",
             offset=token_match.start(3),
             length=len(count_text),
         )
-    group = stack.pop()
-    if all(event.x is None for event in group.events):
-        raise TextError("this group has no points", offset=group.offset)
-    stack[-1].repeat(group, int(count_text), group.offset)
+    closed_group = stack.pop()
+    if all(event.x is None for event in closed_group.events):
+        raise TextError("this group has no points", offset=closed_group.offset)
+    stack[-1].repeat(closed_group, int(count_text), closed_group.offset)
 
 
 def _joined(notation_events: list[_Event]) -> Notation:

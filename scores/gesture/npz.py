@@ -117,38 +117,38 @@ class Npz:
     def blocks(self, row: Row) -> Iterator[Floats]:
         """The numbers of a row, some at a time. Raises TakeError."""
         n_values = row.length
-        with _as_take_error(self._path), self._archive.open(row.member) as file:
-            file.read(row.offset)
+        with _as_take_error(self._path), self._archive.open(row.member) as open_file:
+            open_file.read(row.offset)
             while True:
                 # Read once more at the end, so that zipfile checks the checksum.
-                data = file.read(min(n_values, _BLOCK) * row.dtype.itemsize or 1)
+                file_bytes = open_file.read(min(n_values, _BLOCK) * row.dtype.itemsize or 1)
                 if not n_values:
                     return
-                numbers = np.frombuffer(data, dtype=row.dtype)
-                if len(numbers) != min(n_values, _BLOCK):
+                block_numbers = np.frombuffer(file_bytes, dtype=row.dtype)
+                if len(block_numbers) != min(n_values, _BLOCK):
                     raise TakeError(f"'{row.name[:40]}' is cut short", self._path)
-                n_values -= len(numbers)
+                n_values -= len(block_numbers)
                 with np.errstate(all="ignore"):
-                    yield numbers.astype(np.float64)
+                    yield block_numbers.astype(np.float64)
 
-    def array(self, row: Row) -> Floats:
+    def array(self, array_row: Row) -> Floats:
         """All numbers of a row. Raises TakeError."""
-        numbers, first_row = np.empty(row.length), 0
-        for block in self.blocks(row):
-            numbers[first_row : first_row + len(block)] = block
+        array_numbers, first_row = np.empty(array_row.length), 0
+        for block in self.blocks(array_row):
+            array_numbers[first_row : first_row + len(block)] = block
             first_row += len(block)
-        return numbers
+        return array_numbers
 
 
 @contextmanager
 def npz(path: Path) -> Iterator[Npz]:
     """The arrays of an open file, as a context. Raises TakeError, OSError."""
-    with _Bounded(opened(path).detach()) as file:
-        size = os.fstat(file.fileno()).st_size
+    with _Bounded(opened(path).detach()) as open_file:
+        file_size = os.fstat(open_file.fileno()).st_size
         with _as_take_error(path):
-            archive = zipfile.ZipFile(file)
+            archive = zipfile.ZipFile(open_file)
         with archive:
-            yield Npz(path, archive, size)
+            yield Npz(path, archive, file_size)
 
 
 @contextmanager

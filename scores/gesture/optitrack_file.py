@@ -84,10 +84,10 @@ def read(path: Path) -> Motion:
     )
 
 
-def _frames(rows: _Rows) -> Iterator[tuple[str, int]]:
-    with opened_text(rows.path) as file:
-        for number, line in lines(file, rows.path):
-            if number >= rows.first:
+def _frames(frame_rows: _Rows) -> Iterator[tuple[str, int]]:
+    with opened_text(frame_rows.path) as file:
+        for number, line in lines(file, frame_rows.path):
+            if number >= frame_rows.first:
                 yield line, number
 
 
@@ -111,7 +111,7 @@ def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
     wide = [row + [""] * (header_width - len(row)) for row in header_rows[1:]]
     # Older files have no labels before their header rows: the first is the kind, the second the
     # name.
-    names = next((row for row in wide if "Name" in row[:2]), wide[min(1, len(wide) - 1)])
+    column_names = next((row for row in wide if "Name" in row[:2]), wide[min(1, len(wide) - 1)])
     column_kinds = wide[-1]
     starts = [
         column
@@ -124,16 +124,16 @@ def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
             "this file of Motive has no columns called Position, X, Y, Z", path, line_number
         )
     return header, _Rows(
-        path, line_number + 1, header_width, [names[column] for column in starts], starts
+        path, line_number + 1, header_width, [column_names[column] for column in starts], starts
     )
 
 
-def _cells(line: str, path: Path, number: int) -> list[str]:
+def _cells(line_text: str, path: Path, line_number: int) -> list[str]:
     """Cells of a line of the header: a name may be quoted."""
     try:
-        return next(csv.reader([line], strict=True))
+        return next(csv.reader([line_text], strict=True))
     except csv.Error:
-        raise TakeError("a quotation in this line is not closed", path, number) from None
+        raise TakeError("a quotation in this line is not closed", path, line_number) from None
 
 
 def _count(count_text: str, path: Path) -> int:

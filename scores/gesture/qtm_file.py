@@ -67,12 +67,12 @@ def read(path: Path) -> Motion:
     def blocks() -> Iterator[Floats]:
         with opened_text(path) as file:
             numbered_lines = lines(file, path)
-            values = (
+            positions_read = (
                 layout.values(line, line_number)
                 for line_number, line in numbered_lines
                 if line_number >= layout.first
             )
-            yield from map(_seen, in_blocks(values, n, path))
+            yield from map(_seen, in_blocks(positions_read, n, path))
 
     rate = _rate(header.get("FREQUENCY", []), path)
     return judged(
@@ -94,10 +94,10 @@ def _header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
     with opened_text(path) as file:
         first_row = 0, ""
         for numbered_line in lines(file, path):
-            word, *values = numbered_line[1].split("\t")
+            label_word, *values = numbered_line[1].split("\t")
             if header.keys().isdisjoint(_WIDTHS):
-                header[word.strip()] = values
-            elif word not in _AFTER_NAMES:
+                header[label_word.strip()] = values
+            elif label_word not in _AFTER_NAMES:
                 first_row = numbered_line
                 break
     name_kind = next((kind for kind in _WIDTHS if kind in header), "MARKER_NAMES")
@@ -111,12 +111,12 @@ def _header(path: Path) -> tuple[dict[str, list[str]], _RowLayout]:
             "header",
             path,
         )
-    number, cells = first_row[0], first_row[1].split("\t")
+    row_number, cells = first_row[0], first_row[1].split("\t")
     # Column titles may come first. Every line may end in a tab; then the line of names does too.
     has_titles = any(cell[:1].isalpha() for cell in cells)
     is_tabbed = not header[name_kind][-1].strip()
     leading = min(max(len(cells) - column_count * len(marker_names) - is_tabbed, 0), _LEADING_MAX)
-    return header, _RowLayout(path, marker_names, number + has_titles, leading, column_count)
+    return header, _RowLayout(path, marker_names, row_number + has_titles, leading, column_count)
 
 
 def _count(values: list[str], path: Path) -> int:
@@ -125,12 +125,12 @@ def _count(values: list[str], path: Path) -> int:
     return int(values[0])
 
 
-def _rate(values: list[str], path: Path) -> float | None:
+def _rate(cell_values: list[str], path: Path) -> float | None:
     """The frame rate [Hz]; None if an external clock drives the cameras."""
-    if values[:1] == ["EXT"]:
+    if cell_values[:1] == ["EXT"]:
         return None
     try:
-        rate = float(values[0])
+        rate = float(cell_values[0])
     except (ValueError, IndexError):
         rate = 0.0
     if not 0 < rate <= 1e6:

@@ -18,24 +18,27 @@ if TYPE_CHECKING:
     from ergon.notation.text.values import Point
 
 
-def sampled(gesture_points: Sequence[Point], beat: float, rate: float) -> NDArray[np.float64]:
-    """Positions (n,) [m], `rate` a second, of points in beats of `beat` [s]; from 0 to the last.
+def sampled(
+    gesture_points: Sequence[Point], beat_seconds: float, rate: float
+) -> NDArray[np.float64]:
+    """Positions (n,) [m], `rate` a second, of points in beats of `beat_seconds` [s]; from 0 to the
+    last.
 
     The engine plays the path with a key of its own, so that a `throw` here flies like a free
     mass. Raises TextError at the point that the engine refuses, or that no mass reaches.
     """
-    t = [point.at.beats * beat + point.at.seconds for point in gesture_points]
+    t = [point.at.beats * beat_seconds + point.at.seconds for point in gesture_points]
     network = Network()
     hand_mass = network.mas("hand", M=1.0, X0=gesture_points[0].x)
     timeline = Timeline(network, rate)
-    key = timeline.key("hand", hand_mass)
+    hand_key = timeline.key("hand", hand_mass)
     curves = [point.curve for point in gesture_points]
     x = [point.x for point in gesture_points]
     if t[-1] * rate >= MAX_SAMPLES:
         message = f"this gesture has more than {MAX_SAMPLES:,} samples at {rate:g} Hz"
         raise _wrong(gesture_points, len(gesture_points) - 1, message)
     try:
-        timeline.gesture(key, t, x, curves, touch="tracked")  # type: ignore[arg-type]
+        timeline.gesture(hand_key, t, x, curves, touch="tracked")  # type: ignore[arg-type]
         simulation = Simulation(network, timeline)
     except EngineError as error:
         raise _wrong(gesture_points, error.index or 0, error.sentence) from None

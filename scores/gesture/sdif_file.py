@@ -55,27 +55,27 @@ def columns(path: Path, passed_over: Counter[str] | None = None) -> dict[str, Co
     columns_found: dict[_Key, Column] = {}
     declared: dict[bytes, list[str]] = {}
     n_values = 0
-    for name, t, stream, matrix in _matrices(path, declared, skipped):
+    for matrix_name, t, stream, matrix in _matrices(path, declared, skipped):
         n_values += matrix.size
         if matrix.size > MAX_CHANNELS:
             raise TakeError(_TOO_MANY, path)
         if n_values > MAX_SAMPLES:
             raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
         for row, values in enumerate(matrix.tolist()):
-            for column, value in enumerate(values):
-                key = name, stream, row, column
-                if (known_column := columns_found.get(key)) is None:
+            for column, column_value in enumerate(values):
+                column_key = matrix_name, stream, row, column
+                if (known_column := columns_found.get(column_key)) is None:
                     if len(columns_found) == MAX_CHANNELS:
                         raise TakeError(_TOO_MANY, path)
-                    known_column = columns_found[key] = Column(array("d"), array("d"))
+                    known_column = columns_found[column_key] = Column(array("d"), array("d"))
                 known_column.t.append(t)
-                known_column.x.append(value)
+                known_column.x.append(column_value)
     if not columns_found:
         raise TakeError("the file has no matrices of numbers", path)
     return _named(columns_found, declared)
 
 
-def track(path: Path, channel_name: str | None, unit: float | None) -> tuple[Floats, Floats]:
+def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tuple[Floats, Floats]:
     """Instants [s] and positions [m] of a column, both counted from its first value."""
     all_columns = columns(path)
     if channel_name is None and len(all_columns) == 1:
@@ -92,7 +92,7 @@ def track(path: Path, channel_name: str | None, unit: float | None) -> tuple[Flo
             suggestion=nearest(channel_name, all_columns),
             field="channel",
         )
-    metres = scale(None, unit, path)
+    metres = scale(None, metre_unit, path)
     t, x = np.frombuffer(all_columns[channel_name].t), np.frombuffer(all_columns[channel_name].x)
     return t - t[0], (x - x[0]) * metres
 
@@ -112,12 +112,14 @@ def _named(
         matrix_name, stream, row_index, column_index = key
         titles = declared.get(matrix_name, [])
         title = titles[column_index] if column_index < len(titles) else str(column_index + 1)
-        word = f"{matrix_name.decode('latin-1')}.{title}"
+        column_word = f"{matrix_name.decode('latin-1')}.{title}"
         if len(streams[matrix_name, row_index, column_index]) > 1:
-            word += f" stream {stream}"
+            column_word += f" stream {stream}"
         if len(rows_by_column[matrix_name, stream, column_index]) > 1:
-            word += f" row {row_index + 1}"
-        by_word[word if word not in by_word else f"{word} ({column_index + 1})"] = column_of
+            column_word += f" row {row_index + 1}"
+        by_word[
+            column_word if column_word not in by_word else f"{column_word} ({column_index + 1})"
+        ] = column_of
     return by_word
 
 
@@ -141,11 +143,11 @@ def _matrices(
             if frame_header in _TEXTS or len(frame_bytes) < _FRAME.size:
                 skipped[f"frame {_printed(frame_header)} without columns"] += 1
                 continue
-            t, stream, count = _FRAME.unpack_from(frame_bytes)
+            t, stream, matrix_count = _FRAME.unpack_from(frame_bytes)
             if not math.isfinite(t):  # it applies to the whole file
                 skipped[f"frame {_printed(frame_header)} without an instant"] += 1
                 continue
-            matrices = _frame_matrices(frame_bytes, count, path, skipped)
+            matrices = _frame_matrices(frame_bytes, matrix_count, path, skipped)
             yield from ((name, t, stream, x) for name, x in matrices)
 
 
@@ -153,15 +155,15 @@ def _printed(name: bytes) -> str:
     return name.decode("latin-1")
 
 
-def _body(open_file: BufferedReader, size: int, path: Path) -> bytes:
+def _body(open_file: BufferedReader, file_size: int, path: Path) -> bytes:
     """The content of a frame, which follows its size."""
     size_bytes = open_file.read(4)
-    length = int.from_bytes(size_bytes, "big")
-    if len(size_bytes) < 4 or length > size - open_file.tell():
+    body_length = int.from_bytes(size_bytes, "big")
+    if len(size_bytes) < 4 or body_length > file_size - open_file.tell():
         raise TakeError("the file ends within a frame", path)
-    if length > _FRAME_MAX:
+    if body_length > _FRAME_MAX:
         raise TakeError("the file has a frame of more than 16 MB", path)
-    return open_file.read(length)
+    return open_file.read(body_length)
 
 
 def _declare(data: bytes, declared: dict[bytes, list[str]]) -> None:
@@ -172,11 +174,11 @@ def _declare(data: bytes, declared: dict[bytes, list[str]]) -> None:
 
 
 def _frame_matrices(
-    frame_bytes: bytes, count: int, path: Path, skipped: Counter[str]
+    frame_bytes: bytes, matrix_count: int, path: Path, skipped: Counter[str]
 ) -> Iterator[tuple[bytes, Floats]]:
     """Name and numbers of each matrix of a frame; matrices of other types go into `skipped`."""
     matrix_offset = _FRAME.size
-    for _ in range(count):
+    for _ in range(matrix_count):
         if matrix_offset + _MATRIX.size > len(frame_bytes):
             raise TakeError("the file has a frame that is too short for its matrices", path)
         matrix_name, matrix_type, n_rows, n_columns = _MATRIX.unpack_from(
@@ -187,10 +189,10 @@ def _frame_matrices(
         if matrix_offset + matrix_bytes > len(frame_bytes):
             raise TakeError("the file has a matrix that is longer than its frame", path)
         if matrix_type in _TYPES and matrix_bytes:
-            values = np.frombuffer(
+            cell_values = np.frombuffer(
                 frame_bytes, _TYPES[matrix_type], n_rows * n_columns, matrix_offset
             )
-            yield matrix_name, values.astype(np.float64).reshape(n_rows, n_columns)
+            yield matrix_name, cell_values.astype(np.float64).reshape(n_rows, n_columns)
         else:
             skipped[f"matrix {_printed(matrix_name)} without numbers"] += 1
         matrix_offset += matrix_bytes + -matrix_bytes % 8  # padded

@@ -63,20 +63,21 @@ def parse(
 
     Raises TextError with the characters at fault.
     """
-    points = [_brackets(match) for match in _POSITIONS.finditer(path_text)]
+    bracket_points = [_brackets(match) for match in _POSITIONS.finditer(path_text)]
     n_axes = axes(path_text)
-    _check(path_text, points, n_axes)
+    _check(path_text, bracket_points, n_axes)
     return tuple(
-        _along(path_text, points, axis, curve, events_max // n_axes) for axis in range(n_axes)
+        _along(path_text, bracket_points, axis, curve, events_max // n_axes)
+        for axis in range(n_axes)
     )
 
 
-def _brackets(match: re.Match[str]) -> _Brackets:
-    parts, offset = [], match.start(1)
-    for part in match[1].split(","):
-        parts.append((offset + len(part) - len(part.lstrip()), part.strip()))
-        offset += len(part) + 1
-    return _Brackets(match.start(), match.end(), tuple(parts))
+def _brackets(bracket_match: re.Match[str]) -> _Brackets:
+    position_parts, part_offset_here = [], bracket_match.start(1)
+    for part in bracket_match[1].split(","):
+        position_parts.append((part_offset_here + len(part) - len(part.lstrip()), part.strip()))
+        part_offset_here += len(part) + 1
+    return _Brackets(bracket_match.start(), bracket_match.end(), tuple(position_parts))
 
 
 def _check(path_text: str, points: Sequence[_Brackets], n_axes: int) -> None:
@@ -92,27 +93,35 @@ def _check(path_text: str, points: Sequence[_Brackets], n_axes: int) -> None:
         if path_text[bracket_stop : bracket_stop + 1] != "@":
             message = f"'{point_text[:40]}' has no time; write {point_text[:40]}@1/4"
             raise TextError(message, offset=bracket_start, length=bracket_stop - bracket_start)
-    for match in _ALONE.finditer(path_text):
-        if path_text[match.start() - 1 : match.start()] != ")" or match[0][0] != "@":
+    for alone_match in _ALONE.finditer(path_text):
+        if (
+            path_text[alone_match.start() - 1 : alone_match.start()] != ")"
+            or alone_match[0][0] != "@"
+        ):
             example = ", ".join(("0mm",) * n_axes)
             message = f"this point has one position; write one for each axis: ({example})@…"
-            raise TextError(message, offset=match.start(), length=len(match[0]))
+            raise TextError(message, offset=alone_match.start(), length=len(alone_match[0]))
 
 
 def _along(
-    path_text: str, points: Sequence[_Brackets], axis: int, curve: str, events_max: int
+    path_text: str, bracket_points: Sequence[_Brackets], axis: int, curve: str, events_max: int
 ) -> Notation:
     """The notation along one axis, with offsets into the text as written."""
     pieces: list[str] = []
     piece_end = 0
     # By the offset of a position in the text that is parsed: where it is in the text as written.
     begins: dict[int, _PositionInText] = {}
-    for bracket_start, bracket_stop, parts in points:
-        part_offset, part = parts[axis]
+    for bracket_start, bracket_stop, parts in bracket_points:
+        part_offset, axis_text = parts[axis]
         # The replacement has the same length, with the position next to its time, so that other
         # offsets stay.
-        pieces += (path_text[piece_end:bracket_start], part.rjust(bracket_stop - bracket_start))
-        begins[bracket_stop - len(part)] = _PositionInText(bracket_start, part_offset, len(part))
+        pieces += (
+            path_text[piece_end:bracket_start],
+            axis_text.rjust(bracket_stop - bracket_start),
+        )
+        begins[bracket_stop - len(axis_text)] = _PositionInText(
+            bracket_start, part_offset, len(axis_text)
+        )
         piece_end = bracket_stop
     try:
         axis_notation = notation.parse("".join((*pieces, path_text[piece_end:])), curve, events_max)
@@ -124,8 +133,8 @@ def _along(
             error.offset += begins[begin].text_start - begin
         raise
     points_placed = []
-    for point in axis_notation.points:
-        bracket_start = begins[point.offset].start
-        length = point.offset + point.length - bracket_start
-        points_placed.append(replace(point, offset=bracket_start, length=length))
+    for axis_point in axis_notation.points:
+        bracket_start = begins[axis_point.offset].start
+        length = axis_point.offset + axis_point.length - bracket_start
+        points_placed.append(replace(axis_point, offset=bracket_start, length=length))
     return replace(axis_notation, points=tuple(points_placed))

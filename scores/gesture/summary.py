@@ -73,10 +73,10 @@ _BLOCK = 4096  # rows
 def summary(path: Path) -> Table:
     """Summarise a file of one of SUFFIXES in one pass. Raises TakeError or OSError."""
     with np.errstate(all="ignore"):
-        table = _SUMMARIES[path.suffix.lower()](path)
-    if not table.n_rows:
+        file_table = _SUMMARIES[path.suffix.lower()](path)
+    if not file_table.n_rows:
         raise TakeError("the file has no numbers", path)
-    return table
+    return file_table
 
 
 def _table(path: Path) -> Table:
@@ -97,10 +97,10 @@ def _table(path: Path) -> Table:
                         "this line is not a row of numbers", path, line_number
                     ) from None
                 if time_index is not None:
-                    instant = number_in(line_cells[time_index], path, line_number)
-                    if not instant > instant_before:
-                        raise falling_time(instant, instant_before, path, line_number)
-                    instant_before = instant
+                    row_instant = number_in(line_cells[time_index], path, line_number)
+                    if not row_instant > instant_before:
+                        raise falling_time(row_instant, instant_before, path, line_number)
+                    instant_before = row_instant
                 if len(value_block) * len(table_columns) >= _BLOCK:
                     n_rows += _added(table_columns, value_block)
             n_rows += _added(table_columns, value_block)
@@ -109,12 +109,12 @@ def _table(path: Path) -> Table:
     return Table(n_rows, table_columns)
 
 
-def _added(columns: Sequence[Column], block: list[list[float]]) -> int:
+def _added(table_columns: Sequence[Column], value_block: list[list[float]]) -> int:
     """Add some rows to the columns; returns their number."""
-    n_rows = len(block)
-    for column, values in zip(columns, zip(*block, strict=True), strict=False):
+    n_rows = len(value_block)
+    for column, values in zip(table_columns, zip(*value_block, strict=True), strict=False):
         column.add(values)
-    block.clear()
+    value_block.clear()
     return n_rows
 
 
@@ -123,19 +123,21 @@ def _npz(path: Path) -> Table:
     table_columns, passed_over = [], []
     n_rows = 0
     with npz(path) as arrays:
-        for index in range(len(arrays.names)):
-            array_row = arrays.row(index)
+        for array_index in range(len(arrays.names)):
+            array_row = arrays.row(array_index)
             if array_row is None or not array_row.length:
-                passed_over.append(f"array {arrays.names[index]}, which is not a row of numbers")
+                passed_over.append(
+                    f"array {arrays.names[array_index]}, which is not a row of numbers"
+                )
                 continue
-            column = Column(array_row.name)
-            for block in arrays.blocks(array_row):
-                if column.is_time and not np.isfinite(block).all():
+            table_column = Column(array_row.name)
+            for value_block in arrays.blocks(array_row):
+                if table_column.is_time and not np.isfinite(value_block).all():
                     raise TakeError(
                         f"'{array_row.name[:40]}' has an instant that is not finite", path
                     )
-                column.add(block)
-            table_columns.append(column)
+                table_column.add(value_block)
+            table_columns.append(table_column)
             n_rows = max(n_rows, array_row.length)
     return Table(n_rows, tuple(table_columns), None, tuple(passed_over))
 
@@ -178,12 +180,12 @@ def _sdif(path: Path) -> Table:
     table_columns, time_column = [], Column("t [s]")
     n_rows = 0
     passed_over = Counter[str]()
-    for name, column in sdif_file.columns(path, passed_over).items():
+    for name, table_column in sdif_file.columns(path, passed_over).items():
         table_columns.append(Column(name))
-        table_columns[-1].add(np.frombuffer(column.x))
-        if len(column.t) > n_rows:
-            n_rows, time_column = len(column.t), Column("t [s]")
-            time_column.add(np.frombuffer(column.t))
+        table_columns[-1].add(np.frombuffer(table_column.x))
+        if len(table_column.t) > n_rows:
+            n_rows, time_column = len(table_column.t), Column("t [s]")
+            time_column.add(np.frombuffer(table_column.t))
     passed = (
         f"{matrix_type}, {n} times" if n > 1 else matrix_type
         for matrix_type, n in passed_over.items()

@@ -56,15 +56,15 @@ def sheet(file: IO[str], path: Path) -> Sheet:
             header_number,
         )
     table_rows = _rows(numbered, len(column_names), separator, path)
-    first = next(table_rows, None)
-    if first is not None and (units := _units(column_names, first[1])) is not None:
+    first_row = next(table_rows, None)
+    if first_row is not None and (units := _units(column_names, first_row[1])) is not None:
         pairs = zip(column_names, units, strict=True)
         column_names = [f"{name} [{unit}]" if unit else name for name, unit in pairs]
-        first = None
+        first_row = None
     return Sheet(
         _named(column_names),
         header_number,
-        table_rows if first is None else itertools.chain([first], table_rows),
+        table_rows if first_row is None else itertools.chain([first_row], table_rows),
     )
 
 
@@ -74,22 +74,22 @@ def _separator(header: str) -> str:
     return next((candidate for candidate in _SEPARATORS if candidate in bare), ",")
 
 
-def _units(names: list[str], cells: list[str]) -> list[str] | None:
+def _units(column_names: list[str], cells: list[str]) -> list[str] | None:
     """The units of a row that has nothing else, below names without units."""
     units = [cell.strip().strip("[]()") for cell in cells]
     is_row = any(units) and all(unit in _UNITS for unit in units if unit)
-    return units if is_row and not any(map(_WITH_UNIT.fullmatch, names)) else None
+    return units if is_row and not any(map(_WITH_UNIT.fullmatch, column_names)) else None
 
 
-def _named(names: list[str]) -> list[str]:
+def _named(column_names: list[str]) -> list[str]:
     """The names with their units in brackets, and `t` for a column that is called time."""
     named_columns = []
-    for name in names:
-        match = _WITH_UNIT.fullmatch(name)
-        word, unit = name, None
-        if match and (match[2] is None or match[2].strip() in _UNITS):
-            word, unit = match[1], (match[2] or match[3] or "").strip()
-        named_columns.append((word, unit))
+    for name in column_names:
+        unit_match = _WITH_UNIT.fullmatch(name)
+        name_text, unit_text = name, None
+        if unit_match and (unit_match[2] is None or unit_match[2].strip() in _UNITS):
+            name_text, unit_text = unit_match[1], (unit_match[2] or unit_match[3] or "").strip()
+        named_columns.append((name_text, unit_text))
     words = [word.casefold() for word, _ in named_columns]
     if "t" not in [word for word, _ in named_columns]:
         times = [i for i, word in enumerate(words) if word in ("t", "time")]
@@ -121,16 +121,16 @@ def _rows(
         yield line_number, line_cells
 
 
-def _cells(text: str, separator: str, path: Path, line: int) -> list[str]:
-    if '"' not in text:
-        return text.split(separator)
+def _cells(written_text: str, separator: str, path: Path, line_number: int) -> list[str]:
+    if '"' not in written_text:
+        return written_text.split(separator)
     try:
-        return next(csv.reader([text], delimiter=separator, strict=True))
+        return next(csv.reader([written_text], delimiter=separator, strict=True))
     except csv.Error:
-        raise TakeError("a quotation in this line is not closed", path, line) from None
+        raise TakeError("a quotation in this line is not closed", path, line_number) from None
 
 
-def _with_point(cell_text: str, separator: str, path: Path, line: int) -> str:
+def _with_point(cell_text: str, separator: str, path: Path, line_number: int) -> str:
     """A number with a decimal comma as one with a point; other cells as they are."""
     if cell_text.count(",") != 1 or "." in cell_text:
         return cell_text
@@ -140,5 +140,5 @@ def _with_point(cell_text: str, separator: str, path: Path, line: int) -> str:
             "a "
             "point, or no comma"
         )
-        raise TakeError(message, path, line)
+        raise TakeError(message, path, line_number)
     return cell_text.replace(",", ".")

@@ -46,23 +46,26 @@ class TakeError(TextError):
         self.field = field
 
 
-def falling_time(instant: float, instant_before: float, path: Path, line: int) -> TakeError:
+def falling_time(
+    row_instant: float, instant_before: float, path: Path, line_number: int
+) -> TakeError:
     """The mistake of a row [s] that is not later than the row before it [s]."""
     message = (
-        f"the time {instant:g} is not later than the time {instant_before:g} of the row before; "
+        f"the time {row_instant:g} is not later than the time {instant_before:g} of the row "
+        "before; "
     )
-    return TakeError(f"{message}times must rise from row to row", path, line)
+    return TakeError(f"{message}times must rise from row to row", path, line_number)
 
 
 def opened(path: Path) -> BufferedReader:
     """Open a file for reading, unless it is larger than a take may be. Raises TakeError,
     OSError.
     """
-    file = open_regular(path)
-    if os.fstat(file.fileno()).st_size > MAX_BYTES:
-        file.close()
+    raw_file = open_regular(path)
+    if os.fstat(raw_file.fileno()).st_size > MAX_BYTES:
+        raw_file.close()
         raise TakeError("the file has more than 1 GB", path)
-    return file
+    return raw_file
 
 
 def opened_text(path: Path) -> TextIOWrapper:
@@ -105,27 +108,27 @@ def _encoding(raw_file: BufferedReader) -> str | None:
     return "utf-8-sig" if is_utf8 else "latin-1"
 
 
-def lines(file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
+def lines(open_file: IO[str], path: Path) -> Iterator[tuple[int, str]]:
     """The lines of a text file without empty lines and comments, numbered from 1. Raises
     TakeError.
     """
     line_number = 0
-    while line := file.readline(MAX_LINE):
+    while text_line := open_file.readline(MAX_LINE):
         line_number += 1
-        if len(line) == MAX_LINE:
+        if len(text_line) == MAX_LINE:
             raise TakeError(f"this line has more than {MAX_LINE:,} characters", path, line_number)
-        if (text := line.strip(" \r\n")) and text[0] != "#":
+        if (text := text_line.strip(" \r\n")) and text[0] != "#":
             yield line_number, text
 
 
-def number_in(cell_text: str, path: Path, line: int) -> float:
+def number_in(cell_text: str, path: Path, line_number: int) -> float:
     """The number in a cell of a table. Raises TakeError."""
     try:
-        value = float(cell_text)
+        read_value = float(cell_text)
     except ValueError:
-        value = math.nan
-    if not abs(value) <= 1e15 or "_" in cell_text:  # also refuses nan
+        read_value = math.nan
+    if not abs(read_value) <= 1e15 or "_" in cell_text:  # also refuses nan
         raise TakeError(
-            f"'{cell_text.strip()[:40]}' is not a number that a take can hold", path, line
+            f"'{cell_text.strip()[:40]}' is not a number that a take can hold", path, line_number
         )
-    return value
+    return read_value

@@ -102,24 +102,26 @@ def read(
     return samples
 
 
-def _read_table(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
+def _read_table(
+    path: Path, channel: str | None, rate: float | None, metre_unit: float | None
+) -> Samples:
     with opened_text(path) as file:
         try:
             take_table = sheet(file, path)
-            columns = _columns(take_table.names, path, take_table.line)
-            value_column, x_unit = _chosen(columns, channel, path)
-            divisor = _column_values(take_table, value_column, x_unit, unit, path)
-            timed = "t" in columns
-            t, t_unit = columns.get("t", (value_column, "s"))
+            table_columns = _columns(take_table.names, path, take_table.line)
+            value_column, x_unit = _chosen(table_columns, channel, path)
+            divisor = _column_values(take_table, value_column, x_unit, metre_unit, path)
+            timed = "t" in table_columns
+            t, t_unit = table_columns.get("t", (value_column, "s"))
             _check_rate(timed, rate, path)
             ts, xs = array("d"), array("d")
             for line_number, cells in take_table.rows:
                 x = number_in(cells[value_column], path, line_number)
                 if timed:
-                    instant = number_in(cells[t], path, line_number)
-                    if ts and not instant > ts[-1]:
-                        raise falling_time(instant, ts[-1], path, line_number)
-                    ts.append(instant)
+                    row_instant = number_in(cells[t], path, line_number)
+                    if ts and not row_instant > ts[-1]:
+                        raise falling_time(row_instant, ts[-1], path, line_number)
+                    ts.append(row_instant)
                 if len(xs) == MAX_SAMPLES:
                     raise TakeError(
                         f"the file has more than {MAX_SAMPLES:,} samples", path, line_number
@@ -128,14 +130,14 @@ def _read_table(path: Path, channel: str | None, rate: float | None, unit: float
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
     if timed:
-        seconds = np.frombuffer(ts) / _divisor(t_unit or "s", UNITS_PER_SECOND, "time", path)
+        point_seconds = np.frombuffer(ts) / _divisor(t_unit or "s", UNITS_PER_SECOND, "time", path)
     else:
-        seconds = np.arange(len(xs)) / (rate or 1.0)
-    return _checked(seconds, np.frombuffer(xs) / divisor, path)
+        point_seconds = np.arange(len(xs)) / (rate or 1.0)
+    return _checked(point_seconds, np.frombuffer(xs) / divisor, path)
 
 
 def _column_values(
-    take_table: Sheet, column: int, stated: str | None, metre_unit: float | None, path: Path
+    take_table: Sheet, column_index: int, stated: str | None, metre_unit: float | None, path: Path
 ) -> float:
     """Units of a column in a metre, by its header or by `metre_unit` [m]. Raises TakeError."""
     if stated is not None:
@@ -143,7 +145,8 @@ def _column_values(
         return _divisor(stated, UNITS_PER_METRE, "position", path)
     if metre_unit is None:
         message = (
-            f"'{take_table.names[column][:40]}' has no unit; write a header such as t [s],x [mm], "
+            f"'{take_table.names[column_index][:40]}' has no unit; write a header such as t [s],x "
+            "[mm], "
             "or "
             "what 1.0 means, such as unit: 1mm"
         )
@@ -152,16 +155,17 @@ def _column_values(
 
 
 def _columns(
-    names: list[str], path: Path, header_number: int | None
+    column_names: list[str], path: Path, header_number: int | None
 ) -> dict[str, tuple[int, str | None]]:
     """Name → (column, unit) of headers such as `x [mm]`; the unit is None where none is stated."""
     columns_by_name: dict[str, tuple[int, str | None]] = {}
-    for i, name in enumerate(names):
-        name_text, bracket, unit_text = name.partition("[")
+    for i, column_name in enumerate(column_names):
+        name_text, bracket, unit_text = column_name.partition("[")
         name_text = name_text.strip()
         if not name_text or (bracket and not unit_text.endswith("]")):
             message = (
-                f"'{name[:40]}' is not the name of a column; write a header such as t [s],x [mm]"
+                f"'{column_name[:40]}' is not the name of a column; write a header such as t [s],x "
+                "[mm]"
             )
             raise TakeError(message, path, header_number)
         if name_text in columns_by_name:
@@ -197,11 +201,13 @@ def _chosen(
     return columns_by_name[channel_name]
 
 
-def _divisor(unit: str, units: dict[str, float], quantity: str, path: Path) -> float:
-    if not unit or unit not in units:
-        unit_names = ", ".join(filter(None, units))
-        raise TakeError(f"unit '{unit[:40]}' does not measure {quantity} (use {unit_names})", path)
-    return units[unit]
+def _divisor(unit_name: str, units_by_name: dict[str, float], quantity: str, path: Path) -> float:
+    if not unit_name or unit_name not in units_by_name:
+        unit_names = ", ".join(filter(None, units_by_name))
+        raise TakeError(
+            f"unit '{unit_name[:40]}' does not measure {quantity} (use {unit_names})", path
+        )
+    return units_by_name[unit_name]
 
 
 def _check_rate(timed: bool, rate: float | None, path: Path) -> None:
@@ -234,7 +240,9 @@ def _checked(t: Floats, x: Floats, path: Path) -> Samples:
     return Samples(t, x)
 
 
-def _read_wav(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
+def _read_wav(
+    path: Path, channel: str | None, rate: float | None, metre_unit: float | None
+) -> Samples:
     import soundfile  # 80 ms that a score without WAV takes need not spend
 
     patches = _judge_wav(path)
@@ -244,23 +252,25 @@ def _read_wav(path: Path, channel: str | None, rate: float | None, unit: float |
             soundfile.SoundFile(_Mended(raw, patches) if patches else path) as sound_file,
         ):
             _check_rate(True, rate, path)
-            names = {str(i + 1): (i, "m") for i in range(sound_file.channels)}
+            channels_by_name = {str(i + 1): (i, "m") for i in range(sound_file.channels)}
             if sound_file.channels > MAX_CHANNELS:
                 raise TakeError(f"the file has more than {MAX_CHANNELS:,} channels", path)
             if sound_file.frames > MAX_SAMPLES:  # as declared; what is read is bounded below
                 raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
-            column, _ = _chosen(names, channel, path)
-            size = max(1, (1 << 20) // sound_file.channels)
+            column_index, _ = _chosen(channels_by_name, channel, path)
+            block_frames = max(1, (1 << 20) // sound_file.channels)
             sample_blocks = []
             n_samples = 0
-            while len(block := sound_file.read(size, dtype="float64", always_2d=True)):
-                n_samples += len(block)
+            while len(
+                value_block := sound_file.read(block_frames, dtype="float64", always_2d=True)
+            ):
+                n_samples += len(value_block)
                 if n_samples > MAX_SAMPLES:
                     raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
-                sample_blocks.append(block[:, column].copy())
+                sample_blocks.append(value_block[:, column_index].copy())
             x = np.concatenate(sample_blocks) if sample_blocks else np.empty(0)
             return _checked(
-                np.arange(len(x)) / float(sound_file.samplerate), x * (unit or 1.0), path
+                np.arange(len(x)) / float(sound_file.samplerate), x * (metre_unit or 1.0), path
             )
     except soundfile.LibsndfileError as error:
         raise TakeError(
@@ -284,13 +294,13 @@ class _Mended:
         return self._file.tell()
 
     def read(self, size: int = -1) -> bytes:
-        start = self._file.tell()
-        data = bytearray(self._file.read(size))
+        start_offset = self._file.tell()
+        file_bytes = bytearray(self._file.read(size))
         for offset, patch in self._patches.items():
-            for place, value in enumerate(patch, offset - start):
-                if 0 <= place < len(data):
-                    data[place] = value
-        return bytes(data)
+            for place, value in enumerate(patch, offset - start_offset):
+                if 0 <= place < len(file_bytes):
+                    file_bytes[place] = value
+        return bytes(file_bytes)
 
 
 def _judge_wav(path: Path) -> dict[int, bytes]:
@@ -314,10 +324,10 @@ def _judge_wav(path: Path) -> dict[int, bytes]:
                 raw_file.tell(),
             )
             if chunk_name == b"fmt ":
-                content = raw_file.read(min(chunk_length, 40))
-                tag = int.from_bytes(content[:2], byte_order)
+                chunk_content = raw_file.read(min(chunk_length, 40))
+                tag = int.from_bytes(chunk_content[:2], byte_order)
                 if tag == _EXTENSIBLE:
-                    tag = int.from_bytes(content[24:26], byte_order)
+                    tag = int.from_bytes(chunk_content[24:26], byte_order)
                 if tag not in (_PCM, _FLOAT):
                     raise TakeError(f"this WAV file is coded (format {tag}); PCM is read", path)
             elif chunk_name == b"data" and tag is not None:
@@ -340,10 +350,10 @@ def _read_npz(path: Path, channel: str | None, rate: float | None, unit: float |
     with npz(path) as arrays:
         headers = [n if "[" in n else bare.get(n, f"{n} [m]") for n in arrays.names]
         columns_by_name = _columns(headers, path, None)
-        column, x_unit = _chosen(columns_by_name, channel, path)
+        column_index, x_unit = _chosen(columns_by_name, channel, path)
         timed = "t" in columns_by_name
         _check_rate(timed, rate, path)
-        x = _array(arrays, column, path) / _divisor(
+        x = _array(arrays, column_index, path) / _divisor(
             x_unit or "m", UNITS_PER_METRE, "position", path
         )
         if not timed:
@@ -355,18 +365,18 @@ def _read_npz(path: Path, channel: str | None, rate: float | None, unit: float |
     return _checked(t, x, path)
 
 
-def _array(arrays: Npz, column: int, path: Path) -> Floats:
-    row = arrays.row(column)
-    if row is None:
-        raise TakeError(f"'{arrays.names[column][:40]}' is not a row of numbers", path)
-    return arrays.array(row)
+def _array(arrays: Npz, column_index: int, path: Path) -> Floats:
+    array_row = arrays.row(column_index)
+    if array_row is None:
+        raise TakeError(f"'{arrays.names[column_index][:40]}' is not a row of numbers", path)
+    return arrays.array(array_row)
 
 
 def _read_recording(
-    path: Path, channel_name: str | None, rate: float | None, unit: float | None
+    path: Path, channel_name: str | None, rate: float | None, metre_unit: float | None
 ) -> Samples:
     _check_rate(True, rate, path)
-    _check_unit(unit, path)
+    _check_unit(metre_unit, path)
     try:
         recording = _core.read_recording(path)
     except _core.EngineError as error:
@@ -385,14 +395,14 @@ def _read_recording(
 
 def _axis(recording: _core.Recording, channel_name: str | None, path: Path) -> int:
     """The axis with a name: its own, or that of its player or key if they have only one axis."""
-    columns = {name: (i, "m") for i, name in enumerate(recording.names)}
-    if channel_name not in columns:
+    axes_by_name = {name: (i, "m") for i, name in enumerate(recording.names)}
+    if channel_name not in axes_by_name:
         indices = [
             i for i, axis in enumerate(recording.axes) if channel_name and channel_name in axis
         ]
         if len(indices) == 1:
             return indices[0]
-    return _chosen(columns, channel_name, path)[0]
+    return _chosen(axes_by_name, channel_name, path)[0]
 
 
 _Reader = Callable[[Path, str | None, float | None, float | None], Samples]

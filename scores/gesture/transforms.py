@@ -89,14 +89,14 @@ class _TransformResult(NamedTuple):
 
 
 def parse_do(
-    text: str, text_start: int = 0, other_verbs: Mapping[str, str] = NO_OTHERS
+    written_text: str, text_start: int = 0, other_verbs: Mapping[str, str] = NO_OTHERS
 ) -> Transform:
     """Read one transformation, such as `scale 0.5` or `jitter 4ms 0.2mm`.
 
     `other_verbs` are words that the caller reads, for messages. Raises TextError with offsets into
     the text plus `text_start`.
     """
-    placed_words = [(w.group(), text_start + w.start()) for w in re.finditer(r"\S+", text)]
+    placed_words = [(w.group(), text_start + w.start()) for w in re.finditer(r"\S+", written_text)]
     verb_names = (*_VERBS, *other_verbs)
     if not placed_words:
         raise TextError(f"a transformation is one of {', '.join(verb_names)}", offset=text_start)
@@ -128,7 +128,7 @@ def parse_do(
             if len(verb_arguments) > len(verb.arguments)
             else None
         )
-        error_offset, length = (
+        error_offset, error_length = (
             (extra_argument[1], len(extra_argument[0]))
             if extra_argument
             else (verb_offset, len(verb_word))
@@ -136,45 +136,48 @@ def parse_do(
         raise TextError(
             f"'{verb_word}' has another number of values; write for instance {verb.example}",
             offset=error_offset,
-            length=length,
+            length=error_length,
         )
-    fields: dict[str, float | Time] = {}
+    read_fields: dict[str, float | Time] = {}
     for (argument, place), (name, read) in zip(verb_arguments, verb.arguments, strict=True):
-        fields[name] = read(argument, place, verb.example)
+        read_fields[name] = read(argument, place, verb.example)
     end = placed_words[-1][1] + len(placed_words[-1][0])
-    return Transform(verb_word, offset=verb_offset, length=end - verb_offset, **fields)  # type: ignore[arg-type]
+    return Transform(verb_word, offset=verb_offset, length=end - verb_offset, **read_fields)  # type: ignore[arg-type]
 
 
-def parse_chain(text: str) -> tuple[Transform, ...]:
+def parse_chain(written_text: str) -> tuple[Transform, ...]:
     """Read transformations separated by commas: `scale 0.5, mirror`. Raises TextError."""
     chain = []
-    start = 0
-    for part in text.split(","):
-        chain.append(parse_do(part, start))
-        start += len(part) + 1
+    chain_start = 0
+    for part in written_text.split(","):
+        chain.append(parse_do(part, chain_start))
+        chain_start += len(part) + 1
     return tuple(chain)
 
 
 def apply(
-    points: Sequence[Point], transforms: Sequence[Transform], chance: Chance, beat: float = 1.0
+    gesture_points: Sequence[Point],
+    transforms: Sequence[Transform],
+    chance: Chance,
+    beat_seconds: float = 1.0,
 ) -> tuple[tuple[Point, ...], tuple[str, ...]]:
-    """Transform `points` left to right; also return a sentence for each loss of points.
+    """Transform `gesture_points` left to right; also return a sentence for each loss of points.
 
-    `beat` is the duration [s] of a beat at the start of the occurrence.
+    `beat_seconds` is the duration [s] of a beat at the start of the occurrence.
     """
-    shaped = tuple(points)
-    notes: list[str] = []
+    shaped = tuple(gesture_points)
+    point_notes: list[str] = []
     for transform in transforms:
-        shaped, note = _VERBS[transform.word].act(shaped, transform, chance, beat)
+        shaped, note = _VERBS[transform.word].act(shaped, transform, chance, beat_seconds)
         if note is not None:
-            notes.append(note)
-    return shaped, tuple(notes)
+            point_notes.append(note)
+    return shaped, tuple(point_notes)
 
 
-def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTransform:
+def apply_to_take(transforms: Sequence[Transform], beat_seconds: float = 1.0) -> TakeTransform:
     """Combine transformations of a take. Raises TextError for those that need written points.
 
-    `beat` is the duration [s] of a beat at the start of the occurrence.
+    `beat_seconds` is the duration [s] of a beat at the start of the occurrence.
     """
     scale, stretch, reverse, time_shift = 1.0, 1.0, False, Time()
     left_out = [0.0, 0.0]  # in front and at the back
@@ -193,7 +196,7 @@ def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTra
         reverse ^= transform.word in ("reverse", "rev")
         if transform.word == "from":
             seconds_into_take = (
-                (transform_time.beats - time_shift.beats) * beat
+                (transform_time.beats - time_shift.beats) * beat_seconds
                 + transform_time.seconds
                 - time_shift.seconds
             )
@@ -214,18 +217,22 @@ def _mirror(points: tuple[Point, ...], _: Transform, __: Chance, ___: float) -> 
     return _TransformResult(tuple(_moved(p, p.at, 0.0 - p.x) for p in points))
 
 
-def _stretch(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
+def _stretch(
+    gesture_points: tuple[Point, ...], t: Transform, _: Chance, __: float
+) -> _TransformResult:
     s = t.lengthening
     return _TransformResult(
-        tuple(_moved(p, Time(p.at.beats * s, p.at.seconds * s), p.x) for p in points)
+        tuple(_moved(p, Time(p.at.beats * s, p.at.seconds * s), p.x) for p in gesture_points)
     )
 
 
-def _shift(points: tuple[Point, ...], t: Transform, _: Chance, __: float) -> _TransformResult:
+def _shift(
+    gesture_points: tuple[Point, ...], t: Transform, _: Chance, __: float
+) -> _TransformResult:
     return _TransformResult(
         tuple(
             _moved(p, Time(p.at.beats + t.time.beats, p.at.seconds + t.time.seconds), p.x)
-            for p in points
+            for p in gesture_points
         )
     )
 
@@ -237,11 +244,11 @@ def _from(
 
     The first point that is left gets the curve of the gesture's first point.
     """
-    start = t.time.beats * beat_seconds + t.time.seconds
+    start_seconds = t.time.beats * beat_seconds + t.time.seconds
     later_indices = (
         i
         for i, p in enumerate(gesture_points)
-        if p.at.beats * beat_seconds + p.at.seconds >= start - SAME
+        if p.at.beats * beat_seconds + p.at.seconds >= start_seconds - SAME
     )
     first_time = next(later_indices, None)
     if first_time is None:
@@ -268,11 +275,20 @@ def _reverse(
     The curve that led into point i now leads into point i-1.
     """
     first_time, last_time = gesture_points[0].at, gesture_points[-1].at
-    beats, seconds = first_time.beats + last_time.beats, first_time.seconds + last_time.seconds
+    beats, point_seconds = (
+        first_time.beats + last_time.beats,
+        first_time.seconds + last_time.seconds,
+    )
     curves = [gesture_points[0].curve, *(p.curve for p in reversed(gesture_points[1:]))]
     return _TransformResult(
         tuple(
-            Point(Time(beats - p.at.beats, seconds - p.at.seconds), p.x, curve, p.offset, p.length)
+            Point(
+                Time(beats - p.at.beats, point_seconds - p.at.seconds),
+                p.x,
+                curve,
+                p.offset,
+                p.length,
+            )
             for p, curve in zip(reversed(gesture_points), curves, strict=True)
         )
     )
@@ -304,7 +320,7 @@ def _jitter(
 
 
 def _quantise(
-    gesture_points: tuple[Point, ...], t: Transform, _: Chance, beat: float
+    gesture_points: tuple[Point, ...], t: Transform, _: Chance, beat_seconds: float
 ) -> _TransformResult:
     """Move points to the nearest multiple of q beats, halves later; merge those that meet.
 
@@ -314,7 +330,7 @@ def _quantise(
     merged_points: list[Point] = []
     for moved_point in gesture_points:
         rounded = Time(
-            floor((moved_point.at.beats + moved_point.at.seconds / beat) / grid_beats + 0.5)
+            floor((moved_point.at.beats + moved_point.at.seconds / beat_seconds) / grid_beats + 0.5)
             * grid_beats,
             0.0,
         )
@@ -344,26 +360,26 @@ def _ratio(ratio_word: str, word_offset: int, example: str) -> float:
     if ratio_match is None:
         raise _misread(ratio_word, word_offset, "a number", example)
     divisor = 1.0 if ratio_match[3] is None else float(ratio_match[3])
-    value = float(ratio_match[2]) / divisor if divisor else LARGEST * 2
-    if not value <= LARGEST:
+    read_value = float(ratio_match[2]) / divisor if divisor else LARGEST * 2
+    if not read_value <= LARGEST:
         raise TextError(
             f"'{ratio_word[:40]}' is too large", offset=word_offset, length=len(ratio_word)
         )
-    return -value if ratio_match[1] == "-" else value
+    return -read_value if ratio_match[1] == "-" else read_value
 
 
-def _positive(word: str, offset: int, example: str) -> float:
-    value = _ratio(word, offset, example)
-    if value <= 0.0:
-        raise TextError("this must be above 0", offset=offset, length=len(word))
-    return value
+def _positive(read_word: str, word_offset: int, example: str) -> float:
+    read_value = _ratio(read_word, word_offset, example)
+    if read_value <= 0.0:
+        raise TextError("this must be above 0", offset=word_offset, length=len(read_word))
+    return read_value
 
 
-def _span(word: str, offset: int, example: str) -> Time:
-    match = _TIME.fullmatch(word)
-    if match is None:
-        raise _misread(word, offset, "a time", example)
-    return Time(*instant(match[1], match[2], match[3], offset))
+def _span(read_word: str, word_offset: int, example: str) -> Time:
+    text_match = _TIME.fullmatch(read_word)
+    if text_match is None:
+        raise _misread(read_word, word_offset, "a time", example)
+    return Time(*instant(text_match[1], text_match[2], text_match[3], word_offset))
 
 
 def _signed_span(word: str, offset: int, example: str) -> Time:
@@ -372,18 +388,18 @@ def _signed_span(word: str, offset: int, example: str) -> Time:
     return Time(-time.beats, -time.seconds) if sign == "-" else time
 
 
-def _reach(word: str, offset: int, example: str) -> float:
-    match = _POSITION.fullmatch(word)
-    if match is None:
-        raise _misread(word, offset, "a distance", example)
-    return metres(match[1], match[2], offset)
+def _reach(read_word: str, word_offset: int, example: str) -> float:
+    text_match = _POSITION.fullmatch(read_word)
+    if text_match is None:
+        raise _misread(read_word, word_offset, "a distance", example)
+    return metres(text_match[1], text_match[2], word_offset)
 
 
-def _misread(word: str, offset: int, kind: str, example: str) -> TextError:
+def _misread(read_word: str, word_offset: int, kind: str, example: str) -> TextError:
     return TextError(
-        f"'{word[:40]}' is not {kind}; write for instance {example}",
-        offset=offset,
-        length=max(1, len(word)),
+        f"'{read_word[:40]}' is not {kind}; write for instance {example}",
+        offset=word_offset,
+        length=max(1, len(read_word)),
     )
 
 

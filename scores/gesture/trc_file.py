@@ -63,7 +63,7 @@ def read(path: Path) -> Motion:
 def _head(path: Path) -> _Head:
     with _text(path) as file:
         numbered = lines(file, path)
-        first_number, fields, values, markers, axis_fields = (
+        first_number, header_fields, header_values, markers, axis_fields = (
             next(numbered, (0, "")) for _ in range(5)
         )
     marker_names = [name.strip() for name in markers[1].split("\t")[_LEADING:] if name.strip()]
@@ -78,7 +78,7 @@ def _head(path: Path) -> _Head:
         )
     if len(marker_names) > MAX_CHANNELS:
         raise TakeError(f"the file has more than {MAX_CHANNELS:,} points", path)
-    cells = (text.split("\t") for _, text in (fields, values))
+    cells = (text.split("\t") for _, text in (header_fields, header_values))
     pairs = zip(*cells, strict=False)
     return _Head(
         {name.strip(): value.strip() for name, value in pairs}, marker_names, axis_fields[0]
@@ -89,10 +89,10 @@ def _rows(header: _Head, path: Path) -> Iterator[tuple[int, list[str]]]:
     """The cells of each frame, with their line. Raises TakeError."""
     row_width = _LEADING + 3 * len(header.names)
     with _text(path) as file:
-        for line_number, text in lines(file, path):
+        for line_number, row_text in lines(file, path):
             if line_number <= header.line:
                 continue
-            line_cells = [cell.strip() for cell in text.split("\t")]
+            line_cells = [cell.strip() for cell in row_text.split("\t")]
             if len(line_cells) == row_width + 1 and not line_cells[-1]:  # a tab may come last
                 line_cells.pop()
             if _LEADING <= len(line_cells) < row_width and (row_width - len(line_cells)) % 3 == 0:
@@ -115,11 +115,11 @@ def _text(path: Path) -> TextIOWrapper:
     return opened_text(path)
 
 
-def _count(header: _Head, name: str, path: Path) -> int:
-    value = header.fields.get(name, "")
-    if not value.isdecimal() or len(value) > 9:
-        raise TakeError(f"{name} in the head of this file is not a number", path)
-    return int(value)
+def _count(header: _Head, field_name: str, path: Path) -> int:
+    field_text = header.fields.get(field_name, "")
+    if not field_text.isdecimal() or len(field_text) > 9:
+        raise TakeError(f"{field_name} in the head of this file is not a number", path)
+    return int(field_text)
 
 
 def _rate(header: _Head, path: Path) -> float:
@@ -130,10 +130,11 @@ def _rate(header: _Head, path: Path) -> float:
     if not 0 < rate <= _RATE_MAX:
         raise TakeError("DataRate in the head of this file is not a number above 0", path)
     instants = [_number(cells[1]) for _, cells in islice(_rows(header, path), 2)]
-    step = instants[1] - instants[0] if len(instants) == 2 else 1 / rate
-    if not abs(step * rate - 1) <= _UNEVEN:
+    frame_step = instants[1] - instants[0] if len(instants) == 2 else 1 / rate
+    if not abs(frame_step * rate - 1) <= _UNEVEN:
         message = (
-            f"its head says {rate:g} frames a second, but its first two frames are {step:g} s "
+            f"its head says {rate:g} frames a second, but its first two frames are {frame_step:g} "
+            "s "
         )
         raise TakeError(message + "apart", path, header.line + 1)
     return rate

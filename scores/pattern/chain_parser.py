@@ -85,11 +85,11 @@ class ChainParser(ABC, Generic[T]):
 
     def inner(self, form: Form, begin: int, word: str) -> tuple[T, ...]:
         """The transformation that another takes, or several in parentheses."""
-        sign = self.peek()
-        if sign == "(":
+        next_sign = self.peek()
+        if next_sign == "(":
             self.place += 1
             return self.chain(self.place - 1)
-        if sign in ("", ",", ")"):
+        if next_sign in ("", ",", ")"):
             message = f"'{word}' needs a transformation after it; write for instance {form.example}"
             raise self.mistake(message, begin, len(word))
         return (self.transform(),)

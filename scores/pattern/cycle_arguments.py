@@ -51,41 +51,43 @@ class Reader:
     read: Callable[[str], Argument | None]
     known: tuple[str, ...] = ()
 
-    def argument(self, typed_word: str, offset: int, example: str) -> Argument:
+    def argument(self, typed_word: str, word_offset: int, example: str) -> Argument:
         """Read a word at an offset. Raises TextError."""
-        value = self.read(typed_word)
-        if value is None:
+        read_value = self.read(typed_word)
+        if read_value is None:
             message = f"{quote(typed_word)} is not {self.what}; write for instance {example}"
             near = nearest(typed_word.strip("\"'"), self.known)
-            raise TextError(message, offset=offset, length=max(1, len(typed_word)), suggestion=near)
-        return value
+            raise TextError(
+                message, offset=word_offset, length=max(1, len(typed_word)), suggestion=near
+            )
+        return read_value
 
 
 def ratio(word: str) -> Fraction | None:
     """A number without a sign such as `2`, `1.5` or `3/2`; None if the word is none."""
-    match = _RATIO.fullmatch(word)
-    if match is None or max(len(part or "") for part in match.groups()) > MAX_DIGITS:
+    ratio_match = _RATIO.fullmatch(word)
+    if ratio_match is None or max(len(part or "") for part in ratio_match.groups()) > MAX_DIGITS:
         return None
-    divisor = Fraction(match[2] or 1)
-    return Fraction(match[1]) / divisor if divisor else None
+    divisor = Fraction(ratio_match[2] or 1)
+    return Fraction(ratio_match[1]) / divisor if divisor else None
 
 
-def _ratio(low: Fraction, high: int) -> Callable[[str], Fraction | None]:
-    """A reader of numbers from `low` to `high`."""
+def _ratio(low_ratio: Fraction, high_bound: int) -> Callable[[str], Fraction | None]:
+    """A reader of numbers from `low_ratio` to `high_bound`."""
 
     def read(word: str) -> Fraction | None:
         value = ratio(word)
-        return value if value is not None and low <= value <= high else None
+        return value if value is not None and low_ratio <= value <= high_bound else None
 
     return read
 
 
-def _count(low: int, high: int) -> Callable[[str], int | None]:
+def _count(low_bound: int, high_bound: int) -> Callable[[str], int | None]:
     """A reader of numbers without fractions."""
 
     def read(word: str) -> int | None:
         is_count = word.isascii() and word.isdigit() and len(word) <= MAX_DIGITS
-        return int(word) if is_count and low <= int(word) <= high else None
+        return int(word) if is_count and low_bound <= int(word) <= high_bound else None
 
     return read
 
@@ -95,10 +97,12 @@ def _semitones(typed_word: str) -> float | None:
     they are keys of a scale.
     """
     semitones: float
-    if match := _INTERVAL.fullmatch(typed_word):
-        amount = Fraction(match[1])
-        is_whole = match[2] == "st" and amount.denominator == 1
-        semitones = int(amount) if is_whole else float(amount / (1 if match[2] == "st" else 100))
+    if interval_match := _INTERVAL.fullmatch(typed_word):
+        amount = Fraction(interval_match[1])
+        is_whole = interval_match[2] == "st" and amount.denominator == 1
+        semitones = (
+            int(amount) if is_whole else float(amount / (1 if interval_match[2] == "st" else 100))
+        )
     else:
         factor = (
             ratio(typed_word.removeprefix("x"))
@@ -117,29 +121,29 @@ def _amount(high: int) -> Callable[[str], float | None]:
     return lambda word: None if (value := read(word)) is None else float(value)
 
 
-def _count_or_rate(word: str) -> int | Repeats | None:
+def _count_or_rate(typed_word: str) -> int | Repeats | None:
     """`8`, or `12Hz`."""
-    if not word.endswith("Hz"):
-        return _count(1, MAX_NUMBER)(word)
-    value = _ratio(_SMALLEST, MAX_RATE)(word.removesuffix("Hz"))
+    if not typed_word.endswith("Hz"):
+        return _count(1, MAX_NUMBER)(typed_word)
+    value = _ratio(_SMALLEST, MAX_RATE)(typed_word.removesuffix("Hz"))
     return None if value is None else Repeats(float(value))
 
 
-def _seconds(word: str) -> float | None:
+def _seconds(typed_word: str) -> float | None:
     """`20ms` or `-0.02s`, up to a second either way, and not nothing."""
-    unit = 1000 if word.endswith("ms") else 1
-    value = ratio(word.removeprefix("-").removesuffix("s").removesuffix("m"))
-    if not word.endswith("s") or value is None or not 0 < value <= unit:
+    second_units = 1000 if typed_word.endswith("ms") else 1
+    read_value = ratio(typed_word.removeprefix("-").removesuffix("s").removesuffix("m"))
+    if not typed_word.endswith("s") or read_value is None or not 0 < read_value <= second_units:
         return None
-    return float(-value / unit if word[0] == "-" else value / unit)
+    return float(-read_value / second_units if typed_word[0] == "-" else read_value / second_units)
 
 
-def _part(word: str) -> Fraction | None:
+def _part(typed_word: str) -> Fraction | None:
     """A share from -1 to 1, and not nothing."""
-    value = ratio(word.removeprefix("-"))
-    if value is None or not 0 < value <= 1:
+    read_value = ratio(typed_word.removeprefix("-"))
+    if read_value is None or not 0 < read_value <= 1:
         return None
-    return -value if word[0] == "-" else value
+    return -read_value if typed_word[0] == "-" else read_value
 
 
 _SMALLEST = Fraction(1, MAX_NUMBER)
@@ -176,10 +180,12 @@ def parse_beats(text: str, start: int, first_number: int) -> Cycles[bool]:
     return having(bool, parse(text, _beat, start, first_number))
 
 
-def _beat(word: str, offset: int) -> bool:
-    beat = _BEATS.get(word)
-    if beat is None:
-        message = f"{quote(word)} is not a beat; write t for a beat, and ~ or f for a rest: t ~ t t"
-        near = nearest(word, _BEATS)
-        raise TextError(message, offset=offset, length=len(word), suggestion=near)
-    return beat
+def _beat(typed_word: str, word_offset: int) -> bool:
+    named_beat = _BEATS.get(typed_word)
+    if named_beat is None:
+        message = (
+            f"{quote(typed_word)} is not a beat; write t for a beat, and ~ or f for a rest: t ~ t t"
+        )
+        near = nearest(typed_word, _BEATS)
+        raise TextError(message, offset=word_offset, length=len(typed_word), suggestion=near)
+    return named_beat

@@ -82,17 +82,21 @@ def rev(changed_pattern: Cycles[V]) -> Cycles[V]:
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         fragments_made = []
-        for cycle, low, high in by_cycle(begin, end):
+        for cycle, low_instant, high_instant in by_cycle(begin, end):
             mirror_sum = 2 * cycle + 1
-            for first, last, start, stop, value in changed_pattern.query(
-                mirror_sum - high, mirror_sum - low, chance
-            ):
+            for (
+                first_instant,
+                last_instant,
+                fragment_start,
+                fragment_stop,
+                read_value,
+            ) in changed_pattern.query(mirror_sum - high_instant, mirror_sum - low_instant, chance):
                 mirrored = Fragment(
-                    mirror_sum - last,
-                    mirror_sum - first,
-                    mirror_sum - stop,
-                    mirror_sum - start,
-                    value,
+                    mirror_sum - last_instant,
+                    mirror_sum - first_instant,
+                    mirror_sum - fragment_stop,
+                    mirror_sum - fragment_start,
+                    read_value,
                 )
                 fragments_made.append(mirrored)
         return fragments_made
@@ -112,10 +116,10 @@ def iterate(count: int, part: Cycles[V]) -> Cycles[V]:
     return select(lambda cycle: turns[cycle % count], (turns[0], turns[-1]))
 
 
-def swing(amount: Fraction, slices: int, part: Cycles[V]) -> Cycles[V]:
+def swing(amount: Fraction, slices: int, changed_pattern: Cycles[V]) -> Cycles[V]:
     """The events in the second half of each slice of a cycle, later by a share of the slice."""
-    on_beats = filtered(lambda begin, _: into_cycle(begin * slices) < HALF, part)
-    off_beats = filtered(lambda begin, _: into_cycle(begin * slices) >= HALF, part)
+    on_beats = filtered(lambda begin, _: into_cycle(begin * slices) < HALF, changed_pattern)
+    off_beats = filtered(lambda begin, _: into_cycle(begin * slices) >= HALF, changed_pattern)
     return stack([on_beats, late(amount / slices, off_beats)])
 
 
@@ -129,17 +133,23 @@ def ply(
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         fragments_made: list[Fragment[V]] = []
         for fragment in changed_pattern.query(begin, end, chance):
-            first, last, fragment_start, fragment_stop, played_value = fragment
-            width = (last - first) / repeat_count
-            repetition = (fragment_start - first) // width
-            low = first + repetition * width
-            while low < fragment_stop:
-                high = low + width
+            first_instant, last, fragment_start, fragment_stop, played_value = fragment
+            step_width = (last - first_instant) / repeat_count
+            repetition = (fragment_start - first_instant) // step_width
+            low_instant = first_instant + repetition * step_width
+            while low_instant < fragment_stop:
+                high_instant = low_instant + step_width
                 value = change(played_value, int(repetition))
                 fragments_made.append(
-                    Fragment(low, high, max(low, fragment_start), min(high, fragment_stop), value)
+                    Fragment(
+                        low_instant,
+                        high_instant,
+                        max(low_instant, fragment_start),
+                        min(high_instant, fragment_stop),
+                        value,
+                    )
                 )
-                low, repetition = high, repetition + 1
+                low_instant, repetition = high_instant, repetition + 1
         return fragments_made
 
     return node(query, (changed_pattern,), changed_pattern.cost * repeat_count)
@@ -205,10 +215,10 @@ def walk(walk_number: int, cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]:
     the one behind, by chance; a step beyond an end is reflected.
     """
 
-    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
+    def query(query_begin: Fraction, query_end: Fraction, chance: Chance) -> list[Fragment[V]]:
         path = _path(chance, walk_number, len(cycle_patterns))
         fragments_made: list[Fragment[V]] = []
-        for cycle, low, high in by_cycle(begin, end):
+        for cycle, low_instant, high_instant in by_cycle(query_begin, query_end):
             for turn in range(len(path), abs(cycle) + 1):
                 step = (
                     int(3 * chance(walk_number, Fraction(turn))) - 1
@@ -217,7 +227,9 @@ def walk(walk_number: int, cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]:
                 )
                 place = path[-1] + step
                 path.append(place if 0 <= place < len(cycle_patterns) else path[-1] - step)
-            fragments_made += cycle_patterns[path[abs(cycle)]].query(low, high, chance)
+            fragments_made += cycle_patterns[path[abs(cycle)]].query(
+                low_instant, high_instant, chance
+            )
         return fragments_made
 
     return node(query, cycle_patterns, sum(part.cost for part in cycle_patterns))
@@ -242,23 +254,25 @@ def off(time: Fraction, change: Change[V], part: Cycles[V]) -> Cycles[V]:
     return stack([part, change(late(time, part))])
 
 
-def echo(count: int, time: Fraction, fade: Callable[[V, int], V], part: Cycles[V]) -> Cycles[V]:
-    """The pattern `count` times, each some time later; `fade` returns a value of a copy."""
+def echo(
+    echo_count: int, time: Fraction, fade: Callable[[V, int], V], changed_pattern: Cycles[V]
+) -> Cycles[V]:
+    """The pattern `echo_count` times, each some time later; `fade` returns a value of a copy."""
 
     def copy(turn: int) -> Cycles[V]:
-        return late(time * turn, mapped(lambda value: fade(value, turn), part))
+        return late(time * turn, mapped(lambda value: fade(value, turn), changed_pattern))
 
-    return stack([part, *(copy(turn) for turn in range(1, count))])
+    return stack([changed_pattern, *(copy(turn) for turn in range(1, echo_count))])
 
 
-def euclid(rhythm: Euclid, part: Cycles[V], copy: int = _COPIES) -> Cycles[V]:
+def euclid(rhythm: Euclid, changed_pattern: Cycles[V], copy: int = _COPIES) -> Cycles[V]:
     """The pattern within each pulse of a Euclidean rhythm; other steps are rests.
 
     The operators of each pulse are numbered `copy` higher than those of the pulse before.
     """
     steps: list[Cycles[V]] = [silence()] * rhythm.steps
     for turn, position in enumerate(rhythm.positions()):
-        steps[position] = renumbered(turn * copy, part)
+        steps[position] = renumbered(turn * copy, changed_pattern)
     return fast_sequence(steps)
 
 
@@ -268,36 +282,36 @@ def euclid(rhythm: Euclid, part: Cycles[V], copy: int = _COPIES) -> Cycles[V]:
 def struct(rhythm: Cycles[W], changed_pattern: Cycles[V]) -> Cycles[V]:
     """The events of a rhythm with the values that the pattern has there."""
 
-    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
+    def query(query_begin: Fraction, query_end: Fraction, chance: Chance) -> list[Fragment[V]]:
         return [
             Fragment(beat.begin, beat.end, value.start, value.stop, value.what)
-            for beat in rhythm.query(begin, end, chance)
+            for beat in rhythm.query(query_begin, query_end, chance)
             for value in changed_pattern.query(beat.start, beat.stop, chance)
         ]
 
     return _combined(query, rhythm, changed_pattern)
 
 
-def mask(openings: Cycles[W], part: Cycles[V]) -> Cycles[V]:
+def mask(openings: Cycles[W], changed_pattern: Cycles[V]) -> Cycles[V]:
     """The events of the pattern that begin during the events of another."""
 
-    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
+    def query(query_begin: Fraction, query_end: Fraction, chance: Chance) -> list[Fragment[V]]:
         fragments_made = []
-        openings_here = openings.query(begin, end, chance)
-        for value in part.query(begin, end, chance):
+        openings_here = openings.query(query_begin, query_end, chance)
+        for value in changed_pattern.query(query_begin, query_end, chance):
             for opening in openings_here:
                 fragment = cut(value, opening.start, opening.stop)
                 if fragment is not None:
                     fragments_made.append(fragment)
         return fragments_made
 
-    return _combined(query, openings, part)
+    return _combined(query, openings, changed_pattern)
 
 
 def _combined(
     query: Callable[[Fraction, Fraction, Chance], list[Fragment[V]]],
     rhythm: Cycles[W],
-    part: Cycles[V],
+    changed_pattern: Cycles[V],
 ) -> Cycles[V]:
-    depth = 1 + max(rhythm.depth, part.depth)
-    return Cycles(query, rhythm.cost * part.cost, depth, part.leaves)
+    depth = 1 + max(rhythm.depth, changed_pattern.depth)
+    return Cycles(query, rhythm.cost * changed_pattern.cost, depth, changed_pattern.leaves)

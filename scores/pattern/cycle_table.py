@@ -36,13 +36,13 @@ def _euclid(t: CycleTransform, part: Pattern) -> Pattern:
     return act.euclid(Euclid(pulses, steps, sum(turns) % steps), part)
 
 
-def _echo(t: CycleTransform, part: Pattern) -> Pattern:
-    count, time, factor = t.values
+def _echo(t: CycleTransform, changed_pattern: Pattern) -> Pattern:
+    echo_count, time, factor = t.values
 
     def fade(struck: Struck, turn: int) -> Struck:
         return replace(struck, factor=struck.factor * factor**turn)
 
-    return act.echo(count, time, fade, part)
+    return act.echo(echo_count, time, fade, changed_pattern)
 
 
 def _transpose(t: CycleTransform, part: Pattern) -> Pattern:

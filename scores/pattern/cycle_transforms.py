@@ -52,12 +52,14 @@ _REFUSED = {
 }
 
 
-def parse_transforms(text: str, start: int = 0) -> tuple[CycleTransform, ...]:
-    """Read transformations. Raises TextError with offsets into the text plus `start`."""
-    if len(text) > MAX_TEXT:
+def parse_transforms(transforms_text: str, text_start: int = 0) -> tuple[CycleTransform, ...]:
+    """Read transformations. Raises TextError with offsets into the text plus `text_start`."""
+    if len(transforms_text) > MAX_TEXT:
         message = f"transformations have at most {MAX_TEXT:,} characters"
-        raise TextError(message, offset=start + MAX_TEXT, length=len(text) - MAX_TEXT)
-    return _Parser(text, start).chain()
+        raise TextError(
+            message, offset=text_start + MAX_TEXT, length=len(transforms_text) - MAX_TEXT
+        )
+    return _Parser(transforms_text, text_start).chain()
 
 
 _DEEPER, _HIGHER = "([{<", ")]}>"
@@ -93,10 +95,10 @@ class _Parser(ChainParser[CycleTransform]):
         inner_transforms: tuple[CycleTransform, ...] = ()
         if transform_form.takes_change:
             inner_transforms = self.inner(transform_form, begin_place, typed_word)
-        length = len(self.text[begin_place : self.place].rstrip())
+        transform_length = len(self.text[begin_place : self.place].rstrip())
         mistake = transform_form.check(*transform_values)
         if mistake is not None:
-            raise self.mistake(mistake, begin_place, length)
+            raise self.mistake(mistake, begin_place, transform_length)
         return CycleTransform(
             typed_word,
             transform_form,
@@ -104,17 +106,17 @@ class _Parser(ChainParser[CycleTransform]):
             transform_values,
             inner_transforms,
             self.start + begin_place,
-            length,
+            transform_length,
         )
 
     def rhythm(self, form: Form, begin: int, word: str, number: int) -> Cycles[bool]:
         """The rhythm up to the next comma or parenthesis that is in no brackets of its text."""
         self.peek()
         first_place, depth = self.place, 0
-        while sign := self.text[self.place : self.place + 1]:
-            if depth == 0 and sign in ",)":
+        while next_sign := self.text[self.place : self.place + 1]:
+            if depth == 0 and next_sign in ",)":
                 break
-            depth += (sign in _DEEPER) - (sign in _HIGHER and depth > 0)
+            depth += (next_sign in _DEEPER) - (next_sign in _HIGHER and depth > 0)
             self.place += 1
         if first_place == self.place:
             message = f"'{word}' needs a rhythm; write for instance {form.example}"

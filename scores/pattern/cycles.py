@@ -102,10 +102,10 @@ class Cycles(Generic[V]):
         return None
 
 
-def node(query: Query[V], parts: Sequence[Cycles[V]], cost: int) -> Cycles[V]:
+def node(query: Query[V], inner_patterns: Sequence[Cycles[V]], cost: int) -> Cycles[V]:
     """A pattern that is made of others."""
-    depth = 1 + max((part.depth for part in parts), default=0)
-    leaves = dict.fromkeys(leaf for part in dict.fromkeys(parts) for leaf in part.leaves)
+    depth = 1 + max((part.depth for part in inner_patterns), default=0)
+    leaves = dict.fromkeys(leaf for part in dict.fromkeys(inner_patterns) for leaf in part.leaves)
     return Cycles(query, cost, depth, tuple(leaves))
 
 
@@ -146,10 +146,10 @@ def moved(
 
 def cut(fragment: Fragment[V], begin: Fraction, end: Fraction) -> Fragment[V] | None:
     """The part of a fragment between two instants."""
-    start, stop = max(fragment.start, begin), min(fragment.stop, end)
-    if start >= stop:
+    fragment_start, fragment_stop = max(fragment.start, begin), min(fragment.stop, end)
+    if fragment_start >= fragment_stop:
         return None
-    return fragment._replace(start=start, stop=stop)
+    return fragment._replace(start=fragment_start, stop=fragment_stop)
 
 
 # --- making -------------------------------------------------------------------------------------
@@ -164,12 +164,12 @@ def pure(pure_value: V) -> Cycles[V]:
     """One event a cycle, which lasts the cycle."""
 
     def query(begin: Fraction, end: Fraction, _: Chance) -> list[Fragment[V]]:
-        result = []
-        for cycle, start, stop in by_cycle(begin, end):
-            low = start if start.denominator == 1 else Fraction(cycle)
-            high = stop if stop.denominator == 1 else Fraction(cycle + 1)
-            result.append(Fragment(low, high, start, stop, pure_value))
-        return result
+        fragments_made = []
+        for cycle, fragment_start, fragment_stop in by_cycle(begin, end):
+            low = fragment_start if fragment_start.denominator == 1 else Fraction(cycle)
+            high = fragment_stop if fragment_stop.denominator == 1 else Fraction(cycle + 1)
+            fragments_made.append(Fragment(low, high, fragment_start, fragment_stop, pure_value))
+        return fragments_made
 
     return Cycles(query, leaves=(pure_value,))
 
@@ -188,10 +188,10 @@ def sequence(weighted_steps: Sequence[tuple[Cycles[V], Fraction]]) -> Cycles[V]:
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
         fragments_made: list[Fragment[V]] = []
-        for cycle, first, last in by_cycle(begin, end):
-            is_cut = first.denominator != 1 or last.denominator != 1
+        for cycle, first_instant, last_instant in by_cycle(begin, end):
+            is_cut = first_instant.denominator != 1 or last_instant.denominator != 1
             low_bound, high_bound = (
-                (first - cycle, last - cycle) if is_cut else (bounds[0], bounds[-1])
+                (first_instant - cycle, last_instant - cycle) if is_cut else (bounds[0], bounds[-1])
             )
             cycle_begins, cycle_ends = Fraction(cycle), Fraction(cycle + 1)
             for step_index in range(bisect_right(bounds, low_bound) - 1, len(cycle_patterns)):
@@ -234,11 +234,13 @@ def choose(choice_number: int, cycle_patterns: Sequence[Cycles[V]]) -> Cycles[V]
     """One of the patterns in each cycle, by chance."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        result: list[Fragment[V]] = []
+        fragments_made: list[Fragment[V]] = []
         for cycle, first, last in by_cycle(begin, end):
             draw = int(chance(choice_number, Fraction(cycle)) * len(cycle_patterns))
-            result += cycle_patterns[min(draw, len(cycle_patterns) - 1)].query(first, last, chance)
-        return result
+            fragments_made += cycle_patterns[min(draw, len(cycle_patterns) - 1)].query(
+                first, last, chance
+            )
+        return fragments_made
 
     # The sum, though one is played: what is written out in a text is bounded by the cost.
     return node(query, cycle_patterns, sum(part.cost for part in cycle_patterns))
@@ -302,10 +304,10 @@ def mapped(value_change: Callable[[V], W], changed_pattern: Cycles[V]) -> Cycles
     return Cycles(query, changed_pattern.cost, 1 + changed_pattern.depth, tuple(leaves))
 
 
-def filtered(test: Callable[[Fraction, Chance], bool], part: Cycles[V]) -> Cycles[V]:
+def filtered(test: Callable[[Fraction, Chance], bool], changed_pattern: Cycles[V]) -> Cycles[V]:
     """The events whose beginning passes a test."""
 
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[V]]:
-        return [f for f in part.query(begin, end, chance) if test(f.begin, chance)]
+        return [f for f in changed_pattern.query(begin, end, chance) if test(f.begin, chance)]
 
-    return node(query, (part,), part.cost)
+    return node(query, (changed_pattern,), changed_pattern.cost)

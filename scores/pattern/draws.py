@@ -29,14 +29,17 @@ class Draws:
         """One of `count` items."""
         return _drawn_index(self._chance("choose", site, turn), count)
 
-    def shuffle(self, site: int, turn: int, count: int) -> list[int]:
-        """All of `count` items in some order."""
+    def shuffle(self, site: int, turn: int, shuffled_count: int) -> list[int]:
+        """All of `shuffled_count` items in some order."""
         chance = self._chance("shuffle", site, turn)
-        order = list(range(count))
-        for last_index in range(count - 1, 0, -1):  # Fisher and Yates
+        shuffled_order = list(range(shuffled_count))
+        for last_index in range(shuffled_count - 1, 0, -1):  # Fisher and Yates
             drawn_index = _drawn_index(chance, last_index + 1)
-            order[last_index], order[drawn_index] = order[drawn_index], order[last_index]
-        return order
+            shuffled_order[last_index], shuffled_order[drawn_index] = (
+                shuffled_order[drawn_index],
+                shuffled_order[last_index],
+            )
+        return shuffled_order
 
     def walk_position(self, site: int, turn_index: int, item_count: int) -> int:
         """The position of a random walk among `item_count` items: it starts at the first, and each

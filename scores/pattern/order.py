@@ -64,11 +64,11 @@ class Group:
 
     def leaves(self) -> Iterator[Leaf]:
         """All names that may be played, in the order written."""
-        for item in self.items:
-            if isinstance(item, Group):
-                yield from item.leaves()
-            elif item.name is not None:
-                yield item
+        for group_item in self.items:
+            if isinstance(group_item, Group):
+                yield from group_item.leaves()
+            elif group_item.name is not None:
+                yield group_item
 
 
 Called = Callable[[str, int], str | tuple[str, ...]]
@@ -112,12 +112,12 @@ def parse(pattern_text: str, called: Called | None = None) -> Group:
             if choice is not None and not open_group.items and open_group.way == ["in turn"]:
                 open_group.way[:] = [choice]
                 continue
-            offset = token_match.start(2)
-            leaves = _leaves(typed_word, offset, called)
+            word_offset = token_match.start(2)
+            leaves = _leaves(typed_word, word_offset, called)
             if (repeat_count or 1) * len(leaves) > MAX_PLACES:
-                raise TextError(_TOO_MANY, offset=offset, length=len(typed_word))
+                raise TextError(_TOO_MANY, offset=word_offset, length=len(typed_word))
             for _ in range(repeat_count or 1):  # several names of one word are repeated together
-                open_group.items.extend((leaf, None, offset) for leaf in leaves)
+                open_group.items.extend((leaf, None, word_offset) for leaf in leaves)
             continue
         if len(stack) == 1:
             raise TextError("')' has no '(' before it", offset=token_match.start(2))
@@ -151,30 +151,32 @@ def _leaves(typed_word: str, word_offset: int, name_reader: Called) -> list[Leaf
     return [Leaf(leaf)] if isinstance(leaf, str) else [Leaf(name) for name in leaf]
 
 
-def name_of(word: str, offset: int) -> str:
+def name_of(leaf_word: str, word_offset: int) -> str:
     """The word, if it may be the name of a gesture or a take. Raises TextError."""
-    if not all(NAME.fullmatch(part) for part in word.split(".")):
-        message = f"'{word[:40]}' is not the name of a gesture or a take"
-        near = nearest(word, WAYS)
-        raise TextError(message, offset=offset, length=len(word), suggestion=near)
-    return word
+    if not all(NAME.fullmatch(part) for part in leaf_word.split(".")):
+        message = f"'{leaf_word[:40]}' is not the name of a gesture or a take"
+        near = nearest(leaf_word, WAYS)
+        raise TextError(message, offset=word_offset, length=len(leaf_word), suggestion=near)
+    return leaf_word
 
 
-def _count(text: str, offset: int) -> int:
-    if not re.fullmatch(r"[0-9]{1,5}", text) or not 1 <= int(text) <= MAX_PLACES:
-        message = f"'{text[:40]}' is not a number of repetitions; write knock*2 or (knock lean)*2"
-        raise TextError(message, offset=offset, length=max(1, len(text)))
-    return int(text)
+def _count(count_text: str, word_offset: int) -> int:
+    if not re.fullmatch(r"[0-9]{1,5}", count_text) or not 1 <= int(count_text) <= MAX_PLACES:
+        message = (
+            f"'{count_text[:40]}' is not a number of repetitions; write knock*2 or (knock lean)*2"
+        )
+        raise TextError(message, offset=word_offset, length=max(1, len(count_text)))
+    return int(count_text)
 
 
-def _not_empty(empty_group: _Open, length: int = 1) -> None:
+def _not_empty(empty_group: _Open, group_length: int = 1) -> None:
     if not empty_group.items:
         choice = empty_group.way[0]
         subject = "this group" if choice == "in turn" else f"'{choice}'"
         message = f"{subject} has no names; write for instance {choice} knock lean"
         if choice == "in turn":
             message = f"{subject} has no names; write for instance (knock lean)"
-        raise TextError(message, offset=empty_group.offset, length=max(1, length))
+        raise TextError(message, offset=empty_group.offset, length=max(1, group_length))
 
 
 class _GroupBuilder:
@@ -189,7 +191,7 @@ class _GroupBuilder:
         choice, site = open_group.way[0], self.sites
         self.sites += 1
         group_items: list[Leaf | Group] = []
-        for open_item, item_count, offset in open_group.items:
+        for open_item, item_count, word_offset in open_group.items:
             for _ in range(item_count or 1):
                 if isinstance(open_item, Leaf):
                     group_items.append(open_item)
@@ -197,7 +199,7 @@ class _GroupBuilder:
                 else:
                     group_items.append(self.group(open_item, None if item_count else 1))
                 if self.places > MAX_PLACES:
-                    raise TextError(_TOO_MANY, offset=offset)
+                    raise TextError(_TOO_MANY, offset=word_offset)
         if choice in ("choose", "walk"):
             steps, places = 1, max(item.places for item in group_items)
         else:

@@ -87,11 +87,11 @@ class PlaceSequence:
         self.draws = draws
         self._round = lru_cache(_ROUNDS)(self._drawn)
         self._names = lru_cache(_ROUNDS)(self._named)
-        order = pattern.order
+        pattern_order = pattern.order
         self._steps = lru_cache(_ROUNDS)(self._split)
         # By how many names each round begins later than the round before.
-        self.later = sum(order.places // shares for shares in iterations(pattern.turns))
-        self._steady = _split(_places(order, None, 0)) if order.is_steady else None
+        self.later = sum(pattern_order.places // shares for shares in iterations(pattern.turns))
+        self._steady = _split(_places(pattern_order, None, 0)) if pattern_order.is_steady else None
 
     def step(self, place: int) -> tuple[int, float]:
         """The step of the line in which a place is, and how far into the step."""
@@ -102,20 +102,20 @@ class PlaceSequence:
 
     def position(self, place: int) -> float:
         """Where a place begins, in steps from the beginning of the pattern, swing included."""
-        step, share_into = self.step(place)
+        pattern_step, share_into = self.step(place)
         euclid = self.pattern.euclid
         if euclid is not None:
-            cycle, pulse = divmod(step, euclid.pulses)
-            step = cycle * euclid.steps + euclid.positions()[pulse]
-        return swung(step, share_into, self.pattern.swing)
+            cycle, pulse = divmod(pattern_step, euclid.pulses)
+            pattern_step = cycle * euclid.steps + euclid.positions()[pulse]
+        return swung(pattern_step, share_into, self.pattern.swing)
 
-    def round(self, place: int) -> int:
+    def round(self, place_index: int) -> int:
         """The round in which a place is: of the Euclidean rhythm if there is one, else of the
         names.
         """
         if self.pattern.euclid is not None:
-            return self.step(place)[0] // self.pattern.euclid.pulses
-        return (place + self.pattern.skip) // self.pattern.order.places
+            return self.step(place_index)[0] // self.pattern.euclid.pulses
+        return (place_index + self.pattern.skip) // self.pattern.order.places
 
     def places_of(self, rounds: int) -> int:
         """The number of places in so many rounds, without those that are skipped."""
@@ -130,11 +130,11 @@ class PlaceSequence:
 
     def played(self, place: int) -> str | None:
         """The name that is played in a place; None for a rest."""
-        name, number = self.named(place), place + self.pattern.skip
+        played_name, number = self.named(place), place + self.pattern.skip
         chance = self.pattern.chance
-        if name is None or (chance is not None and not self.draws.happens(chance, number)):
+        if played_name is None or (chance is not None and not self.draws.happens(chance, number)):
             return None
-        return None if None in self.due(place, self.pattern.turns) else name
+        return None if None in self.due(place, self.pattern.turns) else played_name
 
     def named(self, place: int) -> str | None:
         """The name in a place, whether chance lets it be played or not; None for a rest."""
@@ -149,20 +149,20 @@ class PlaceSequence:
         """What turns do in a place; None where one leaves it out."""
         if not turns:
             return ()
-        number = place + self.pattern.skip
+        draw_number = place + self.pattern.skip
 
         def draw(rule: int, probability: float) -> bool:
-            return self.draws.changes(probability, number, rule)
+            return self.draws.changes(probability, draw_number, rule)
 
         return tuple(due(turns, Occasion(self.round(place), self._share(place), draw)))
 
     def _share(self, place: int) -> float:
         """How much of its round is over where a place begins, from 0 to 1."""
-        step, share_into = self.step(place)
+        pattern_step, share_into = self.step(place)
         euclid = self.pattern.euclid
         if euclid is not None:
-            return euclid.positions()[step % euclid.pulses] / euclid.steps
-        return (step % self.pattern.order.steps + share_into) / self.pattern.order.steps
+            return euclid.positions()[pattern_step % euclid.pulses] / euclid.steps
+        return (pattern_step % self.pattern.order.steps + share_into) / self.pattern.order.steps
 
     def _named(self, turn: int) -> Sequence[str | None]:
         return tuple(_names(self.pattern.order, self.draws, turn))
@@ -192,12 +192,12 @@ def _names(order_item: Leaf | Group, draws: Draws, turn_index: int) -> Iterator[
         yield from (None for _ in range(order_item.places - chosen.places))
         return
     is_drawn = order_item.way == "shuffle"
-    for index in (
+    for item_index in (
         draws.shuffle(order_item.site, turn_index, choice_count)
         if is_drawn
         else range(choice_count)
     ):
-        yield from _names(order_item.items[index], draws, turn_index)
+        yield from _names(order_item.items[item_index], draws, turn_index)
 
 
 def _places(order: Group, draws: Draws | None, turn: int) -> Iterator[Place]:
@@ -231,11 +231,13 @@ def _places_of(
         return
     members = range(len(order_item.items))
     if order_item.way == "shuffle" and draws is not None:
-        order: Sequence[int] = draws.shuffle(order_item.site, turn_index, len(order_item.items))
+        item_order: Sequence[int] = draws.shuffle(
+            order_item.site, turn_index, len(order_item.items)
+        )
     else:
-        order = members
+        item_order = members
     step_width = width / order_item.steps
-    for choice_index in order:
+    for choice_index in item_order:
         child = order_item.items[choice_index]
         yield from _places_of(child, begin_step, step_width * child.span, draws, turn_index)
         begin_step += step_width * child.span

@@ -45,35 +45,41 @@ def legato(length_factor: Fraction, changed_pattern: Pattern) -> Pattern:
     def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
         fragments_made = []
         for fragment in changed_pattern.query(begin, end, chance):
-            first_begin, last_end, line = fragment.begin, fragment.end, fragment.what.line
+            first_begin, last_end, struck_line = fragment.begin, fragment.end, fragment.what.line
             following = first_begin + FARTHEST
             for cycle in range(first_begin // 1, first_begin // 1 + FARTHEST + 1):
-                instants = onsets(cycle, chance).get(line, ())
+                instants = onsets(cycle, chance).get(struck_line, ())
                 number = bisect_right(instants, first_begin)
                 if number < len(instants):
                     following = min(following, instants[number])
                     break
-            length = length_factor * (following - first_begin) / (last_end - first_begin)
+            stroke_length = length_factor * (following - first_begin) / (last_end - first_begin)
             if fragment.what.repeats is not None:
-                length = length_factor
-            fragments_made.append(fragment._replace(what=replace(fragment.what, length=length)))
+                stroke_length = length_factor
+            fragments_made.append(
+                fragment._replace(what=replace(fragment.what, length=stroke_length))
+            )
         return fragments_made
 
     return node(query, (changed_pattern,), changed_pattern.cost * _ASKED)
 
 
-def _onsets(part: Pattern, cycle: int, chance: Chance) -> Mapping[int, Sequence[Fraction]]:
+def _onsets(
+    changed_pattern: Pattern, cycle: int, chance: Chance
+) -> Mapping[int, Sequence[Fraction]]:
     """The instants at which strokes begin in a cycle, in order, by line."""
-    lines: dict[int, list[Fraction]] = {}
-    for event in part.onsets(cycle, chance):
-        lines.setdefault(event.what.line, []).append(event.begin)
-    return lines
+    begins_by_line: dict[int, list[Fraction]] = {}
+    for event in changed_pattern.onsets(cycle, chance):
+        begins_by_line.setdefault(event.what.line, []).append(event.begin)
+    return begins_by_line
 
 
 # --- strokes that are repeated ------------------------------------------------------------------
 
 
-def tremolo(stroke_count: int, part: Pattern, first: float = 1.0, last: float = 1.0) -> Pattern:
+def tremolo(
+    stroke_count: int, changed_pattern: Pattern, first_factor: float = 1.0, last_factor: float = 1.0
+) -> Pattern:
     """Each stroke so many times within its span, from one factor of its impulse to another.
 
     Factors are geometric: even steps of strength.
@@ -81,10 +87,10 @@ def tremolo(stroke_count: int, part: Pattern, first: float = 1.0, last: float = 
 
     def change(struck: Struck, turn: int) -> Struck:
         share = turn / (stroke_count - 1) if stroke_count > 1 else 1.0
-        factor = struck.factor * swell(first, last, share)
+        factor = struck.factor * swell(first_factor, last_factor, share)
         return replace(struck, factor=factor, part_of="before" if turn else struck.part_of)
 
-    return ply(stroke_count, part, change)
+    return ply(stroke_count, changed_pattern, change)
 
 
 def repeated(repeats: Repeats, part: Pattern) -> Pattern:
@@ -102,10 +108,10 @@ def grace(
 ) -> Pattern:
     """The pattern, with a short stroke before each stroke, which ends where that begins."""
 
-    def short(struck: Struck) -> Struck:
-        semitone, scale = struck.semitones + semitones, struck.factor * factor
+    def short(struck_note: Struck) -> Struck:
+        semitone, scale = struck_note.semitones + semitones, struck_note.factor * factor
         return replace(
-            struck,
+            struck_note,
             semitones=semitone,
             factor=scale,
             length=Fraction(1),
@@ -113,12 +119,12 @@ def grace(
             part_of="after",
         )
 
-    def query(begin: Fraction, end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
+    def query(query_begin: Fraction, query_end: Fraction, chance: Chance) -> list[Fragment[Struck]]:
         fragments_made = []
-        for fragment in changed_pattern.query(begin, end + grace_time, chance):
+        for fragment in changed_pattern.query(query_begin, query_end + grace_time, chance):
             main = fragment.begin
-            if main > begin and fragment.start == main and fragment.what.part_of is None:
-                start, stop = max(main - grace_time, begin), min(main, end)
+            if main > query_begin and fragment.start == main and fragment.what.part_of is None:
+                start, stop = max(main - grace_time, query_begin), min(main, query_end)
                 fragments_made.append(
                     Fragment(main - grace_time, main, start, stop, short(fragment.what))
                 )
@@ -153,24 +159,33 @@ def _chords(
         for fragment in changed_pattern.query(query_begin, end, chance):
             chords.setdefault((fragment.begin, fragment.end), []).append(fragment)
         fragments_made = []
-        for (first_instant, last_instant), parts in chords.items():
+        for (first_instant, last_instant), chord_parts in chords.items():
             # Of a chord that another pattern cuts only this much is seen.
-            chord_start, chord_stop = min(f.start for f in parts), max(f.stop for f in parts)
+            chord_start, chord_stop = (
+                min(f.start for f in chord_parts),
+                max(f.stop for f in chord_parts),
+            )
             if first_instant < query_begin:
-                parts = changed_pattern.query(
+                chord_parts = changed_pattern.query(
                     first_instant, min(last_instant, first_instant + _INSTANT), chance
                 )
-            notes = [
+            chord_notes = [
                 f.what
-                for f in parts
+                for f in chord_parts
                 if f.start == f.begin == first_instant and f.end == last_instant
             ]
-            for low, high, struck in spread(
-                by_pitch(notes), first_instant, last_instant, chord_start, chord_stop
+            for low_instant, high_instant, struck_note in spread(
+                by_pitch(chord_notes), first_instant, last_instant, chord_start, chord_stop
             ):
-                if low < chord_stop and high > chord_start:
+                if low_instant < chord_stop and high_instant > chord_start:
                     fragments_made.append(
-                        Fragment(low, high, max(low, chord_start), min(high, chord_stop), struck)
+                        Fragment(
+                            low_instant,
+                            high_instant,
+                            max(low_instant, chord_start),
+                            min(high_instant, chord_stop),
+                            struck_note,
+                        )
                     )
         return fragments_made
 
@@ -196,8 +211,8 @@ def arp(note_order: str, step_length: Fraction | None, changed_pattern: Pattern)
         chord: Sequence[Struck],
         first_instant: Fraction,
         last_instant: Fraction,
-        begin: Fraction,
-        end: Fraction,
+        chord_begin: Fraction,
+        chord_end: Fraction,
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
         ordered_notes = ORDERS[note_order](chord) if len(chord) > 1 else chord
         if not ordered_notes:
@@ -207,12 +222,12 @@ def arp(note_order: str, step_length: Fraction | None, changed_pattern: Pattern)
             if step_length is None
             else step_length
         )
-        turn = max(0, (begin - first_instant) // note_width)
-        low = first_instant + turn * note_width
-        while low < end:
-            high = min(low + note_width, last_instant)
-            yield low, high, ordered_notes[turn % len(ordered_notes)]
-            turn, low = turn + 1, low + note_width
+        turn = max(0, (chord_begin - first_instant) // note_width)
+        low_instant = first_instant + turn * note_width
+        while low_instant < chord_end:
+            high = min(low_instant + note_width, last_instant)
+            yield low_instant, high, ordered_notes[turn % len(ordered_notes)]
+            turn, low_instant = turn + 1, low_instant + note_width
 
     times = ceil(len(ORDERS[note_order](range(_MANY))) / _MANY)  # for which an order has each note
     many = times * _largest(changed_pattern) if step_length is None else ceil(1 / step_length)
@@ -228,12 +243,14 @@ def rolled(span_share: Fraction, changed_pattern: Pattern) -> Pattern:
     """
 
     def spread(
-        chord: Sequence[Struck], first: Fraction, last: Fraction, *_: Fraction
+        chord: Sequence[Struck], first_instant: Fraction, last_instant: Fraction, *_: Fraction
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
         notes = chord if span_share > 0 else chord[::-1]
         for turn, note in enumerate(notes):
-            low = first + turn * abs(span_share) * (last - first) / len(notes)
-            yield low, last, _joined(note, turn)
+            low = first_instant + turn * abs(span_share) * (last_instant - first_instant) / len(
+                notes
+            )
+            yield low, last_instant, _joined(note, turn)
 
     return _chords(
         spread,
@@ -247,11 +264,11 @@ def strum(step_seconds: float, changed_pattern: Pattern) -> Pattern:
     """The notes of each chord, `step_seconds` [s] apart; below zero from the highest note down."""
 
     def spread(
-        chord: Sequence[Struck], first: Fraction, last: Fraction, *_: Fraction
+        chord: Sequence[Struck], first_instant: Fraction, last_instant: Fraction, *_: Fraction
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
         for turn, note in enumerate(chord if step_seconds > 0 else chord[::-1]):
             late = note.delay + turn * abs(step_seconds)
-            yield first, last, _joined(replace(note, delay=late), turn)
+            yield first_instant, last_instant, _joined(replace(note, delay=late), turn)
 
     leaves = [*_notes(changed_pattern)]
     latest = max((leaf.delay for leaf in leaves), default=0.0) + abs(step_seconds) * (

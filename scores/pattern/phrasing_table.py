@@ -21,19 +21,19 @@ def _tremolo(t: CycleTransform, part: Pattern) -> Pattern:
     return act.tremolo(t.value, part)
 
 
-def _roll(t: CycleTransform, part: Pattern) -> Pattern:
+def _roll(t: CycleTransform, changed_pattern: Pattern) -> Pattern:
     strokes, *factors = t.values
     first_level, last_level = [float(factor) for factor in [*factors, *_SWELL[len(factors) :]]]
     if isinstance(strokes, Repeats):
-        return act.repeated(strokes._replace(first=first_level, last=last_level), part)
-    return act.tremolo(strokes, part, first_level, last_level)
+        return act.repeated(strokes._replace(first=first_level, last=last_level), changed_pattern)
+    return act.tremolo(strokes, changed_pattern, first_level, last_level)
 
 
-def _grace(t: CycleTransform, part: Pattern) -> Pattern:
+def _grace(t: CycleTransform, changed_pattern: Pattern) -> Pattern:
     time, *other_values = t.values
     semitones = other_values[0] if other_values else 0
     factor = other_values[1] if len(other_values) > 1 else _SOFTER
-    return act.grace(time, semitones, factor, part)
+    return act.grace(time, semitones, factor, changed_pattern)
 
 
 def _arp(t: CycleTransform, part: Pattern) -> Pattern:

@@ -31,11 +31,11 @@ class Euclid:
 
 def parse_euclid(text: str) -> Euclid:
     """Read `3 8` or `3 8 rotate 2`. Raises TextError."""
-    word, text_start = stripped(text)
-    sign_match = _EUCLID.fullmatch(word)
+    trimmed_word, text_start = stripped(text)
+    sign_match = _EUCLID.fullmatch(trimmed_word)
     if sign_match is None:
-        message = f"'{word[:40]}' is not a Euclidean rhythm such as 3 8 or 3 8 rotate 2"
-        raise TextError(message, offset=text_start, length=max(1, len(word)))
+        message = f"'{trimmed_word[:40]}' is not a Euclidean rhythm such as 3 8 or 3 8 rotate 2"
+        raise TextError(message, offset=text_start, length=max(1, len(trimmed_word)))
     pulses, step_count, rotate = int(sign_match[1]), int(sign_match[2]), int(sign_match[3] or 0)
     if not 1 <= step_count <= MAX_STEPS:
         message = f"a Euclidean rhythm has 1 to {MAX_STEPS} steps"

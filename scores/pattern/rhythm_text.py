@@ -49,13 +49,14 @@ _OPENING = {close: opened for opened, close in _CLOSING.items()}
 
 
 def parse(
-    rhythm_text: str, read: Callable[[str, int], V], text_start: int = 0, first_number: int = 0
+    rhythm_text: str, read_word: Callable[[str, int], V], text_start: int = 0, first_number: int = 0
 ) -> Cycles[V]:
-    """Read a rhythm; `read` returns what a word at an offset stands for, and may raise TextError.
+    """Read a rhythm; `read_word` returns what a word at an offset stands for, and may raise
+    TextError.
 
-    `read` and TextError get offsets into the text plus `text_start`. Operators that draw chances
-    are numbered in the order of writing from `first_number`. The values of all words, in the order
-    of writing, are the `leaves` of the result.
+    `read_word` and TextError get offsets into the text plus `text_start`. Operators that draw
+    chances are numbered in the order of writing from `first_number`. The values of all words, in
+    the order of writing, are the `leaves` of the result.
     """
     if len(rhythm_text) > MAX_TEXT:
         message = f"a rhythm has at most {MAX_TEXT:,} characters; divide it among several lines"
@@ -63,16 +64,16 @@ def parse(
     if not rhythm_text.strip():
         message = "this rhythm has no steps; write for instance kick ~ snare ~"
         raise TextError(message, offset=text_start, length=max(1, len(rhythm_text)))
-    return _Parser(rhythm_text, read, text_start, first_number).text_in("")
+    return _Parser(rhythm_text, read_word, text_start, first_number).text_in("")
 
 
-def line_begins(text: str) -> list[int]:
+def line_begins(rhythm_text: str) -> list[int]:
     """Where the lines of a rhythm text begin that commas outside all brackets divide."""
     begins, depth = [0], 0
-    for place, sign in enumerate(text):
+    for sign_place, sign in enumerate(rhythm_text):
         depth += (sign in "[<{(") - (sign in "]>})")
         if sign == "," and depth == 0:
-            begins.append(place + 1)
+            begins.append(sign_place + 1)
     return begins
 
 
@@ -93,10 +94,12 @@ class _Step(Generic[V]):
 class _Parser(Scanner, Generic[V]):
     """Reads steps and brackets."""
 
-    def __init__(self, text: str, read: Callable[[str, int], V], start: int, number: int) -> None:
+    def __init__(
+        self, text: str, read: Callable[[str, int], V], start: int, first_operator: int
+    ) -> None:
         super().__init__(text, start)
         self.read = read
-        self.number = number  # of the next operator that draws chances
+        self.number = first_operator  # of the next operator that draws chances
         self.open: list[int] = []  # where brackets begin that are not closed yet
 
     # --- brackets -------------------------------------------------------------------------------
@@ -133,13 +136,13 @@ class _Parser(Scanner, Generic[V]):
         draw = walk if open_sign == "<" else choose
         return self.checked(draw(self.number - 1, line_patterns), bracket_begin)
 
-    def check_separator(self, text_before: str, sign: str) -> None:
+    def check_separator(self, text_before: str, separator_sign: str) -> None:
         """Refuse a separator that is not the one before it, or not of these brackets."""
         separator = self.text[self.place]
         if text_before not in ("", separator):
             message = "',' (together) and '|' (one in each cycle) are divided by brackets: "
             raise self.mistake(message + "kick, [snare | hat]", self.place)
-        if separator == "|" and sign == "{":
+        if separator == "|" and separator_sign == "{":
             message = "'|' is written in square brackets: {[kick | snare] hat}"
             raise self.mistake(message, self.place)
 
@@ -237,11 +240,11 @@ class _Parser(Scanner, Generic[V]):
         """Read a word, a rest or brackets, with what changes them."""
         first_number, step_begin = self.number, self.place
         first_sign = self.text[step_begin]
-        word = WORD.match(self.text, step_begin)
+        word_match = WORD.match(self.text, step_begin)
         cycles: Cycles[V] = silence()
-        if word:
-            self.place = word.end()
-            cycles = pure(self.read(word.group(), self.start + step_begin))
+        if word_match:
+            self.place = word_match.end()
+            cycles = pure(self.read(word_match.group(), self.start + step_begin))
         elif first_sign == "~":
             self.place += 1
         elif first_sign in _CLOSING:
@@ -253,15 +256,15 @@ class _Parser(Scanner, Generic[V]):
             cycles = self.text_in(first_sign)
         else:
             raise self.unknown(first_sign)
-        step = _Step(cycles, first_number, first_number)
+        read_step = _Step(cycles, first_number, first_number)
         while (change := self.peek(skips=False)) and change in "*/?@(":
-            self.change(step, change)
-        step.stop = self.number
-        return step
+            self.change(read_step, change)
+        read_step.stop = self.number
+        return read_step
 
     def change(self, step: _Step[V], sign: str) -> None:
         """Read one change of a step."""
-        begin = self.place
+        change_begin = self.place
         if sign == "(":
             rhythm = self.euclid()
             copy = self.number - step.first
@@ -278,7 +281,7 @@ class _Parser(Scanner, Generic[V]):
                 self.number += 1
             else:
                 step.base = fast(amount if sign == "*" else 1 / amount, step.base)
-        self.checked(step.base, begin)
+        self.checked(step.base, change_begin)
 
     def checked(self, cycles: Cycles[V], begin: int) -> Cycles[V]:
         """The pattern that is written from `begin` to here, unless it is too large."""

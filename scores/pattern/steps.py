@@ -84,10 +84,10 @@ class Steps(Sequence[float]):
         """The beat of a place."""
         if isinstance(place_index, slice):
             return [self.beat(place) for place in range(*place_index.indices(self._count))]
-        place = place_index + self._count if place_index < 0 else place_index
-        if not 0 <= place < self._count:
+        place_number = place_index + self._count if place_index < 0 else place_index
+        if not 0 <= place_number < self._count:
             raise IndexError(place_index)
-        return self.beat(place)
+        return self.beat(place_number)
 
 
 def steps(
@@ -144,24 +144,24 @@ def steps(
 
 
 def _even(
-    tempo: TempoMap, begin: float, course: PlaceSequence, every: Length
+    tempo: TempoMap, begin_beat: float, course: PlaceSequence, step_length: Length
 ) -> Callable[[int], float]:
-    """Steps of the length `every`; if places are skipped, the first one that is left begins at
-    `begin`.
+    """Steps of the length `step_length`; if places are skipped, the first one that is left begins
+    at `begin_beat`.
     """
     first_position = course.position(0) if course.pattern.skip else 0.0
 
     def beat(place: int) -> float:
-        return tempo.after(begin, every.times(course.position(place) - first_position))
+        return tempo.after(begin_beat, step_length.times(course.position(place) - first_position))
 
     return beat
 
 
 def _end_to_end(
     tempo: TempoMap,
-    begin: float,
+    begin_beat: float,
     course: PlaceSequence,
-    length: Callable[[str], Length | None],
+    length_of_name: Callable[[str], Length | None],
     count_max: int,
     until_beat: float | None,
 ) -> Callable[[int], float]:
@@ -170,7 +170,7 @@ def _end_to_end(
     lasting = []
     for item in pattern_order.items:
         length_found = (
-            length(item.name) if isinstance(item, Leaf) and item.name is not None else None
+            length_of_name(item.name) if isinstance(item, Leaf) and item.name is not None else None
         )
         is_mixed = pattern_order.way != "in turn" or course.later or course.pattern.swing != EVEN
         if is_mixed or length_found is None:
@@ -181,12 +181,12 @@ def _end_to_end(
         lasting.append(length_found)
     if not any(length.is_some for length in lasting):
         raise TextError("the gestures have no duration; write `every`, for instance every 1")
-    place_beats = [begin]
-    for place in range(count_max):
+    place_beats = [begin_beat]
+    for place_index in range(count_max):
         if until_beat is not None and place_beats[-1] >= until_beat:
             break
-        if not place % 1024:
+        if not place_index % 1024:
             poll()
-        number = (place + course.pattern.skip) % len(lasting)
+        number = (place_index + course.pattern.skip) % len(lasting)
         place_beats.append(tempo.after(place_beats[-1], lasting[number]))
     return lambda place: place_beats[place] if place < len(place_beats) else inf

@@ -100,11 +100,13 @@ def by_pitch(chord: Sequence[Struck]) -> list[Struck]:
     return sorted(single, key=lambda struck: pitches[struck] or 0.0)
 
 
-def _pitch(struck: Struck) -> float | None:
-    note = note_of(name_of(struck))
+def _pitch(struck_word: Struck) -> float | None:
+    note = note_of(name_of(struck_word))
     if note is None:
         return None
     try:
-        return notes.pitch(notes.moved(note, struck.semitones) if struck.semitones else note)
+        return notes.pitch(
+            notes.moved(note, struck_word.semitones) if struck_word.semitones else note
+        )
     except TextError:  # a key that the tuning leaves out
         return None

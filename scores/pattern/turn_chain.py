@@ -95,22 +95,24 @@ def parse_chain(text: str) -> tuple[Change, ...]:
     return _Parser(text).chain()
 
 
-def parse_change(text: str) -> Change:
+def parse_change(change_text: str) -> Change:
     """Read one transformation. Raises TextError."""
-    chain = parse_chain(text)
+    chain = parse_chain(change_text)
     if len(chain) > 1:
-        message = f"{quote(text)} is not one transformation; write one in each item of a list"
-        raise TextError(message, length=len(text))
+        message = (
+            f"{quote(change_text)} is not one transformation; write one in each item of a list"
+        )
+        raise TextError(message, length=len(change_text))
     return chain[0]
 
 
 def parse_first(
-    pattern_text: str, place: int, start: int, other_words: Container[str]
+    pattern_text: str, text_place: int, text_start: int, other_words: Container[str]
 ) -> tuple[Change, int]:
     """Read the transformation at a place of a text, and where it ends: at the latest at one of
     `other_words`, which are no values. Raises TextError.
     """
-    parser = _Parser(pattern_text, start, place, other_words)
+    parser = _Parser(pattern_text, text_start, text_place, other_words)
     change = parser.transform()
     return change, len(pattern_text[: parser.place].rstrip())
 
@@ -139,15 +141,15 @@ def as_turn(change: Change) -> Turn:
     return change if isinstance(change, Turn) else Turn(1, (change,))
 
 
-def split_chain(text: str) -> tuple[str, ...]:
+def split_chain(chain_text: str) -> tuple[str, ...]:
     """The texts of transformations, parted by the commas that are in no parentheses."""
     depth, chain_parts = 0, [""]
-    for sign in text:
-        depth += (sign == "(") - (sign == ")")
-        if sign == "," and depth == 0:
+    for chain_sign in chain_text:
+        depth += (chain_sign == "(") - (chain_sign == ")")
+        if chain_sign == "," and depth == 0:
             chain_parts.append("")
         else:
-            chain_parts[-1] += sign
+            chain_parts[-1] += chain_sign
     return tuple(part.strip() for part in chain_parts)
 
 
@@ -197,10 +199,10 @@ class _Parser(ChainParser[Change]):
         match = _SEGMENT.match(self.text, self.place)
         transform_text = match.group() if match else ""
         if self.others is not None:
-            words = [*_WORD.finditer(transform_text)]
-            count = 1 + ARGUMENTS.get(words[0].group(), 0) if words else 0
-            value_words = takewhile(self.is_value, words[1:count])
-            words_taken = [*words[:1], *value_words]
+            word_matches = [*_WORD.finditer(transform_text)]
+            count = 1 + ARGUMENTS.get(word_matches[0].group(), 0) if word_matches else 0
+            value_words = takewhile(self.is_value, word_matches[1:count])
+            words_taken = [*word_matches[:1], *value_words]
             transform_text = transform_text[: words_taken[-1].end()] if words_taken else ""
         begin = self.place
         self.place += len(transform_text)

@@ -109,26 +109,28 @@ def numbered(turns: Iterable[Turn], numbers: Iterator[int] | None = None) -> tup
     return tuple([_numbered(turn, numbers) for turn in turns])
 
 
-def _numbered(turn: Turn, numbers: Iterator[int]) -> Turn:
-    rule = turn.rule and replace(turn.rule, number=next(numbers))
+def _numbered(turn: Turn, turn_numbers: Iterator[int]) -> Turn:
+    rule = turn.rule and replace(turn.rule, number=next(turn_numbers))
     do = [
-        _numbered(transform, numbers) if isinstance(transform, Turn) else transform
+        _numbered(transform, turn_numbers) if isinstance(transform, Turn) else transform
         for transform in turn.do
     ]
     return replace(turn, do=tuple(do), rule=rule)
 
 
-def parse(pattern_text: str, start: int = 0) -> tuple[Turn, ...]:
+def parse(pattern_text: str, text_start: int = 0) -> tuple[Turn, ...]:
     """Read `4th do mirror`, and further clauses that begin with `every`.
 
-    Raises TextError with offsets into the text plus `start`.
+    Raises TextError with offsets into the text plus `text_start`.
     """
     parsed_turns = []
-    offset = 0
+    clause_offset = 0
     for next_match in (*_NEXT.finditer(pattern_text), None):
-        clause = pattern_text[offset : next_match.start() if next_match else len(pattern_text)]
-        parsed_turns.append(_clause(clause, start + offset))
-        offset = next_match.end() if next_match else 0
+        clause = pattern_text[
+            clause_offset : next_match.start() if next_match else len(pattern_text)
+        ]
+        parsed_turns.append(_clause(clause, text_start + clause_offset))
+        clause_offset = next_match.end() if next_match else 0
     return tuple(parsed_turns)
 
 

@@ -30,29 +30,29 @@ ReadAmount = Callable[[str], Amount]
 
 
 def parse_values(
-    text: str, read: ReadAmount, *, is_pitch: bool = False
+    values_text: str, read_amount: ReadAmount, *, is_pitch: bool = False
 ) -> tuple[Group, Mapping[str, Amount]]:
     """Read a pattern of values: its order, and the amount of each of its names.
 
-    `read` reads an amount; among pitches `A3.minor` is a scale or a chord. Raises TextError with
-    the characters at fault.
+    `read_amount` reads an amount; among pitches `A3.minor` is a scale or a chord. Raises TextError
+    with the characters at fault.
     """
     amounts: dict[str, Amount] = {}
 
-    def called(typed_word: str, offset: int) -> str | tuple[str, ...]:
+    def called(typed_word: str, word_offset: int) -> str | tuple[str, ...]:
         try:
             is_root = typed_word[:1].isalpha() and "." in tuning.spelled(typed_word)
             if is_pitch and is_root and not typed_word.startswith("x"):
                 scale_values = _scale(typed_word)
                 amounts.update(scale_values)
                 return tuple(scale_values)
-            amounts[typed_word] = read(typed_word)
+            amounts[typed_word] = read_amount(typed_word)
         except TextError as error:
-            error.offset += offset
+            error.offset += word_offset
             raise
         return typed_word
 
-    order = parse(text, called)
+    order = parse(values_text, called)
     return order, amounts
 
 

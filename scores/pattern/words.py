@@ -100,20 +100,24 @@ def parse(pattern_text: str, text_start: int = 0, called: Called | None = None) 
     words_stop = 1
     while words_stop < len(placed_words) and placed_words[words_stop].text not in (*_KNOWN, ","):
         words_stop += 1
-    what_word, order = _order(pattern_text, placed_words[:words_stop], text_start, called)
+    what_word, play_order = _order(pattern_text, placed_words[:words_stop], text_start, called)
     chain: list[Change] = []
     wanting: str | None = None  # a `do` or a comma that a transformation must follow
     i = words_stop
     while i < len(placed_words):
-        option_word, offset = placed_words[i]
-        option_place = text_start + offset
+        option_word, option_offset = placed_words[i]
+        option_place = text_start + option_offset
         if option_word in ARITY or wanting is not None:
-            change, end = parse_first(pattern_text, offset, text_start, _KNOWN)
+            change, change_end = parse_first(pattern_text, option_offset, text_start, _KNOWN)
             chain.append(change)
             wanting, i = (
                 None,
                 next(
-                    (n for n in range(i, len(placed_words)) if placed_words[n].offset >= end),
+                    (
+                        n
+                        for n in range(i, len(placed_words))
+                        if placed_words[n].offset >= change_end
+                    ),
                     len(placed_words),
                 ),
             )
@@ -122,14 +126,16 @@ def parse(pattern_text: str, text_start: int = 0, called: Called | None = None) 
         ):
             wanting, i = option_word, i + 1
         elif option_word in OPTIONS:
-            name, i, value = _value(pattern_text, placed_words, i, text_start, OPTIONS, option_word)
-            if name in placed_options:
+            option_name, i, option_value = _value(
+                pattern_text, placed_words, i, text_start, OPTIONS, option_word
+            )
+            if option_name in placed_options:
                 raise TextError(
                     f"'{option_word}' is written twice",
                     offset=option_place,
                     length=len(option_word),
                 )
-            placed_options[name] = Word(value.text, text_start + value.offset)
+            placed_options[option_name] = Word(option_value.text, text_start + option_value.offset)
         elif OPTIONS.get(placed_words[i - 1].text, "") is None:
             flag = placed_words[i - 1].text
             raise TextError(
@@ -148,11 +154,11 @@ def parse(pattern_text: str, text_start: int = 0, called: Called | None = None) 
         )
     if NTH in placed_options:
         parse_turns(placed_options[NTH].text, placed_options[NTH].offset)
-    return PlayWords(what_word, placed_options, tuple(chain), order)
+    return PlayWords(what_word, placed_options, tuple(chain), play_order)
 
 
 def _order(
-    text: str, placed_words: list[Word], text_start: int, name_reader: Called | None
+    play_text: str, placed_words: list[Word], text_start: int, name_reader: Called | None
 ) -> tuple[Word, Group | None]:
     """What is played, and its pattern unless it is one name."""
     for word_before, word in pairwise(placed_words):
@@ -160,7 +166,7 @@ def _order(
             raise _unknown(word if word_before is placed_words[0] else word_before, text_start)
     first_word, last_word = placed_words[0], placed_words[-1]
     order_word = Word(
-        text[first_word.offset : last_word.offset + len(last_word.text)],
+        play_text[first_word.offset : last_word.offset + len(last_word.text)],
         text_start + first_word.offset,
     )
     if len(placed_words) == 1 and not _SIGNS & set(order_word.text):
@@ -219,18 +225,18 @@ def parse_strikes(
     return placed_words[:options_start], placed_options
 
 
-def _is_worded_level(word: str) -> bool:
+def _is_worded_level(typed_word: str) -> bool:
     """Whether a word is a level with letters, such as `f` or `2mNs`: a number alone may be the end
     of the value before it.
     """
-    return is_level(word) and any(map(str.isalpha, word))
+    return is_level(typed_word) and any(map(str.isalpha, typed_word))
 
 
 def _value(
     pattern_text: str,
     placed_words: list[Word],
     i: int,
-    start: int,
+    text_start: int,
     examples_by_word: Mapping[str, str | None],
     option_word: str,
 ) -> tuple[str, int, Word]:
@@ -270,7 +276,7 @@ def _value(
         example = f"{option_word} {examples_by_word[option_word]}"
         example += " rotate 2" if option_word == "euclid" and value_count == 4 else ""
         message = f"'{option_word}' needs a value: {example}"
-        raise TextError(message, offset=start + option_offset, length=len(option_word))
+        raise TextError(message, offset=text_start + option_offset, length=len(option_word))
     first_word, last_word = value_words[0], value_words[-1]
     value_stop = last_word.offset + len(last_word.text)
     return (
@@ -280,23 +286,23 @@ def _value(
     )
 
 
-def _unknown(word: Word, start: int, known_words: Iterable[str] = _KNOWN) -> TextError:
+def _unknown(unknown_word: Word, text_start: int, known_words: Iterable[str] = _KNOWN) -> TextError:
     return TextError(
-        f"unknown word '{word.text[:40]}'",
-        offset=start + word.offset,
-        length=len(word.text),
-        suggestion=nearest(word.text, known_words),
+        f"unknown word '{unknown_word.text[:40]}'",
+        offset=text_start + unknown_word.offset,
+        length=len(unknown_word.text),
+        suggestion=nearest(unknown_word.text, known_words),
     )
 
 
-def rows(text: str) -> Iterator[tuple[str, int]]:
+def rows(table_text: str) -> Iterator[tuple[str, int]]:
     """Yield the rows of a part's table without their comments (`#`), and where each begins."""
-    offset = 0
-    for line in text.split("\n"):
-        row = _COMMENT.sub("", line) if "#" in line else line
+    row_offset = 0
+    for table_line in table_text.split("\n"):
+        row = _COMMENT.sub("", table_line) if "#" in table_line else table_line
         if row.strip():
-            yield row, offset
-        offset += len(line) + 1
+            yield row, row_offset
+        row_offset += len(table_line) + 1
 
 
 def parse_row(row_text: str, row_offset: int = 0, name_reader: Called | None = None) -> Row:
@@ -350,10 +356,13 @@ def _end_of_turns(placed_words: list[Word], first_turn: int) -> int:
     return words_stop
 
 
-def _end_of_transform(words: list[Word], first_word: int) -> int:
+def _end_of_transform(placed_words: list[Word], first_word: int) -> int:
     """The index after the transformation that begins at word `first_word`, with its arguments."""
-    stop = first_word + 1
-    limit = stop + ARGUMENTS.get(words[first_word].text, 0)
-    while stop < min(limit, len(words)) and words[stop].text not in (*_KNOWN, ","):
-        stop += 1
-    return stop
+    words_stop = first_word + 1
+    limit = words_stop + ARGUMENTS.get(placed_words[first_word].text, 0)
+    while words_stop < min(limit, len(placed_words)) and placed_words[words_stop].text not in (
+        *_KNOWN,
+        ",",
+    ):
+        words_stop += 1
+    return words_stop

@@ -44,17 +44,21 @@ def without_modes_above(
     joined = {*used, *_joined(instruments)}
     thinned_instruments, reported = dict(instruments), dict[str, list[tuple[str, float]]]()
     for instrument_name, high_modes in too_high.items():
-        names = frozenset(
+        thinned_names = frozenset(
             module for module in high_modes if (instrument_name, module) not in joined
         )
-        if names and (thinner := _without(instruments[instrument_name], names, memory)) is not None:
+        if (
+            thinned_names
+            and (thinner := _without(instruments[instrument_name], thinned_names, memory))
+            is not None
+        ):
             thinned_instruments[instrument_name] = thinner
-            rows = (
+            report_rows = (
                 (f"{instrument_name}.{module}", high_modes[module])
                 for module in high_modes
-                if module in names
+                if module in thinned_names
             )
-            reported.setdefault(transposed[instrument_name], []).extend(rows)
+            reported.setdefault(transposed[instrument_name], []).extend(report_rows)
     for instrument_name, modes in reported.items():
         _report(instrument_name, modes, instruments, rate, collector)
     return thinned_instruments
@@ -67,10 +71,10 @@ def _frequency(module: Module) -> float:
 
 def _joined(instruments: Mapping[str, Instrument]) -> Iterator[_ModuleKey]:
     """The modules that other instruments join, and those that something follows."""
-    for name, instrument in instruments.items():
+    for entry_name, instrument in instruments.items():
         for module in instrument.modules:
             for target in _ends(module):
-                if target.part != name or module.kind not in LINKS:
+                if target.part != entry_name or module.kind not in LINKS:
                     yield target.part, target.module
 
 
@@ -92,7 +96,7 @@ def _without(
     def is_there(target: Target) -> bool:
         return target.part != instrument.name or target.module not in removed_names
 
-    modules = tuple(
+    modules_left = tuple(
         module
         for module in instrument.modules
         if module.name not in removed_names and all(map(is_there, _ends(module)))
@@ -103,25 +107,25 @@ def _without(
     )
     if not all(output.targets for output in outputs_left):
         return None
-    thinner = replace(instrument, modules=modules, outputs=outputs_left)
+    thinner = replace(instrument, modules=modules_left, outputs=outputs_left)
     if memory is not None:
         memory.hold(memory_key, removed_names, (instrument, thinner))
     return thinner
 
 
 def _report(
-    name: str,
+    instrument_name: str,
     removed_modes: list[tuple[str, float]],
     instruments: Mapping[str, Instrument],
     rate: float,
     collector: Collector,
 ) -> None:
     lowest, frequency = min(removed_modes, key=lambda mode: mode[1])
-    part = lowest.rpartition(".")[0]
+    part_name = lowest.rpartition(".")[0]
     count_text = "1 mode lies" if len(removed_modes) == 1 else f"{len(removed_modes)} modes lie"
     message = (
-        f"instrument {quote(name)}: {count_text} above half the rate of {rate:g} Hz and "
+        f"instrument {quote(instrument_name)}: {count_text} above half the rate of {rate:g} Hz and "
         f"{'is' if len(removed_modes) == 1 else 'are'} left out, the lowest of them {lowest} at "
         f"{frequency / 1e3:.3g} kHz"
     )
-    collector.error("N405", message, instruments[part].place)
+    collector.error("N405", message, instruments[part_name].place)

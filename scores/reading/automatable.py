@@ -38,16 +38,18 @@ class Automatable(NamedTuple):
 
 
 def named_module(
-    name: str, keys: Mapping[str, Any], instruments: Mapping[str, Any]
+    module_path: str, keys: Mapping[str, Any], instruments: Mapping[str, Any]
 ) -> Automatable | None:
     """The module of a name such as `bell.s`; None if there is no such module."""
-    name_words = name.split(".")
-    for count in range(len(name_words), 0, -1):  # names that a file brings in have dots themselves
-        part_name = ".".join(name_words[:count])
+    name_words = module_path.split(".")
+    for word_count in range(
+        len(name_words), 0, -1
+    ):  # names that a file brings in have dots themselves
+        part_name = ".".join(name_words[:word_count])
         part_owner = keys.get(part_name) or instruments.get(part_name)
         if part_owner is None:
             continue
-        module_name = ".".join(name_words[count:])
+        module_name = ".".join(name_words[word_count:])
         is_ca = isinstance(part_owner, Instrument) and part_owner.ca_rate is not None
         for module in part_owner.modules:
             if module.name == module_name:
@@ -69,10 +71,10 @@ def named_modules(
     """
     if (automatable := named_module(module_path, keys, instruments)) is not None:
         return [automatable]
-    words = module_path.split(".")
-    for count in range(len(words), 0, -1):
-        notes = families.get(".".join(words[:count]), ())
-        names = (".".join((note, *words[count:])) for note in notes)
+    path_words = module_path.split(".")
+    for count in range(len(path_words), 0, -1):
+        notes = families.get(".".join(path_words[:count]), ())
+        names = (".".join((note, *path_words[count:])) for note in notes)
         if played := [k for n in names if (k := named_module(n, {}, instruments)) is not None]:
             return played
     return []
@@ -108,10 +110,11 @@ def _stays(part_module: Module) -> str | None:
         return f"its MODES {part_module.name} do not change while they play"
     if part_module.fields.get("contact") == "magic":
         return f"the magic contact {part_module.name} chooses its own K and Z"
-    for name in _STIFFENING:
-        if part_module.fields.get(name):
+    for field_name in _STIFFENING:
+        if part_module.fields.get(field_name):
             return (
-                f"`{name}` of its {part_module.kind} {part_module.name} does not change while it "
+                f"`{field_name}` of its {part_module.kind} {part_module.name} does not change "
+                "while it "
                 "plays"
             )
     return None
@@ -169,17 +172,17 @@ def reader(part_module: Module, parameter_name: str, *, is_one_of_many: bool = F
     return amount_reader(shape.parse, parameter_name)
 
 
-def amount_reader(read: Callable[[str], float], parameter: str) -> ReadAmount:
-    """The function that reads an amount: a value, which `read` reads, or a factor (`x1.5`) of the
-    parameter's own value; of a pitch also an interval (`2st`, `-50cents`).
+def amount_reader(read_number: Callable[[str], float], parameter: str) -> ReadAmount:
+    """The function that reads an amount: a value, which `read_number` reads, or a factor (`x1.5`)
+    of the parameter's own value; of a pitch also an interval (`2st`, `-50cents`).
     """
 
-    def amount(word: str) -> Amount:
-        if word.startswith("x"):
-            return Amount(q.factor(word), is_factor=True)
-        if parameter == "f" and is_interval(word):
-            return Amount(parse_interval(word).ratio, is_factor=True)
-        return Amount(read(word))
+    def amount(amount_word: str) -> Amount:
+        if amount_word.startswith("x"):
+            return Amount(q.factor(amount_word), is_factor=True)
+        if parameter == "f" and is_interval(amount_word):
+            return Amount(parse_interval(amount_word).ratio, is_factor=True)
+        return Amount(read_number(amount_word))
 
     return amount
 

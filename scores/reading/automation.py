@@ -85,10 +85,12 @@ class Automation:
     def steps(self, tempo: TempoMap, seed: int) -> Steps:
         """When a pattern sets values. Raises TextError."""
         assert self.pattern is not None
-        until = None if self.until is None else tempo.resolve(self.until)
+        until_beat = None if self.until is None else tempo.resolve(self.until)
         place_sequence = PlaceSequence(self.pattern, Draws(seed, self.struck or f"set/{self.name}"))
         begin = tempo.resolve(self.at)
-        return steps(tempo, begin, place_sequence, every=self.every, times=self.times, until=until)
+        return steps(
+            tempo, begin, place_sequence, every=self.every, times=self.times, until=until_beat
+        )
 
 
 AUTOMATION = Record(
@@ -198,7 +200,11 @@ def check(automation_values: Values) -> bool:
 
 
 def build_automation(
-    values: Values, target: Target, parameter_name: str, read_amount: ReadAmount, midi: MidiUses
+    values: Values,
+    automated_target: Target,
+    parameter_name: str,
+    read_amount: ReadAmount,
+    midi: MidiUses,
 ) -> Automation | None:
     """The automation of a known parameter, whose amounts `read_amount` reads; None if an error was
     reported. A file that it follows is noted in `midi`.
@@ -247,12 +253,12 @@ def build_automation(
                 automation_values.error("E103", message, "to")
                 return None
         else:
-            low, high = parse_with_names(
+            low_amount, high_amount = parse_with_names(
                 _node(automation_values, "range"), lambda text: parse_range(text, read_amount)
             )
             swing = Swing(
-                low,
-                high,
+                low_amount,
+                high_amount,
                 automation_values["period"],
                 automation_values["shape"],
                 automation_values["phase"],
@@ -266,7 +272,7 @@ def build_automation(
         )
         return None
     return Automation(
-        target,
+        automated_target,
         parameter_name,
         automation_values["at"],
         automation_values["until"],
@@ -290,16 +296,16 @@ def _moves(
 
     Raises TextError for ends between which there is no way.
     """
-    (low_amount, high_amount), text_start, length = (
+    (low_amount, high_amount), text_start, range_length = (
         range_ends,
         section_values["start"],
         len(str(section_values["range"])),
     )
     if low_amount.is_factor != high_amount.is_factor:
         message = "write two values or two factors: there is no way from a value to a factor"
-        raise TextError(message, length=length, code="E202")
+        raise TextError(message, length=range_length, code="E202")
     if parameter_name in ("f", "t60") and not min(low_amount.value, high_amount.value) > 0.0:
-        raise TextError(f"{parameter_name} must stay above 0", length=length, code="E202")
+        raise TextError(f"{parameter_name} must stay above 0", length=range_length, code="E202")
     shares_before = [share for quarter, share in course if quarter <= text_start][-1:]
     shares_after = [
         (quarter - text_start, share) for quarter, share in course if quarter > text_start
@@ -322,23 +328,25 @@ def _node(values: Values, name: str) -> Scalar:
     return node
 
 
-def _final_amount(glide_text: str, read: ReadAmount) -> Amount:
+def _final_amount(glide_text: str, read_amount: ReadAmount) -> Amount:
     """The value that a glide ends with. Raises TextError."""
     words = glide_text.split()
     if len(words) > 1:
         message = "a glide goes to one value; several values need the length of a step: every 1"
         raise TextError(message, length=len(glide_text), code="E201")
-    word = glide_text.strip()
-    amount = read(word)
+    amount_word = glide_text.strip()
+    amount = read_amount(amount_word)
     if not amount.value > 0.0:
-        message = f"{quote(word)}: a glide must end above 0, because no factor leads away from 0"
-        raise TextError(message, length=max(1, len(word)), code="E202")
+        message = (
+            f"{quote(amount_word)}: a glide must end above 0, because no factor leads away from 0"
+        )
+        raise TextError(message, length=max(1, len(amount_word)), code="E202")
     return amount
 
 
-def parse_range(range_text: str, read: ReadAmount) -> tuple[Amount, Amount]:
+def parse_range(range_text: str, read_amount: ReadAmount) -> tuple[Amount, Amount]:
     """Read `0.8..1.2` (factors of the parameter's own value) or `1kN/m..3kN/m`, both ends by
-    `read`. Raises TextError.
+    `read_amount`. Raises TextError.
     """
     low_text, dots, high_text = (part.strip() for part in range_text.partition(".."))
     if not dots or not low_text or not high_text:
@@ -351,7 +359,7 @@ def parse_range(range_text: str, read: ReadAmount) -> tuple[Amount, Amount]:
             range_ends.append(
                 Amount(q.quantity(end_text, q.RATIO), is_factor=True)
                 if is_ratio
-                else read(end_text)
+                else read_amount(end_text)
             )
         except TextError as error:
             error.offset += range_text.index(end_text)

@@ -49,14 +49,16 @@ class AutomationTargets:
             note_modules[0], target_name, module_path, parameter_name
         ):
             return None
-        read = automatable.reader(note_modules[0].module, parameter_name, is_one_of_many=is_family)
+        read_amount = automatable.reader(
+            note_modules[0].module, parameter_name, is_one_of_many=is_family
+        )
         first_target, *other_targets = (
             Target(n.part, n.module.name, 0, 1, module_path, target_name.place)
             for n in note_modules
         )
         with tuning.used(self.part_names.tuning_of(first_target.part)):
             automated = automation.build_automation(
-                values, first_target, parameter_name, read, self.midi
+                values, first_target, parameter_name, read_amount, self.midi
             )
         return automated and replace(automated, other_notes=tuple(other_targets))
 
@@ -116,10 +118,12 @@ class AutomationTargets:
         automatable_module = automatable.named_module(module_path, keys_by_name, instruments)
         if automatable_module is None and module_path and parameter in automatable.ALL:
             # Find the target of `module_path`, or report what is wrong with it.
-            target = self.part_names.target(Name(module_path, name.place), "mat", "automation")
-            if target is None:
+            module_target = self.part_names.target(
+                Name(module_path, name.place), "mat", "automation"
+            )
+            if module_target is None:
                 return None
-            path = f"{target.part}.{target.module}".rstrip(".")
+            path = f"{module_target.part}.{module_target.module}".rstrip(".")
             automatable_module = automatable.named_module(path, keys_by_name, instruments)
             if (
                 automatable_module is not None

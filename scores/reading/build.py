@@ -85,22 +85,22 @@ def key(section_values: Values, files: Files) -> Key:
     if travel is not None and not travel[0] <= section_values["X0"] <= travel[1]:
         message = f"{section_values.context.label('X0')}: the key begins outside its travel"
         section_values.error("E202", message, "X0")
-    struck = section_values["struck"] or ""
+    struck_module = section_values["struck"] or ""
     constants = None if measured is None else calibration.key_constants(measured)
     delay = section_values["delay"]
     if delay is None and constants is not None and not section_values["simple"]:
         delay = constants[2]
     if constants is not None:
         constants = *constants[:2], delay
-    arguments = (
+    key_arguments = (
         section_values.context.name,
         key_modules,
-        struck,
+        struck_module,
         travel,
         section_values["reach"],
         section_values.place,
     )
-    return Key(*arguments, measured=constants, delay=delay or 0.0)
+    return Key(*key_arguments, measured=constants, delay=delay or 0.0)
 
 
 def gestures(section_values: Values, room: int = notation.MAX_EVENTS) -> dict[str, Gesture] | None:
@@ -116,14 +116,14 @@ def gestures(section_values: Values, room: int = notation.MAX_EVENTS) -> dict[st
     if not isinstance(field_text, Scalar):
         return None
 
-    def parse(source: str) -> tuple[notation.Notation, ...]:
-        if field_name == "notation" and space_path.axes(source) > 1:
-            return space_path.parse(source, section_values["curve"], room)
+    def parse(notation_source: str) -> tuple[notation.Notation, ...]:
+        if field_name == "notation" and space_path.axes(notation_source) > 1:
+            return space_path.parse(notation_source, section_values["curve"], room)
         parse_one = notation.parse if field_name == "notation" else notation.parse_table
-        return (parse_one(source, section_values["curve"], room),)
+        return (parse_one(notation_source, section_values["curve"], room),)
 
     try:
-        read = parse_with_names(
+        read_notation = parse_with_names(
             field_text,
             lambda gesture_text: [
                 _is_at_start(gesture, gesture_text, field_text) for gesture in parse(gesture_text)
@@ -136,7 +136,7 @@ def gestures(section_values: Values, room: int = notation.MAX_EVENTS) -> dict[st
     options = section_values["do"] or (), manner, section_values.place, field_text
     parsed = [
         Gesture(section_values.context.name, gesture.points, gesture.bar_checks, *options)
-        for gesture in read
+        for gesture in read_notation
     ]
     return {"": parsed[0]} if len(parsed) == 1 else dict(zip(AXES, parsed, strict=False))
 
@@ -167,8 +167,8 @@ def take(values: Values, score_files: Files) -> TakeFile | None:
         )
         take_values.context.error("E103", message, take_values.place)
         return None
-    file, folder = take_values["file"], take_values.nodes["file"].document.folder
-    path = folder / file
+    written_file, folder = take_values["file"], take_values.nodes["file"].document.folder
+    path = folder / written_file
     if path.suffix.lower() == ".gms":
         take_values.error("E108", f"{error_label}ergon does not read GMS files yet", "file")
     elif path.suffix.lower() not in (*take_file.SUFFIXES, *note_files.SUFFIXES):
@@ -180,7 +180,7 @@ def take(values: Values, score_files: Files) -> TakeFile | None:
     else:
         path = (
             score_files.locate(
-                file, folder, take_values.place_of("file"), error_label, is_text=False
+                written_file, folder, take_values.place_of("file"), error_label, is_text=False
             )
             or path
         )
@@ -232,10 +232,10 @@ def _input(input_values: Values, files: Files, error_label: str) -> TakeFile | N
     input_gain, is_force = input_values["gain"]
     clamp, is_clamp_force = input_values["clamp"] or (abs(input_gain), is_force)
     if is_clamp_force != is_force:
-        unit = "a force" if is_force else "a length"
+        unit_noun = "a force" if is_force else "a length"
         input_values.error(
             "E111",
-            f"{input_values.context.label('clamp')}: `gain` is {unit}, so `clamp` is one",
+            f"{input_values.context.label('clamp')}: `gain` is {unit_noun}, so `clamp` is one",
             "clamp",
         )
     elif clamp < 0.0:
@@ -357,12 +357,12 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     note_order = plain(strike_values.context.name)
     note_amounts: Mapping[str, Amount] = {}
     if strike_values["notes"] is not None:
-        node = strike_values.nodes["notes"]
-        assert isinstance(node, Scalar)
+        notes_node = strike_values.nodes["notes"]
+        assert isinstance(notes_node, Scalar)
         try:
-            note_order, note_amounts = parse_with_names(node, _pitches)
+            note_order, note_amounts = parse_with_names(notes_node, _pitches)
         except TextError as error:
-            strike_values.context.text_error(error, node, "notes")
+            strike_values.context.text_error(error, notes_node, "notes")
     has_pattern = strike_values.written(*PATTERN_FIELDS, "notes")
     written = cast("PatternValues", strike_values.by_name)
     pattern = pattern_of(written, note_order) if has_pattern else None
@@ -406,12 +406,14 @@ def _check_force(strike_values: Values) -> None:
         )
 
 
-def rhythm_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
+def rhythm_strikes(strike_values: Values, to: tuple[Target, ...]) -> Strikes:
     """Strikes by a rhythm that is not read yet, on all that its words strike."""
-    if values.written("for") and values.written("until"):
-        message = f"{values.context.label('until')}: `for` is written too; keep one of the two"
-        values.error("E111", message, "until")
-    return replace(_bare_strikes(values, to), span=values["for"])
+    if strike_values.written("for") and strike_values.written("until"):
+        message = (
+            f"{strike_values.context.label('until')}: `for` is written too; keep one of the two"
+        )
+        strike_values.error("E111", message, "until")
+    return replace(_bare_strikes(strike_values, to), span=strike_values["for"])
 
 
 def passing_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
@@ -420,11 +422,13 @@ def passing_strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     return replace(_bare_strikes(values, to), length=values["for"], passing=passing(values))
 
 
-def _is_at_start(read_notation: notation.Notation, source: str, text: Scalar) -> notation.Notation:
+def _is_at_start(
+    read_notation: notation.Notation, notation_source: str, text_node: Scalar
+) -> notation.Notation:
     """The notation; its places are set to the beginning if names of values were replaced in the
     text.
     """
-    if source == text.text:
+    if notation_source == text_node.text:
         return read_notation
     points = tuple(replace(point, offset=0, length=1) for point in read_notation.points)
     checks = tuple(replace(check, offset=0) for check in read_notation.bar_checks)
@@ -435,8 +439,8 @@ def _pitches(text: str) -> tuple[Group, Mapping[str, Amount]]:
     return parse_values(text, amount_reader(k.PITCH.parse, "f"), is_pitch=True)
 
 
-def melody(values: Values, phrase_hits: tuple[Hit, ...], length: Length | None) -> Strikes:
-    """A melody whose strikes are known; `length` is that of a phrase."""
+def melody(values: Values, phrase_hits: tuple[Hit, ...], phrase_length: Length | None) -> Strikes:
+    """A melody whose strikes are known; `phrase_length` is that of a phrase."""
     melody_values = values
     targets = dict.fromkeys(target for hit in phrase_hits for target in hit.to)
     return Strikes(
@@ -448,7 +452,7 @@ def melody(values: Values, phrase_hits: tuple[Hit, ...], length: Length | None) 
         times=melody_values["times"],
         place=melody_values.place,
         hits=phrase_hits,
-        length=length,
+        length=phrase_length,
         lasts=melody_values["lasts"],
     )
 
@@ -475,18 +479,23 @@ def player(values: Values) -> Player:
     )
 
 
-def coupling(values: Values, number: int) -> Coupling | None:
+def coupling(values: Values, coupling_number: int) -> Coupling | None:
     """A coupling of two keys, whose names are not looked up yet."""
     coupling_values = values
-    link = coupling_values.by_name.get(coupling_values.kind)
-    if not isinstance(link, Values) or len(coupling_values["couple"]) != 2:
+    coupling_link = coupling_values.by_name.get(coupling_values.kind)
+    if not isinstance(coupling_link, Values) or len(coupling_values["couple"]) != 2:
         return None
     a, b = coupling_values["couple"]
-    link_module = module(f"duet{number}", coupling_values.kind, link)
-    until = coupling_values["until"]
+    link_module = module(f"duet{coupling_number}", coupling_values.kind, coupling_link)
+    until_position = coupling_values["until"]
     begin = coupling_values["at"] or START
     return Coupling(
-        link_module, _unresolved(a), _unresolved(b), begin, until, coupling_values.node.place
+        link_module,
+        _unresolved(a),
+        _unresolved(b),
+        begin,
+        until_position,
+        coupling_values.node.place,
     )
 
 
@@ -494,8 +503,8 @@ def _unresolved(name: Any) -> Target:
     return Target(str(name), "", 0, 1, str(name), name.place)
 
 
-def tempo(values: Values, tempos: tuple[tuple[float, float], ...] = ()) -> TempoEntry:
+def tempo(tempo_values: Values, tempos: tuple[tuple[float, float], ...] = ()) -> TempoEntry:
     """A line of `tempo:`, with the tempos of the file that it names."""
-    bpm, end = values["bpm"] or (None, None)
-    place, over, meter = values.node.place, values["over"], values["meter"]
-    return TempoEntry(values["at"] or START, bpm, end, over, meter, place, tempos)
+    bpm, end = tempo_values["bpm"] or (None, None)
+    place, over, meter = tempo_values.node.place, tempo_values["over"], tempo_values["meter"]
+    return TempoEntry(tempo_values["at"] or START, bpm, end, over, meter, place, tempos)

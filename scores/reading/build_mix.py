@@ -183,12 +183,12 @@ def render(render_values: Values | None, files: Files) -> RenderSpec:
         return RenderSpec(None, 24, "auto", None, None)
     if render_values["file"] is not None:
         folder, place = render_values.nodes["file"].document.folder, render_values.place_of("file")
-        label = f"{render_values.context.label('file')}: "
-        files.target(render_values["file"], folder, place, label)
+        error_label = f"{render_values.context.label('file')}: "
+        files.target(render_values["file"], folder, place, error_label)
         if (ending_mistake := wrong_ending(render_values["file"])) is not None:
             render_values.error(
                 "E201",
-                f"{label}{ending_mistake}",
+                f"{error_label}{ending_mistake}",
                 "file",
                 suggestion=with_ending(render_values["file"]),
             )

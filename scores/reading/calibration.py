@@ -45,16 +45,16 @@ def with_measured_fields(key_values: Values, measured: Values) -> Values:
         measured.error("E111", f"{message}weight balance; keep one of the two", "weight")
     module_fields, module_nodes = dict(key_values.by_name), dict(key_values.nodes)
     has_place = key_values.context.place is not None
-    names = {name: name for name in ("M", "K", "Z", "travel")}
+    sources_by_field = {name: name for name in ("M", "K", "Z", "travel")}
     if not key_values["simple"]:
-        names |= {"rest": "rest", "X0": "rest"}
-    for field_name, source in names.items():
+        sources_by_field |= {"rest": "rest", "X0": "rest"}
+    for field_name, source_field in sources_by_field.items():
         node = key_values.nodes.get(field_name)
         is_own = node is not None and has_place and _inside(node.place, key_values)
-        if source in measured.by_name and not is_own:
+        if source_field in measured.by_name and not is_own:
             module_fields[field_name], module_nodes[field_name] = (
-                measured.by_name[source],
-                measured.nodes[source],
+                measured.by_name[source_field],
+                measured.nodes[source_field],
             )
     complete = Values(
         key_values.record,
@@ -84,15 +84,19 @@ def with_measured_fields(key_values: Values, measured: Values) -> Values:
     return complete
 
 
-def resting_end(values: Values, measured: Values) -> float | None:
+def resting_end(section_values: Values, measured: Values) -> float | None:
     """The end of travel [m] on which the weight of a key lies; None if its spring carries it."""
-    key_weight, stiffness, travel = measured["weight"], values["K"], values["travel"]
-    if travel is None or not _has_weight(values, measured):
+    key_weight, stiffness, travel = (
+        measured["weight"],
+        section_values["K"],
+        section_values["travel"],
+    )
+    if travel is None or not _has_weight(section_values, measured):
         return None
-    low, high = travel
-    if stiffness and low <= -key_weight / stiffness <= high:
+    low_travel, high_travel = travel
+    if stiffness and low_travel <= -key_weight / stiffness <= high_travel:
         return None
-    return float(low if key_weight > 0.0 else high)
+    return float(low_travel if key_weight > 0.0 else high_travel)
 
 
 def _has_weight(values: Values, measured: Values) -> bool:
@@ -129,20 +133,20 @@ def key_modules(
 def key_constants(measured: Values) -> tuple[float, float, float | None] | None:
     """Mass without modes [kg], damping [N·s/m] and delay [s] of the real key."""
     modes = [mode for mode in measured["modes"] or () if mode is not MISSING]
-    mass, damping = measured["M"], measured["Z"]
-    if not isinstance(mass, float) or not isinstance(damping, float):
+    moving_mass, damping = measured["M"], measured["Z"]
+    if not isinstance(moving_mass, float) or not isinstance(damping, float):
         return None
-    return max(0.0, mass - sum(mode["M"] for mode in modes)), damping, measured["delay"]
+    return max(0.0, moving_mass - sum(mode["M"] for mode in modes)), damping, measured["delay"]
 
 
 def _mode(mode_name: str, mode_values: Values, cel: Module) -> tuple[Module, Module]:
     omega, sigma = 2.0 * pi * mode_values["f"], _DECAY / mode_values["t60"]
     mass = mode_values["M"]
-    point = {"M": mass, "X0": cel.fields["X0"], "V0": cel.fields["V0"]}
+    point_fields = {"M": mass, "X0": cel.fields["X0"], "V0": cel.fields["V0"]}
     spring = {"K": mass * omega * omega, "Z": 2.0 * mass * sigma, "rest": 0.0}
     end_names = (Name("", mode_values.place), Name(mode_name, mode_values.place))
     return (
-        Module(mode_name, "MAS", point, mode_values.place),
+        Module(mode_name, "MAS", point_fields, mode_values.place),
         Module(f"{mode_name} spring", "REF", {"between": end_names, **spring}, mode_values.place),
     )
 
@@ -157,7 +161,7 @@ def _dry(measured: Values) -> tuple[Module, ...]:
         measured.error("E111", message, "static")
         return ()
     friction_place = measured.place_of("dry")
-    fields = {
+    friction_fields = {
         "to": Name("", friction_place),
         "between": None,
         "F": friction_level,
@@ -165,7 +169,7 @@ def _dry(measured: Values) -> tuple[Module, ...]:
         "static": static or None,
         "speed": measured["static_speed"] or 0.001,
     }
-    return with_ground_point(Module("dry", "DRY", fields, friction_place))
+    return with_ground_point(Module("dry", "DRY", friction_fields, friction_place))
 
 
 def _weight(measured: Values, travel_end: float, cel: Module) -> tuple[Module, ...]:
@@ -197,15 +201,15 @@ def _weight(measured: Values, travel_end: float, cel: Module) -> tuple[Module, .
     )
 
 
-def _inside(place: Place, values: Values) -> bool:
+def _inside(written_place: Place, values: Values) -> bool:
     """Whether a place lies in the node of these values, not in a node that `like` brought in."""
     node = values.node
     first_place, last_place = node.place, node.document.place(max(node.start, node.end - 1))
-    position = (place.line, place.column)
-    return place.file == first_place.file and (
+    value_position = (written_place.line, written_place.column)
+    return written_place.file == first_place.file and (
         first_place.line,
         first_place.column,
-    ) <= position <= (
+    ) <= value_position <= (
         last_place.line,
         last_place.column,
     )

@@ -171,12 +171,16 @@ class Checker:
         names in them are not looked up.
         """
         available = {}
-        for name in self.names.tables["instruments"]:
-            family = self.part_names.families.get(name)
-            first_part = name if family is None else next(iter(family.parts.values()), name)
+        for instrument_name in self.names.tables["instruments"]:
+            family = self.part_names.families.get(instrument_name)
+            first_part = (
+                instrument_name
+                if family is None
+                else next(iter(family.parts.values()), instrument_name)
+            )
             instrument = self.matter.by_name.get(first_part)
             if isinstance(instrument, Instrument) and first_part not in self.matter.instruments:
-                available[name] = instrument
+                available[instrument_name] = instrument
         return available
 
     # --- what other scores play ------------------------------------------------------------------
@@ -242,10 +246,10 @@ class Checker:
 
     def _player(self, player_values: Values) -> Player:
         player = build.player(player_values)
-        label = player_values.context.label("key")
+        key_label = player_values.context.label("key")
         keys = self.names.tables["keys"]
         if player.key not in keys:
-            message = f"{label}: no key is called {quote(player.key)}"
+            message = f"{key_label}: no key is called {quote(player.key)}"
             player_values.error("E301", message, "key", word=player.key, names=tuple(keys))
         self.part_names.reached.add(player.key)
         if isinstance(player.standin, Name):
@@ -256,10 +260,10 @@ class Checker:
         """The lines of all parts; what they play is made."""
         section = self.score.nodes.get("parts")
         entries = getattr(section, "entries", {})
-        parts = self.score["parts"] or {}
-        plays, names = known_plays.plays(parts)
+        parts_by_player = self.score["parts"] or {}
+        plays, names_by_part = known_plays.plays(parts_by_player)
         first_play = 0
-        for player_name, part_rows in parts.items():
+        for player_name, part_rows in parts_by_player.items():
             if player_name not in (self.score["players"] or {}):
                 message = f"no player is called {quote(player_name)}"
                 place = entries[player_name][0].place
@@ -267,15 +271,17 @@ class Checker:
                 self.collector.error("E301", message, place, word=player_name, names=player_names)
             part_label = f"part of {quote(player_name)}"
             unknown = {
-                word for word in names.get(player_name, ()) if not self._reaches(word, part_label)
+                word
+                for word in names_by_part.get(player_name, ())
+                if not self._reaches(word, part_label)
             }
             n_plays = 0 if part_rows is MISSING else len(part_rows)
             for play in plays[first_play : first_play + n_plays] if unknown else ():
-                for word in play.names:
-                    if word in unknown and not any(
-                        word is unknown_word for unknown_word in unknown
+                for played_word in play.names:
+                    if played_word in unknown and not any(
+                        played_word is unknown_word for unknown_word in unknown
                     ):
-                        self._reaches(word, part_label)
+                        self._reaches(played_word, part_label)
             first_play += n_plays
         return plays
 
@@ -390,15 +396,15 @@ class Checker:
         """Strikes with the reaches of what they strike, if they have strengths; None if an error
         was reported.
         """
-        strike_levels, label = strikes.levels, f"strikes {quote(strikes.name)}"
+        strike_levels, error_label = strikes.levels, f"strikes {quote(strikes.name)}"
         if strike_levels is None or not strike_levels.has_strengths:
             return strikes
         reaches = {}
-        for target in strikes.to:
-            reach = self.part_names.sure_reach(target, label)
+        for strike_target in strikes.to:
+            reach = self.part_names.sure_reach(strike_target, error_label)
             if reach is None:
                 return None
-            reaches[target.part] = reach
+            reaches[strike_target.part] = reach
         if strikes.rate is not None and any(map(self.part_names.is_drawn, strikes.to)):
             message = (
                 f"{strike_values.context.label('rate')}: a bow is drawn for as long as a note; "
@@ -420,7 +426,7 @@ class Checker:
         return replace(strikes, reaches=reaches)
 
     def _along_direction(
-        self, strike_values: Values, names: Sequence[Name], strikes_label: str
+        self, strike_values: Values, target_names: Sequence[Name], strikes_label: str
     ) -> Strikes | None:
         """Strikes on points along a direction: each coordinate gets its share; None if an error was
         reported.
@@ -442,7 +448,9 @@ class Checker:
             strike_values.error("E111", f"{message} alone", contrary_fields[0])
             return None
         coordinate_targets = [
-            t for name in names for t in self.part_names.targets(name, "points", strikes_label)
+            t
+            for name in target_names
+            for t in self.part_names.targets(name, "points", strikes_label)
         ]
         for strike_target in coordinate_targets:
             axes = self.part_names.parts[strike_target.part].axes
@@ -492,14 +500,15 @@ class Checker:
             self._phrases_by_name = {**takes, **phrases}
         return self._phrases_by_name
 
-    def _has_pitch(self, strike_target: Target, label: str) -> None:
+    def _has_pitch(self, strike_target: Target, strikes_label: str) -> None:
         """Report a target that is not one CEL with values in SI units."""
-        part = self.part_names.parts[strike_target.part]
+        target_part = self.part_names.parts[strike_target.part]
         struck_part = self.matter.by_name[strike_target.part]
         is_ca = isinstance(struck_part, Instrument) and struck_part.ca_rate is not None
-        if part.modules[strike_target.module].kind != "CEL" or is_ca:
+        if target_part.modules[strike_target.module].kind != "CEL" or is_ca:
             message = (
-                f"{label}: {quote(strike_target.text)} has no pitch of its own; notes are for CELs"
+                f"{strikes_label}: {quote(strike_target.text)} has no pitch of its own; notes are "
+                "for CELs"
             )
             is_tuned = isinstance(struck_part, Instrument) and struck_part.pitch is not None
             advice = "`notes` gives an instrument a member for each: notes: [C4, D4] in a score, "
@@ -510,14 +519,15 @@ class Checker:
                 "E304", message, strike_target.place, help=advice if is_tuned else None
             )
 
-    def _is_of_cells(self, strike_target: Target, label: str) -> None:
+    def _is_of_cells(self, strike_target: Target, strikes_label: str) -> None:
         """Report a target whose members have no pitch each."""
         if self.part_names.parts[strike_target.part].modules[strike_target.module].kind not in (
             "CEL",
             "BANK",
         ):
             message = (
-                f"{label}: members of {quote(strike_target.text)} have no pitch each, as those of "
+                f"{strikes_label}: members of {quote(strike_target.text)} have no pitch each, as "
+                "those of "
                 "a BANK "
             )
             message += "have; choose a sweep that needs no pitch: outward or rightward"
@@ -539,11 +549,11 @@ class Checker:
         self.part_names.reached |= heads & self.matter.by_name.keys()
 
     def _struck_modules(
-        self, strikes: Strikes, values: Values
+        self, strikes: Strikes, strike_values: Values
     ) -> tuple[tuple[str, str], ...] | None:
         """The modules on which strikes depend; None for those that depend on more."""
-        names = values["to"] or ()
-        if melodies.kind_of(values) or any(self.part_names.family(name) for name in names):
+        names = strike_values["to"] or ()
+        if melodies.kind_of(strike_values) or any(self.part_names.family(name) for name in names):
             return None
         return tuple({(target.part, target.module) for target in strikes.to})
 
@@ -553,12 +563,14 @@ class Checker:
             return None
         keys = self.names.tables["keys"]
         end_targets = []
-        for name in values["couple"]:
-            if name not in keys:
-                message = f"coupling: no key is called {quote(name)}"
-                self.collector.error("E301", message, name.place, word=name, names=tuple(keys))
+        for coupled_name in values["couple"]:
+            if coupled_name not in keys:
+                message = f"coupling: no key is called {quote(coupled_name)}"
+                self.collector.error(
+                    "E301", message, coupled_name.place, word=coupled_name, names=tuple(keys)
+                )
                 return None
-            end_targets.append(self.part_names.target(name, "mat", "coupling"))
+            end_targets.append(self.part_names.target(coupled_name, "mat", "coupling"))
         first_key, second_key = end_targets
         if first_key is None or second_key is None:
             return None
@@ -570,12 +582,12 @@ class Checker:
             self.collector.error("E304", message, coupling_built.place)
             return None
         laws = self.matter.laws((coupling_built.link,), self.names)
-        label = f"{coupling_built.link.kind} of a coupling"
+        coupling_label = f"{coupling_built.link.kind} of a coupling"
         coupling_link = rules.with_checked_law(
-            coupling_built.link, laws, values.by_name[values.kind], label, self.collector
+            coupling_built.link, laws, values.by_name[values.kind], coupling_label, self.collector
         )
         if "gap" in coupling_link.fields:
-            gap = spread.gaps(coupling_link, 1, label, self.collector)
+            gap = spread.gaps(coupling_link, 1, coupling_label, self.collector)
             coupling_link = replace(coupling_link, fields={**coupling_link.fields, "gap": gap})
         return replace(coupling_built, link=coupling_link, a=first_key, b=second_key)
 

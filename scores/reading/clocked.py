@@ -93,12 +93,12 @@ def _text(pattern_order: Group, strikes: Strikes) -> tuple[str, int]:
     """A pattern as a rhythm text, and how many steps it takes."""
     if not strikes.voices and any(leaf.name in strikes.notes for leaf in pattern_order.leaves()):
         raise TextError("notes of a CEL without `notes` cannot be written as a rhythm")
-    words = [_item(item, strikes) for item in pattern_order.items]
+    item_words = [_item(item, strikes) for item in pattern_order.items]
     if pattern_order.way in _BY_CHANCE:
-        return _BY_CHANCE[pattern_order.way].format("|".join(words)), 1
+        return _BY_CHANCE[pattern_order.way].format("|".join(item_words)), 1
     if pattern_order.way != "in turn":
         raise TextError(_NOT_WRITTEN.format(pattern_order.way))
-    return " ".join(words), pattern_order.steps
+    return " ".join(item_words), pattern_order.steps
 
 
 def _item(order_item: Leaf | Group, strikes: Strikes) -> str:

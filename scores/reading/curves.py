@@ -30,8 +30,8 @@ def is_curve(text: str) -> bool:
     return "@" in text
 
 
-def parse_curve(curve_text: str, read: ReadAmount) -> tuple[CurvePoint, ...]:
-    """Read `A3@0 smooth C4@2`, its values by `read`. Raises TextError with the characters at
+def parse_curve(curve_text: str, read_amount: ReadAmount) -> tuple[CurvePoint, ...]:
+    """Read `A3@0 smooth C4@2`, its values by `read_amount`. Raises TextError with the characters at
     fault.
     """
     amounts: list[Amount] = []
@@ -39,7 +39,7 @@ def parse_curve(curve_text: str, read: ReadAmount) -> tuple[CurvePoint, ...]:
     pieces, text_offset, value_length = [], 0, 0
     for value_match in _VALUE.finditer(curve_text):
         try:
-            amount = read(value_match.group())
+            amount = read_amount(value_match.group())
         except TextError as error:
             error.offset += value_match.start()
             raise
@@ -67,12 +67,14 @@ def parse_curve(curve_text: str, read: ReadAmount) -> tuple[CurvePoint, ...]:
             "a curve begins at 0: write its first value as VALUE@0", length=len(curve_text)
         )
     points_read = []
-    for point in curve_points:
-        if point.curve == "throw":
+    for curve_point in curve_points:
+        if curve_point.curve == "throw":
             raise TextError(
                 "`throw` is for gestures only; write smooth or line", length=len(curve_text)
             )
         points_read.append(
-            CurvePoint(point.at, amounts[round(point.x)], cast("Approach", point.curve))
+            CurvePoint(
+                curve_point.at, amounts[round(curve_point.x)], cast("Approach", curve_point.curve)
+            )
         )
     return tuple(points_read)

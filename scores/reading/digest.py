@@ -51,13 +51,13 @@ def is_same(first_value: Any, second_value: Any) -> bool:
             is_same(first_value[key], second_value[key]) for key in first_value
         )
     if isinstance(first_value, (Key, Instrument)):
-        names = [
+        field_names = [
             f.name
             for f in fields(first_value)
             if f.name not in _NOT_VALUES.get(type(first_value), ())
         ]
         return all(
-            is_same(getattr(first_value, name), getattr(second_value, name)) for name in names
+            is_same(getattr(first_value, name), getattr(second_value, name)) for name in field_names
         )
     return [*_chunks(first_value)] == [*_chunks(second_value)]
 
@@ -65,14 +65,14 @@ def is_same(first_value: Any, second_value: Any) -> bool:
 _matter_fields = attrgetter("rate", "seed", "keys", "instruments", "duet", "mix")
 
 
-def digest_of(value: Any) -> str:
+def digest_of(digested_value: Any) -> str:
     """SHA-256 of a piece or of a value of one: of values, not of text, comments, order of names,
     places or paths.
 
     A file that is read while rendering counts by its content.
     """
     sha = hashlib.sha256()
-    for chunk in _chunks(value):
+    for chunk in _chunks(digested_value):
         sha.update(chunk)
     return sha.hexdigest()
 
@@ -111,13 +111,13 @@ _HASHED_FIELDS: Mapping[tuple[type, str], str] = {
 }
 
 
-def _hashed(value: Any) -> Any:
+def _hashed(hashed_value: Any) -> Any:
     """What a digest has in place of levels: a pair of impulses, where that is what they are."""
-    if isinstance(value, Levels) and len(value.steps) == 1:
-        value = value.steps[0]
-    if isinstance(value, Level) and not value.is_strength:
-        return value.low, value.high
-    return value
+    if isinstance(hashed_value, Levels) and len(hashed_value.steps) == 1:
+        hashed_value = hashed_value.steps[0]
+    if isinstance(hashed_value, Level) and not hashed_value.is_strength:
+        return hashed_value.low, hashed_value.high
+    return hashed_value
 
 
 def _earlier(earlier_value: Any) -> Any:
@@ -168,7 +168,7 @@ def _chunks(hashed_value: Any) -> Iterator[bytes]:
     elif isinstance(hashed_value, float):
         yield b"f" + (hashed_value + 0.0).hex().encode()  # -0.0 and 0.0 are one value
     else:
-        text = str(hashed_value).encode("utf-8", "surrogatepass")
+        value_bytes = str(hashed_value).encode("utf-8", "surrogatepass")
         type_name = "s" if isinstance(hashed_value, str) else type(hashed_value).__name__
-        yield f"{type_name}{len(text)}:".encode()
-        yield text
+        yield f"{type_name}{len(value_bytes)}:".encode()
+        yield value_bytes

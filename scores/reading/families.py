@@ -47,11 +47,11 @@ def file_of(family: str) -> str:
 
 def _members(family: Document) -> Iterator[Member]:
     root = family.root
-    section = root.get("instruments") if isinstance(root, document.Mapping) else None
-    if not isinstance(section, document.Mapping):
+    instruments_node = root.get("instruments") if isinstance(root, document.Mapping) else None
+    if not isinstance(instruments_node, document.Mapping):
         return
-    for name, (word, _) in section.entries.items():
+    for instrument_name, (word, _) in instruments_node.entries.items():
         source = word.document  # a section may have been read alone
         _, line_start, line_end = source.line_of(word.start)
         _, _, comment = source.text[line_start:line_end].partition(" #")
-        yield Member(name, comment.strip())
+        yield Member(instrument_name, comment.strip())

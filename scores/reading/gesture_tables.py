@@ -59,11 +59,11 @@ class GestureShape(Shape):
         """Read a node."""
         if not isinstance(node, Scalar) or node.is_empty:
             return GESTURE.read(node, name, context)
-        values = Values(GESTURE, node, context)
+        gesture_values = Values(GESTURE, node, context)
         # A literal block ('|') without '@' is a table of points.
         field = "points" if node.style == "|" and "@" not in node.text else "notation"
-        values.by_name[field] = values.nodes[field] = node
-        return values
+        gesture_values.by_name[field] = gesture_values.nodes[field] = node
+        return gesture_values
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

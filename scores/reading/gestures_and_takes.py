@@ -34,8 +34,8 @@ class GesturesAndTakes:
             name: gesture for name, gesture in self._gestures_by_name.items() if gesture is not None
         }
 
-    def add_defined(self, place: Place) -> None:
-        """Make the gestures and takes that the score itself defines; `place` is that of the
+    def add_defined(self, section_place: Place) -> None:
+        """Make the gestures and takes that the score itself defines; `section_place` is that of the
         score.
         """
         for defined_name, named_entry in self._tables["gestures"].items():
@@ -46,7 +46,7 @@ class GesturesAndTakes:
                     f"{quote(defined_name)} is the name of a gesture and of a take; rename one of "
                     "them"
                 )
-                self._collector.error("E303", message, named_entry.place or place)
+                self._collector.error("E303", message, named_entry.place or section_place)
         for defined_name, named_entry in self._tables["takes"].items():
             if named_entry.brought is None:
                 self.take(defined_name, named_entry)
@@ -104,10 +104,10 @@ class GesturesAndTakes:
     def _is_axis(self, gesture_name: str) -> bool:
         """Whether a name is that of an axis of a path in space, or of a path that has mistakes."""
         key_name, _, axis = gesture_name.rpartition(".")
-        entry = self._tables["gestures"].get(key_name)
-        if entry is None or axis not in AXES:
+        gesture_entry = self._tables["gestures"].get(key_name)
+        if gesture_entry is None or axis not in AXES:
             return False
-        self._gesture(key_name, entry)
+        self._gesture(key_name, gesture_entry)
         return gesture_name in self._gestures_by_name or (
             self._gestures_by_name[key_name] is None and key_name not in self._paths
         )

@@ -98,12 +98,12 @@ def transposed(part_values: Any, include: Include) -> Any:
     if interval is None or not isinstance(part_values, Values):
         return part_values
     member_interval = part_values["transpose"] if "transpose" in part_values.by_name else None
-    fields = {
+    moved_fields = {
         **part_values.by_name,
         "transpose": member_interval.then(interval) if member_interval else interval,
     }
     nodes = {**part_values.nodes, "transpose": include.values.nodes["transpose"]}
-    return replace(part_values, by_name=fields, nodes=nodes)
+    return replace(part_values, by_name=moved_fields, nodes=nodes)
 
 
 def played(piece: Piece, include: Include, first_link: int, collector: Collector) -> Played:
@@ -126,7 +126,7 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
         )
         for item in piece.players.values()
     }
-    parts = tuple(
+    played_parts = tuple(
         replace(
             item,
             player=named(item.player),
@@ -161,7 +161,7 @@ def played(piece: Piece, include: Include, first_link: int, collector: Collector
         )
         for number, item in enumerate(piece.duet, first_link)
     )
-    return Played(players, parts, strikes, automation, duet)
+    return Played(players, played_parts, strikes, automation, duet)
 
 
 class _Copy(NamedTuple):
@@ -206,7 +206,7 @@ def _check_pitches(piece: Piece, include: Include, collector: Collector) -> None
     """Report E304 if a piece sets pitches that do not move with its instruments."""
     if include.values["transpose"] is None:
         return
-    place = include.values.place_of("transpose")
+    transpose_place = include.values.place_of("transpose")
     fixed = [
         f"automation of {quote(entry.name)}"
         for entry in piece.automation
@@ -225,7 +225,7 @@ def _check_pitches(piece: Piece, include: Include, collector: Collector) -> None
     for moved_item in fixed:
         message = f"transpose of include: {moved_item} in {include.file} sets pitches, which stay"
         help = "write its values as factors, such as x1.5, or leave `transpose` out"
-        collector.error("E304", message, place, help=help)
+        collector.error("E304", message, transpose_place, help=help)
 
 
 def _named(prefix: str) -> Callable[[str], str]:
@@ -237,12 +237,14 @@ def _moved(start_position: Position, tempo: TempoMap) -> Callable[[Position], Po
     `start_position`.
     """
 
-    def moved(position: Position) -> Position:
-        seconds = position.plus.seconds
-        beats = tempo.resolve(replace(position, plus=replace(position.plus, seconds=0.0)))
+    def moved(written_position: Position) -> Position:
+        plus_seconds = written_position.plus.seconds
+        beats = tempo.resolve(
+            replace(written_position, plus=replace(written_position.plus, seconds=0.0))
+        )
         plus = start_position.plus
-        moved_length = Length(plus.bars, plus.beats + beats, plus.seconds + seconds)
-        return replace(start_position, plus=moved_length, text=position.text)
+        moved_length = Length(plus.bars, plus.beats + beats, plus.seconds + plus_seconds)
+        return replace(start_position, plus=moved_length, text=written_position.text)
 
     return moved
 
@@ -252,7 +254,7 @@ def _or_none(moved: Callable[[Position], Position]) -> Callable[[Position | None
 
 
 def _renamed(pattern_order: Group, named: Callable[[str], str]) -> Group:
-    items = tuple(
+    renamed_items = tuple(
         _renamed(item, named)
         if isinstance(item, Group)
         else item
@@ -260,4 +262,4 @@ def _renamed(pattern_order: Group, named: Callable[[str], str]) -> Group:
         else Leaf(named(item.name), item.span, item.places)
         for item in pattern_order.items
     )
-    return replace(pattern_order, items=items)
+    return replace(pattern_order, items=renamed_items)

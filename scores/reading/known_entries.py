@@ -94,11 +94,13 @@ class KnownEntries:
         unknown = [number for number, result in enumerate(known_results) if result is None]
         for entry_index in unknown:
             n_reports = names.collector.n_reports
-            if (entry := read(section_entries[entry_index])) is None:
+            if (read_entry := read(section_entries[entry_index])) is None:
                 continue
             has_no_report = names.collector.n_reports == n_reports
-            modules = modules_of(entry, section_entries[entry_index]) if has_no_report else None
-            known_results[entry_index] = _Meaning(entry, modules)
+            modules = (
+                modules_of(read_entry, section_entries[entry_index]) if has_no_report else None
+            )
+            known_results[entry_index] = _Meaning(read_entry, modules)
             uses.update(modules or ())
         uses = +uses
         states = {

@@ -61,14 +61,14 @@ def resolve_names(
     `parts_by_name` are all keys and instruments by name.
     """
     is_known = owning_part.axes == 1 and memory is not None and not part_names.broken
-    names = tuple(owning_part.modules)  # an act that is played may bring more
+    module_names = tuple(owning_part.modules)  # an act that is played may bring more
     condition = (
         tuple(parts_by_name),
         owning_part.prefix,
         owning_part.selves,
         owning_part.struck,
         owning_part.broken,
-        names,
+        module_names,
     )
     part_before: _Part | None = None
     if is_known and memory is not None:

@@ -40,7 +40,7 @@ class KnownPlays:
         if values_before.items is items:
             return values_before  # type: ignore[no-any-return]
         changed_range = changed_part(values_before.items, items)
-        values = changed_range.put(values_before.values, [None] * len(changed_range.now))
+        recalled_values = changed_range.put(values_before.values, [None] * len(changed_range.now))
         first_changed, stop_changed = (
             changed_range.start,
             changed_range.start + len(changed_range.before),
@@ -49,7 +49,7 @@ class KnownPlays:
         unknown = [number for number in values_before.unknown if number < first_changed]
         unknown += range(first_changed, first_changed + len(changed_range.now))
         unknown += [number + shift for number in values_before.unknown if number >= stop_changed]
-        return Known(items, values, unknown)
+        return Known(items, recalled_values, unknown)
 
     def keep(self, subject: str, known_values: Known, condition: Any = None) -> None:
         """Keep what is known now."""
@@ -121,8 +121,12 @@ class KnownPlays:
         return beats
 
 
-def _is_same(a: Gesture | None, b: Gesture | None) -> bool:
+def _is_same(first_gesture: Gesture | None, second_gesture: Gesture | None) -> bool:
     """Whether two gestures are the same path."""
-    if a is b or a is None or b is None:
-        return a is b
-    return (a.points, a.do, a.bar_checks) == (b.points, b.do, b.bar_checks)
+    if first_gesture is second_gesture or first_gesture is None or second_gesture is None:
+        return first_gesture is second_gesture
+    return (first_gesture.points, first_gesture.do, first_gesture.bar_checks) == (
+        second_gesture.points,
+        second_gesture.do,
+        second_gesture.bar_checks,
+    )

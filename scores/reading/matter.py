@@ -97,7 +97,7 @@ class PartsReader:
     ) -> None:
         values = self._with_files(values)
         part_object = called(self._read_part(section, name, entry, values), name)
-        struck = part_object.struck if isinstance(part_object, Key) else None
+        struck_module = part_object.struck if isinstance(part_object, Key) else None
         modules_by_name = {module.name: module for module in part_object.modules}
         broken = frozenset(values["modules"] or {}).difference(modules_by_name)
         axis_count, acts = 1, {}
@@ -106,7 +106,7 @@ class PartsReader:
         if values.written("out") and "out" not in values.by_name:
             self._part_names.broken.add(name)
         self._part_names.parts[name] = Part(
-            name, modules_by_name, struck, entry.prefix, broken, selves, axis_count, acts
+            name, modules_by_name, struck_module, entry.prefix, broken, selves, axis_count, acts
         )
         if acts:
             label = values.context.label("ready")
@@ -141,12 +141,12 @@ class PartsReader:
             )
 
         filled_values = filled(values)
-        modules = values["modules"] or {}
+        module_bodies = values["modules"] or {}
         filled_modules = {
             n: filled(module) if isinstance(module, Values) else module
-            for n, module in modules.items()
+            for n, module in module_bodies.items()
         }
-        if any(filled_modules[n] is not module for n, module in modules.items()):
+        if any(filled_modules[n] is not module for n, module in module_bodies.items()):
             filled_values = replace(
                 filled_values, by_name={**filled_values.by_name, "modules": filled_modules}
             )
@@ -159,43 +159,45 @@ class PartsReader:
             self._part_names.broken.add(name)
             return
         if named_pitch(values) is None:
-            reason = "its modules have no named pitch; write `f`, at which they are written"
+            refusal_reason = "its modules have no named pitch; write `f`, at which they are written"
             if values.kind == "BANK":
-                reason = "a BANK has pitches of its own"
+                refusal_reason = "a BANK has pitches of its own"
             # A field that was refused, which is reported already, may have said it.
             if not (self._collector.has_errors() and _is_refused(values)):
-                values.error("E103", f"{values.context.label('notes')}: {reason}", "notes")
+                values.error("E103", f"{values.context.label('notes')}: {refusal_reason}", "notes")
             self._part_names.broken.add(name)
             return
         parts = {pitch(note) or 0.0: f"{name}.{note}" for note in note_names}
         family = self._part_names.families[name] = Family(parts, tuning.written())
-        for word, member in (values["members"] or {}).items():
-            if family.note(word) is None:
-                message = f"{values.context.label('members')}: it has no note {quote(word)}"
-                self._collector.error("E301", message, member.place, word=word, names=note_names)
+        for note_word, member in (values["members"] or {}).items():
+            if family.note(note_word) is None:
+                message = f"{values.context.label('members')}: it has no note {quote(note_word)}"
+                self._collector.error(
+                    "E301", message, member.place, word=note_word, names=note_names
+                )
         for note in note_names:
             part = f"{name}.{note}"
             pitched = self._values_at_note(part, values, note, entry.values)
             self._part("instruments", part, entry, pitched, selves | {name})
 
     def _values_at_note(
-        self, part: str, instrument_values: Values, note: str, member: object
+        self, part_name: str, instrument_values: Values, note_name: str, member: object
     ) -> Values:
         """The values of an instrument, whose `member` may move all its notes, at one of them."""
         interval = member.by_name.get("transpose") if isinstance(member, Values) else None
-        memory, memory_key = self._uses.files.memory, f"note {part}"
+        memory, memory_key = self._uses.files.memory, f"note {part_name}"
         values_before = None if memory is None else memory.held_for(memory_key, instrument_values)
         if values_before is not None and values_before[0] == interval:
             pitched: Values = values_before[1]
             return pitched
         n_reports = self._collector.n_reports
-        pitched = overlay.shifted_note(instrument_values, note, interval)
+        pitched = overlay.shifted_note(instrument_values, note_name, interval)
         if memory is not None and self._collector.n_reports == n_reports:
             memory.hold(memory_key, (instrument_values,), (interval, pitched))
         return pitched
 
     def _read_part(
-        self, section_name: str, name: str, entry: Entry, part_values: Values
+        self, section_name: str, part_name: str, named_entry: Entry, part_values: Values
     ) -> Key | Instrument:
         memory = self._uses.files.memory
         amounts_by_name = tuple(named_amounts(part_values.node.document).names.items())
@@ -207,18 +209,18 @@ class PartsReader:
             return make(part_values)
         # The key has the name too, because one node may have several names (a YAML alias).
         key = section_name, part_values.node, part_values.context.name, amounts_by_name
-        if part_values is entry.values:
+        if part_values is named_entry.values:
             return memory.recall(key, partial(make, part_values))
         # Values that were merged (`like`, `from`) have the node of one of them.
-        memory_key = f"made {section_name} {name} {part_values.node.document.file}"
+        memory_key = f"made {section_name} {part_name} {part_values.node.document.file}"
         part_before = memory.held(memory_key, amounts_by_name)
         if part_before is not None and part_before[0] is part_values:
             return part_before[1]  # type: ignore[no-any-return]
         n_reports = self._collector.n_reports
-        part = make(part_values)
+        part_made = make(part_values)
         if self._collector.n_reports == n_reports:
-            memory.hold(memory_key, amounts_by_name, (part_values, part))
-        return part
+            memory.hold(memory_key, amounts_by_name, (part_values, part_made))
+        return part_made
 
     def _instrument(self, amounts_key: Hashable, values: Values) -> Instrument:
         """An instrument, of which only modules that have changed are read; `amounts_key` are the
@@ -231,12 +233,14 @@ class PartsReader:
         modules_before: dict[Hashable, Any] = memory.held(memory_key, amounts_key) or {}
         modules_now: dict[Hashable, Any] = {}
 
-        def recall(key: Hashable, make: Callable[[], _Item]) -> _Item:
+        def recall(module_key: Hashable, make: Callable[[], _Item]) -> _Item:
             n_reports = self._collector.n_reports
-            value: _Item = modules_before[key] if key in modules_before else make()
+            recalled_module: _Item = (
+                modules_before[module_key] if module_key in modules_before else make()
+            )
             if self._collector.n_reports == n_reports:
-                modules_now[key] = value
-            return value
+                modules_now[module_key] = recalled_module
+            return recalled_module
 
         result = instrument(values, recall)
         memory.hold(memory_key, amounts_key, modules_now)
@@ -273,7 +277,7 @@ class PartsReader:
                 acts = tuple(
                     self._part_names.resolved_act(named_part, a) for a in named_part.acts.values()
                 )
-                outputs = rules.outputs(
+                resolved_outputs = rules.outputs(
                     named_part, part_built.outputs, self._part_names, self._layout
                 )
                 step_frames = self._rates.instrument_step_frames(part_values)
@@ -281,7 +285,7 @@ class PartsReader:
                     replace(
                         part_built,
                         modules=resolved_modules,
-                        outputs=outputs,
+                        outputs=resolved_outputs,
                         every=step_frames,
                         acts=acts,
                     )
@@ -335,11 +339,11 @@ class PartsReader:
 
     def _resolved(self, part: Part, takes: dict[str, Entry]) -> tuple[Module, ...]:
         """The modules of a part with their names looked up."""
-        entry, values = self._written[part.name]
+        named_entry, part_values = self._written[part.name]
 
         def make_rules() -> rules.ModuleRules:
-            laws = self.laws(tuple(part.modules.values()), entry.home)
-            return rules.ModuleRules(part, self._part_names, laws, takes, _bodies(values))
+            laws = self.laws(tuple(part.modules.values()), named_entry.home)
+            return rules.ModuleRules(part, self._part_names, laws, takes, _bodies(part_values))
 
         memory = self._uses.files.memory
         return resolve_names(part, self._part_names, make_rules, memory, self.by_name)
@@ -348,14 +352,16 @@ class PartsReader:
         modules_by_name = {module.name: module for module in key.modules}
         struck = modules_by_name.get(key.struck)
         if struck is None or struck.kind not in ("MAS", "CEL"):
-            place = key.struck.place if isinstance(key.struck, Name) else key.place
+            struck_place = key.struck.place if isinstance(key.struck, Name) else key.place
             message = (
                 f"key {quote(key.name)} is struck at {quote(key.struck)}, "
                 "which is not a MAS or CEL of the key"
             )
             names_of = tuple(n for n, m in modules_by_name.items() if m.kind in ("MAS", "CEL"))
             if key.struck and key.struck not in self._part_names.parts[key.name].broken:
-                self._collector.error("E301", message, place, word=key.struck, names=names_of)
+                self._collector.error(
+                    "E301", message, struck_place, word=key.struck, names=names_of
+                )
 
     def laws(self, modules: tuple[Module, ...], home: Names) -> dict[str, LawText]:
         """Laws that modules may name: those that ship, those of the score, and those of the
@@ -398,9 +404,11 @@ def _bodies(instrument_values: Values) -> dict[str, Values]:
     return bodies_by_name
 
 
-def _is_refused(value: Any) -> bool:
+def _is_refused(checked_value: Any) -> bool:
     """Whether a value that was read, or one in it, was refused."""
-    if isinstance(value, Values):
-        lacks = len(value.by_name) < len(value.nodes)
-        return lacks or any(map(_is_refused, value.by_name.values()))
-    return value is MISSING or (isinstance(value, dict) and any(map(_is_refused, value.values())))
+    if isinstance(checked_value, Values):
+        lacks = len(checked_value.by_name) < len(checked_value.nodes)
+        return lacks or any(map(_is_refused, checked_value.by_name.values()))
+    return checked_value is MISSING or (
+        isinstance(checked_value, dict) and any(map(_is_refused, checked_value.values()))
+    )

@@ -54,11 +54,11 @@ def kind_of(values: Values) -> str:
     return next(iter(values.written(*_FIELDS_BY_KIND)), "")
 
 
-def has_required_fields(values: Values) -> bool:
+def has_required_fields(strike_fields: Values) -> bool:
     """Whether strikes have the fields that their kind needs, and no others; reports an error if
     not.
     """
-    strike_values, strikes_kind = values, kind_of(values)
+    strike_values, strikes_kind = strike_fields, kind_of(strike_fields)
     needed = _NEEDED.get(strikes_kind, ("to", "at"))
     for field_name in needed:
         if field_name not in strike_values.nodes:
@@ -190,10 +190,10 @@ def played(
 
 
 def strikes_of_pattern(
-    strikes: Strikes, values: Values, voices: NoteTargets, strikes_label: str
+    strikes: Strikes, strike_values: Values, voices: NoteTargets, strikes_label: str
 ) -> Strikes:
     """Strikes whose pattern of notes says which notes of an instrument are struck."""
-    notes_place = values.place_of("notes")
+    notes_place = strike_values.place_of("notes")
     targets_by_word: dict[str, tuple[Target, ...]] = {}
     for pattern_word in strikes.notes:
         root = tuning.spelled(pattern_word).partition(".")[0]
@@ -291,21 +291,26 @@ def _hits(rows: Sequence[Row], voices: NoteTargets, strikes_label: str) -> tuple
     for phrase_row in rows:
         if phrase_row.act and collector.n_reports > n_reports:  # of the notes that are pressed
             break
-        level = phrase_row.level or MEZZO_FORTE
+        row_level = phrase_row.level or MEZZO_FORTE
         phrase_hit = Hit(
-            phrase_row.at, (), level, phrase_row.place, " ".join(phrase_row.what), phrase_row.jitter
+            phrase_row.at,
+            (),
+            row_level,
+            phrase_row.place,
+            " ".join(phrase_row.what),
+            phrase_row.jitter,
         )
         strike_targets = voices.targets(phrase_row, strikes_label)
         if any(voices.part_names.has_end(target) for target in strike_targets):
             phrase_hit = replace(phrase_hit, lasting=phrase_row.lasting)
-        if not level.is_strength:
+        if not row_level.is_strength:
             phrase_hits.append(replace(phrase_hit, to=strike_targets))
             continue
         by_reach: dict[ImpulseRange, list[Target]] = {}
-        for target in strike_targets:
-            reach = voices.part_names.sure_reach(target, strikes_label)
+        for strike_target in strike_targets:
+            reach = voices.part_names.sure_reach(strike_target, strikes_label)
             if reach is not None:
-                by_reach.setdefault(reach, []).append(target)
+                by_reach.setdefault(reach, []).append(strike_target)
         phrase_hits += [
             replace(phrase_hit, to=tuple(to), reach=reach) for reach, to in by_reach.items()
         ]

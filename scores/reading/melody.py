@@ -50,14 +50,14 @@ class WhatShape(Reference):
         """Read a node."""
         items = node.items if isinstance(node, document.Sequence) else [node]
         struck_names: list[Name] = []
-        for item in items:
-            if not isinstance(item, Scalar):
-                return wrong_shape(self, item, name, context)
-            for word in _WORD.finditer(item.text):
-                struck = _struck(word.group(), word.start(), item, name, context)
-                if struck is None:
+        for item_node in items:
+            if not isinstance(item_node, Scalar):
+                return wrong_shape(self, item_node, name, context)
+            for word in _WORD.finditer(item_node.text):
+                struck_name = _struck(word.group(), word.start(), item_node, name, context)
+                if struck_name is None:
                     return MISSING
-                struck_names.append(struck)
+                struck_names.append(struck_name)
         if not 1 <= len(struck_names) <= MAX_CHORD:
             message = f"{context.label(name)}: from 1 to {MAX_CHORD} names are expected"
             context.error("E106", message, node.place)
@@ -87,14 +87,14 @@ def _is_impulse(last_word: str, text_node: Scalar, *, is_alone: bool) -> bool:
 
 
 def _struck(
-    struck_word: str, word_start: int, text_node: Scalar, name: str, context: Context
+    struck_word: str, word_start: int, text_node: Scalar, field_name: str, context: Context
 ) -> Name | None:
     """The name that a word strikes: the word itself, or the note that it stands for."""
     try:
         note = note_of(struck_word, text_node.document)
     except TextError as error:
         error.offset += word_start
-        context.text_error(error, text_node, name)
+        context.text_error(error, text_node, field_name)
         return None
     return Name(note or struck_word, text_node.place_at(word_start, len(struck_word)))
 
@@ -126,7 +126,7 @@ def _row(values: Values) -> Row:
 
 
 def _entry(position_kind: Text, doc: str) -> Record:
-    fields = (
+    entry_fields = (
         Field("at", position_kind, doc, required=True),
         Field("what", WhatShape("notes or modules, such as D3, or D3 F3"), "what", required=True),
         Field("impulse", SWELLING, "how strongly", shown="that of the strike before"),
@@ -135,7 +135,7 @@ def _entry(position_kind: Text, doc: str) -> Record:
     return Record(
         "strike",
         doc,
-        fields,
+        entry_fields,
         _row,
         foreign=foreign,
         meant=MEANT["strike"],
@@ -160,11 +160,11 @@ class Entries(Shape):
         if not isinstance(node, Scalar) or node.is_empty:
             return wrong_shape(self, node, name, context)
         entries_read, is_broken = [], False
-        for number, (row, offset) in enumerate(words.rows(node.text)):
+        for number, (phrase_row, row_offset) in enumerate(words.rows(node.text)):
             if number >= MAX_ROWS:
                 context.error("E105", f"the table has more than {MAX_ROWS:,} rows", node.place)
                 return MISSING
-            read = self._row(row, offset, node, context)
+            read = self._row(phrase_row, row_offset, node, context)
             is_broken |= read is None
             entries_read += [read] if read is not None else []
         if not entries_read and not is_broken:
@@ -177,10 +177,10 @@ class Entries(Shape):
         (position_text, position_start), option_cells = cells[0], cells[1:]
         impulse, swells = None, bool(option_cells) and option_cells[-1][0] == "->"
         if swells:
-            word, start_of_arrow = option_cells.pop()
+            arrow_word, start_of_arrow = option_cells.pop()
             if not option_cells or not is_level(option_cells[-1][0]):
                 message = "`->` leads from a level to the next one: write p -> in this row"
-                place = node.place_at(start_of_arrow, len(word))
+                place = node.place_at(start_of_arrow, len(arrow_word))
                 context.error("E204", message, place)
                 return None
         if option_cells and _is_impulse(option_cells[-1][0], node, is_alone=len(option_cells) == 1):
@@ -190,15 +190,15 @@ class Entries(Shape):
             message = "a row has a time, what is struck and an impulse, such as 1|1  D3 F3  2mNs"
             context.error("E204", message, node.place_at(position_start, len(position_text)))
             return None
-        names = [_struck(word, place, node, "what", context) for word, place in option_cells]
-        if row_time is MISSING or impulse is MISSING or None in names:
+        struck_names = [_struck(word, place, node, "what", context) for word, place in option_cells]
+        if row_time is MISSING or impulse is MISSING or None in struck_names:
             return None
-        struck = tuple(name for name in names if name is not None)
-        level = impulse and impulse.level
+        struck_valid = tuple(name for name in struck_names if name is not None)
+        row_level = impulse and impulse.level
         return Row(
             row_time,
-            struck,
-            level,
+            struck_valid,
+            row_level,
             node.place_at(position_start, len(position_text)),
             swells=swells,
         )
@@ -233,13 +233,13 @@ def _checked(phrase_rows: Any, context: Context) -> Any:
     if phrase_rows is MISSING:
         return MISSING
     rows_read = [row for row in phrase_rows if isinstance(row, Row)]
-    for number, phrase_row in enumerate(rows_read):
+    for row_number, phrase_row in enumerate(rows_read):
         if not phrase_row.swells or phrase_row.level is None:
             continue
         swell_end = next(
             (
                 later_row.level
-                for later_row in rows_read[number + 1 :]
+                for later_row in rows_read[row_number + 1 :]
                 if later_row.level is not None
             ),
             None,

@@ -30,14 +30,16 @@ def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gestur
     take_notes = midi_notes(take, files)
     if take_notes is None:
         return None
-    points = _points(take_notes.notes, take["depth"], take["curve"] or EVEN, take_notes.length)
-    if len(points) > room:
+    gesture_points = _points(
+        take_notes.notes, take["depth"], take["curve"] or EVEN, take_notes.length
+    )
+    if len(gesture_points) > room:
         take.error(
             "E105", f"{error_label}: the gestures have more points than a piece may have", "file"
         )
         return None
     name, place = take.context.name, take.place
-    return Gesture(name, points, (), (), NO_OPTIONS, place, in_quarters=not has_quarters)
+    return Gesture(name, gesture_points, (), (), NO_OPTIONS, place, in_quarters=not has_quarters)
 
 
 def _points(

@@ -113,14 +113,14 @@ class MidiUses:
 
     def course(self, values: Values) -> Course:
         """How what automation follows moves in its file; empty if an error was reported."""
-        name, channel_name, source_text = values["from"], values["channel"], values["by"]
+        file_name, channel_name, source_text = values["from"], values["channel"], values["by"]
         automation_label, folder = "automation: ", values.nodes["from"].document.folder
         path = self._files.locate(
-            name, folder, values.place_of("from"), automation_label, is_text=False
+            file_name, folder, values.place_of("from"), automation_label, is_text=False
         )
         if path is None:
             return ()
-        use = self._use(path, name, values.place_of("from"))
+        use = self._use(path, file_name, values.place_of("from"))
         use.followed.add((channel_name, source_text))
         try:
             return read_course(path, channel_name, source_text)
@@ -160,11 +160,11 @@ class MidiUses:
                 collector.error("W335", message, use.place)
 
 
-def _report(words: Sequence[str], use: _Use, collector: Collector) -> None:
+def _report(passed_words: Sequence[str], use: _Use, collector: Collector) -> None:
     """Report what is passed over in a file, as counts in words."""
-    if not words:
+    if not passed_words:
         return
-    *words_before, last_word = words
+    *words_before, last_word = passed_words
     listed = f"{', '.join(words_before)} and {last_word}" if words_before else last_word
     message = f"{use.name}: the score does not use {listed} of this file"
     collector.error("N404", message, use.place, help=_WHEN_UNUSED)

@@ -110,11 +110,13 @@ RADIATION = Record(
 )
 
 
-def _fade_point(values: Values) -> Any:
-    if values["at"] is None or values["gain"] is None:
+def _fade_point(point_values: Values) -> Any:
+    if point_values["at"] is None or point_values["gain"] is None:
         return MISSING
-    is_smooth = values["curve"] == "smooth"
-    return FadePoint(values["at"], values["gain"], is_smooth, values.place_of("at"))
+    is_smooth = point_values["curve"] == "smooth"
+    return FadePoint(
+        point_values["at"], point_values["gain"], is_smooth, point_values.place_of("at")
+    )
 
 
 FADE = ListOf(
@@ -134,11 +136,11 @@ FADE = ListOf(
 SENDS = NamesOf(k.GAIN, "room")
 
 
-def _pan_point(values: Values) -> Any:
-    if values["at"] is None or values["pan"] is None:
+def _pan_point(point_values: Values) -> Any:
+    if point_values["at"] is None or point_values["pan"] is None:
         return MISSING
-    is_smooth = values["curve"] == "smooth"
-    return PanPoint(values["at"], values["pan"], is_smooth, values.place_of("at"))
+    is_smooth = point_values["curve"] == "smooth"
+    return PanPoint(point_values["at"], point_values["pan"], is_smooth, point_values.place_of("at"))
 
 
 _PAN_POINT = Record(
@@ -159,13 +161,13 @@ def fade(value: Any) -> Fade:
     return tuple(point for point in value or () if isinstance(point, FadePoint))
 
 
-def pan(value: Any) -> tuple[float, float] | None:
+def pan(pan_value: Any) -> tuple[float, float] | None:
     """Gains of the two channels by constant power: -1 is the first one alone, 1 the second. None
     for a pan that moves.
     """
-    if not isinstance(value, float):
+    if not isinstance(pan_value, float):
         return None
-    return (math.sqrt(0.5 * (1.0 - value)), math.sqrt(0.5 * (1.0 + value)))
+    return (math.sqrt(0.5 * (1.0 - pan_value)), math.sqrt(0.5 * (1.0 + pan_value)))
 
 
 def pan_path(value: Any) -> PanPath:
@@ -174,12 +176,12 @@ def pan_path(value: Any) -> PanPath:
     return tuple(point for point in points if isinstance(point, PanPoint))
 
 
-def sends(value: Any, node: Node | None) -> tuple[tuple[Name, float], ...]:
+def sends(sends_value: Any, node: Node | None) -> tuple[tuple[Name, float], ...]:
     """Rooms by name, with the gain of what is sent there."""
     entries = node.entries if isinstance(node, document.Mapping) else {}
     return tuple(
         (Name(name, entries[name][0].place), gain)
-        for name, gain in (value or {}).items()
+        for name, gain in (sends_value or {}).items()
         if gain is not MISSING
     )
 

@@ -45,16 +45,16 @@ class NoteTargets:
         """A note, or a module of one, moved by so many semitones, of which an integer is keys of a
         scale. Raises TextError.
         """
-        note = self._note(word)
-        if note is None:
+        moved_note = self._note(word)
+        if moved_note is None:
             raise TextError(f"{quote(word)} has no note that could be transposed")
-        if not notes.LOWEST <= note + semitones <= notes.HIGHEST:
+        if not notes.LOWEST <= moved_note + semitones <= notes.HIGHEST:
             raise TextError(f"{quote(word)} lies outside the notes from C-1 to B9")
-        words = tuning.spelled(word).split(".")
-        place = self._place(words)
-        with tuning.used(self._tuning(words)):
-            words[place] = notes.moved(words[place], semitones)
-        return Name(".".join(words), word.place)
+        note_words = tuning.spelled(word).split(".")
+        place = self._place(note_words)
+        with tuning.used(self._tuning(note_words)):
+            note_words[place] = notes.moved(note_words[place], semitones)
+        return Name(".".join(note_words), word.place)
 
     def has_act(self, act: str) -> bool:
         """Whether a note of the instruments has an act that lasts as long as a note."""
@@ -75,7 +75,7 @@ class NoteTargets:
             ]
         return tuple(target for name in member_names for target in self._reached(name, label))
 
-    def _reached(self, target_name: Name, label: str) -> list[Target]:
+    def _reached(self, target_name: Name, strikes_label: str) -> list[Target]:
         """The targets of a name, kept for further rows, which differ only in their place."""
         known_targets = self._known.get(target_name)
         if known_targets is not None:
@@ -83,7 +83,7 @@ class NoteTargets:
                 Target(t.part, t.module, t.first, t.count, t.text, target_name.place)
                 for t in known_targets
             ]
-        targets_struck = self.part_names.struck(target_name, label)
+        targets_struck = self.part_names.struck(target_name, strikes_label)
         if targets_struck:  # else each row reports what is missing
             self._known[target_name] = targets_struck
         return targets_struck
@@ -131,12 +131,12 @@ class NoteTargets:
 
     def _note(self, word: str) -> float | None:
         """The note of a name in semitones or keys; None if it has none. Raises TextError."""
-        words = tuning.spelled(word).split(".")
-        place = self._place(words)
-        if place is None:
+        note_words = tuning.spelled(word).split(".")
+        note_place = self._place(note_words)
+        if note_place is None:
             return None
-        with tuning.used(self._tuning(words)):
-            return notes.step(words[place])
+        with tuning.used(self._tuning(note_words)):
+            return notes.step(note_words[note_place])
 
     def _tuning(self, words: Sequence[str]) -> Tuning | None:
         """The tuning of the note of a name: of its instrument, or of those that a note is for."""
@@ -146,8 +146,8 @@ class NoteTargets:
         """The index of the word in a name that is its note; None if there is none."""
         if len(words) == 1:
             return 0 if tuning.is_pitch(words[0]) else None
-        for count in range(1, len(words)):
-            is_family = ".".join(words[:count]) in self.part_names.families
-            if is_family and tuning.is_pitch(words[count]):
-                return count
+        for word_count in range(1, len(words)):
+            is_family = ".".join(words[:word_count]) in self.part_names.families
+            if is_family and tuning.is_pitch(words[word_count]):
+                return word_count
         return None

@@ -67,7 +67,7 @@ def overlay_fields(base_values: Values, member_values: Values) -> Values:
         module_fields[field_name] = field_value
     module_fields.pop("transpose", None)
     module_nodes.update(member_values.nodes)
-    kind = member_values.kind or base_values.kind
+    body_kind = member_values.kind or base_values.kind
     return Values(
         member_values.record,
         member_values.node,
@@ -75,26 +75,28 @@ def overlay_fields(base_values: Values, member_values: Values) -> Values:
         module_fields,
         module_nodes,
         {**base_values.free, **member_values.free},
-        kind,
+        body_kind,
     )
 
 
-def member(values: Values, height: float) -> Values | None:
+def member(values: Values, note_height: float) -> Values | None:
     """The fields that are written for one note of an instrument, by its pitch."""
     for word, member_values in (values["members"] or {}).items():
-        if notes.pitch(word) == height:
+        if notes.pitch(word) == note_height:
             assert isinstance(member_values, Values)
             return member_values
     return None
 
 
-def shifted_note(values: Values, note: str, interval: Interval | None = None) -> Values:
+def shifted_note(
+    instrument_values: Values, note_name: str, interval: Interval | None = None
+) -> Values:
     """An instrument with notes at one of its notes, with the fields that are written for that note;
     moved by the `interval` of the whole instrument, and by that of the note.
     """
     base_values, member_values = (
-        instrument_at_note(values, note),
-        member(values, notes.pitch(note) or 0.0),
+        instrument_at_note(instrument_values, note_name),
+        member(instrument_values, notes.pitch(note_name) or 0.0),
     )
     if member_values is not None:
         interval = both(interval, member_values.by_name.get("transpose"))
@@ -138,12 +140,12 @@ def _modules(base: Mapping[str, object], member_modules: Mapping[str, object]) -
             and isinstance(base_module, Values)
             and module_body.kind == base_module.kind
         ):
-            fields = _fields(
+            merged_fields = _fields(
                 module_body.kind,
                 base_module.by_name.get(module_body.kind),
                 module_body.by_name[module_body.kind],
             )
-            module_body = replace(module_body, by_name={module_body.kind: fields})
+            module_body = replace(module_body, by_name={module_body.kind: merged_fields})
         merged[module_name] = module_body
     return merged
 
@@ -167,11 +169,13 @@ def _fields(module_kind: str, base_fields: Any, member_fields: Any) -> Any:
         hidden, free = {*_LAW, *base_fields.free, "interval"}, dict(member_fields.free)
     if module_kind == "BUT" and member_fields["contact"] == "magic":
         hidden = {"K", "Z", "clamp"}
-    fields = {name: value for name, value in base_fields.by_name.items() if name not in hidden}
+    merged_fields = {
+        name: value for name, value in base_fields.by_name.items() if name not in hidden
+    }
     nodes = {name: node for name, node in base_fields.nodes.items() if name not in hidden}
     return replace(
         member_fields,
-        by_name={**fields, **member_fields.by_name},
+        by_name={**merged_fields, **member_fields.by_name},
         nodes={**nodes, **member_fields.nodes},
         free=free,
     )

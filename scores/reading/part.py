@@ -52,13 +52,13 @@ class _EntryValues(PatternValues, OptionValues, total=False):
     do: tuple[Change, ...]
 
 
-def _play(values: Values) -> Play:
-    if values.written("rate"):
-        _unused_rate(values.context, values.place_of("rate"))
-    until = values.place_of("until") if values.written("until") else None
-    played: Played = values["play"] or Played("", None, values.place)
-    written = cast("_EntryValues", values.by_name)
-    return _entry(written, values.context, played, values.place_of("at"), until)
+def _play(play_values: Values) -> Play:
+    if play_values.written("rate"):
+        _unused_rate(play_values.context, play_values.place_of("rate"))
+    until_place = play_values.place_of("until") if play_values.written("until") else None
+    played: Played = play_values["play"] or Played("", None, play_values.place)
+    written = cast("_EntryValues", play_values.by_name)
+    return _entry(written, play_values.context, played, play_values.place_of("at"), until_place)
 
 
 def _entry(
@@ -66,7 +66,7 @@ def _entry(
     context: Context,
     played: Played,
     place_of_at: Place,
-    until: Place | None,
+    until_place: Place | None,
 ) -> Play:
     do, turns = as_turns(entry_values.get("do", ()))
     if turns:
@@ -86,7 +86,7 @@ def _entry(
         manner=playing_options(entry_values),
         place=played.place,
         begin_place=place_of_at,
-        until_place=until,
+        until_place=until_place,
         pattern=pattern if only is None else None,
     )
 
@@ -124,11 +124,11 @@ class _PlayedShape(Reference):
             return Name(name_of(word, offset), node.place_at(offset, len(word)))
 
         try:
-            order = parse(table_text, called)
+            play_order = parse(table_text, called)
         except TextError as error:
             context.text_error(error, node, name)
             return MISSING
-        return Played(" ".join(table_text.split()), order, node.place)
+        return Played(" ".join(table_text.split()), play_order, node.place)
 
 
 _PLAYED = _PlayedShape(
@@ -179,11 +179,11 @@ class Part(Shape):
         if not isinstance(node, Scalar):
             return wrong_shape(self, node, name, context)
         plays = []
-        for number, (row, offset) in enumerate(words.rows(node.text)):
+        for number, (phrase_row, row_offset) in enumerate(words.rows(node.text)):
             if number >= MAX_ROWS:
                 context.error("E105", f"the table has more than {MAX_ROWS:,} rows", node.place)
                 break
-            play = _row(row, offset, node, context)
+            play = _row(phrase_row, row_offset, node, context)
             if play is not None:
                 plays.append(play)
         return tuple(plays)
@@ -206,22 +206,24 @@ class Part(Shape):
         return self if isinstance(node, Scalar) and not node.is_empty else self.entries
 
 
-def _row(row_text: str, offset: int, text_node: Scalar, context: Context) -> Play | None:
+def _row(row_text: str, text_offset: int, text_node: Scalar, context: Context) -> Play | None:
     try:
         parsed_row = words.parse_row(
-            row_text, offset, lambda word, place: Name(word, text_node.place_at(place, len(word)))
+            row_text,
+            text_offset,
+            lambda word, place: Name(word, text_node.place_at(place, len(word))),
         )
     except TextError as error:
         context.text_error(error, text_node, "")
         return None
     entry_fields: dict[str, object] = {}
     broken = False
-    for name, word in (("at", parsed_row.at), *parsed_row.play.options.items()):
-        value = _option(name, word, text_node, context)
-        if value is MISSING:
+    for option_name, word in (("at", parsed_row.at), *parsed_row.play.options.items()):
+        option_value = _option(option_name, word, text_node, context)
+        if option_value is MISSING:
             broken = True
         else:
-            entry_fields[name] = value
+            entry_fields[option_name] = option_value
     if broken:
         return None
     entry_fields["do"] = parsed_row.play.do
@@ -232,10 +234,10 @@ def _row(row_text: str, offset: int, text_node: Scalar, context: Context) -> Pla
     row_place = _place(parsed_row.at, text_node)
     # In a literal block a row is one line of the file, so the column follows from that of
     # `row_place`.
-    column = row_place.column + what_words.offset - parsed_row.at.offset
+    what_column = row_place.column + what_words.offset - parsed_row.at.offset
     is_block = text_node.style == "|"
     place = (
-        Place(row_place.file, row_place.line, column, len(what_words.text))
+        Place(row_place.file, row_place.line, what_column, len(what_words.text))
         if is_block
         else _place(what_words, text_node)
     )

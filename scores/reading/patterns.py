@@ -41,10 +41,10 @@ class PatternValues(TypedDict, total=False):
     nth: tuple[Turn, ...]
 
 
-def pattern_of(pattern_values: PatternValues, order: Group) -> Pattern:
+def pattern_of(pattern_values: PatternValues, pattern_order: Group) -> Pattern:
     """An order with the rhythm and the chance that were written beside it."""
     return Pattern(
-        order,
+        pattern_order,
         euclid=pattern_values.get("euclid"),
         swing=pattern_values.get("swing", EVEN),
         chance=pattern_values.get("chance"),

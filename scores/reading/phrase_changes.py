@@ -12,29 +12,29 @@ from ergon.scores.gesture.transforms import Transform
 from ergon.scores.reading.melody import Row
 
 
-def length_of(rows: Sequence[Row], written_length: Length | None) -> Length | None:
+def length_of(phrase_rows: Sequence[Row], written_length: Length | None) -> Length | None:
     """The length of a phrase; if none is written, up to the next whole beat; None if entries are
     not all in beats.
     """
     if written_length is not None:
         return written_length
     last_beat = 0.0
-    for row in rows:
-        assert isinstance(row.at, Length)
-        if row.at.bars or row.at.seconds:
+    for phrase_row in phrase_rows:
+        assert isinstance(phrase_row.at, Length)
+        if phrase_row.at.bars or phrase_row.at.seconds:
             return None
-        last_beat = max(last_beat, row.at.beats)
+        last_beat = max(last_beat, phrase_row.at.beats)
     return Length(beats=floor(last_beat) + 1.0)
 
 
 def transformed(
-    rows: Sequence[Row],
+    phrase_rows: Sequence[Row],
     phrase_length: Length,
     chain: Iterable[Transform],
     mirrored: Callable[[Row, Row], Row],
 ) -> tuple[tuple[Row, ...], Length]:
     """Rows of a phrase after transformations, left to right, and its length. Raises TextError."""
-    rows_out = tuple(rows)
+    rows_out = tuple(phrase_rows)
     for transform in chain:
         if transform.word == "mirror":
             rows_out = tuple(mirrored(row, rows_out[0]) for row in rows_out)
@@ -69,10 +69,10 @@ def _stretch(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
 
 
 def _shift(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
-    for row in rows:
-        length = _length(row)
+    for phrase_row in rows:
+        length = _length(phrase_row)
         beats, seconds = length.beats + t.time.beats, length.seconds + t.time.seconds
-        yield replace(row, at=Length(length.bars, beats, seconds))
+        yield replace(phrase_row, at=Length(length.bars, beats, seconds))
 
 
 def _reverse(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
@@ -84,45 +84,49 @@ def _reverse(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     start_and_end = [
         low + high for low, high in zip(min(row_lengths), max(row_lengths), strict=True)
     ]
-    for row, length in sorted(
+    for row, phrase_length in sorted(
         zip(phrase_rows, row_lengths, strict=True), key=lambda pair: pair[1], reverse=True
     ):
-        yield replace(row, at=Length(*(a - b for a, b in zip(start_and_end, length, strict=True))))
+        yield replace(
+            row, at=Length(*(a - b for a, b in zip(start_and_end, phrase_length, strict=True)))
+        )
 
 
 def _quantise(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
-    for row in rows:
-        length = _length(row)
-        if length.bars or length.seconds:
+    for phrase_row in rows:
+        row_length = _length(phrase_row)
+        if row_length.bars or row_length.seconds:
             message = "'quantise' moves beats; the entries of this phrase are in bars or seconds"
             raise TextError(message, offset=t.offset, length=t.length)
-        yield replace(row, at=Length(beats=floor(length.beats / t.amount + 0.5) * t.amount))
+        yield replace(
+            phrase_row, at=Length(beats=floor(row_length.beats / t.amount + 0.5) * t.amount)
+        )
 
 
-def _from(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _from(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     """Rows from an instant on, which becomes the beginning; every row has its own impulse
     already.
     """
-    for row in rows:
-        later_length = _length_after(_length(row), t)
+    for phrase_row in phrase_rows:
+        later_length = _length_after(_length(phrase_row), t)
         if min(later_length.beats, later_length.seconds) >= 0.0:
-            yield replace(row, at=later_length)
+            yield replace(phrase_row, at=later_length)
 
 
-def _length_after(length: Length, t: Transform) -> Length:
+def _length_after(length_before: Length, t: Transform) -> Length:
     """A length minus the time of `from`, in the same unit."""
-    other_unit = length.seconds if t.time.beats else length.beats
-    if length.bars or other_unit:
+    other_unit = length_before.seconds if t.time.beats else length_before.beats
+    if length_before.bars or other_unit:
         message = "'from' needs entries and a length in its own unit: all in beats or in seconds"
         raise TextError(message, offset=t.offset, length=t.length)
-    return Length(0.0, length.beats - t.time.beats, length.seconds - t.time.seconds)
+    return Length(0.0, length_before.beats - t.time.beats, length_before.seconds - t.time.seconds)
 
 
-def _jitter(rows: Sequence[Row], t: Transform) -> Iterator[Row]:
+def _jitter(phrase_rows: Sequence[Row], t: Transform) -> Iterator[Row]:
     if t.x:
         message = "a phrase has instants and no positions to move; write jitter 4ms 0mm"
         raise TextError(message, offset=t.offset, length=t.length)
-    for row in rows:
+    for row in phrase_rows:
         yield replace(row, jitter=Length(0.0, t.time.beats, t.time.seconds))
 
 

@@ -39,19 +39,20 @@ def _entries_do(chain_text: str) -> tuple[Transform, ...]:
     """The transformations of a phrase itself. Raises TextError for those of rhythms."""
     chain, rhythm = split_do(chain_text)
     if rhythm:
-        word = rhythm.split()[0]
+        first_word = rhythm.split()[0]
         message = (
-            f"{quote(word)} is of rhythms; write it in `do` of the strikes that play the phrase"
+            f"{quote(first_word)} is of rhythms; write it in `do` of the strikes that play the "
+            "phrase"
         )
-        raise TextError(message, offset=chain_text.index(rhythm), length=len(word))
+        raise TextError(message, offset=chain_text.index(rhythm), length=len(first_word))
     return chain
 
 
-def _entry_do(text: str) -> Transform:
-    chain = _entries_do(text)
+def _entry_do(entry_text: str) -> Transform:
+    chain = _entries_do(entry_text)
     if len(chain) != 1:
-        message = f"{quote(text)} is not one transformation; write one in each item of a list"
-        raise TextError(message, length=len(text))
+        message = f"{quote(entry_text)} is not one transformation; write one in each item of a list"
+        raise TextError(message, length=len(entry_text))
     return chain[0]
 
 
@@ -77,7 +78,7 @@ DO = Either(
 )
 
 
-def phrase_do(values: Values) -> tuple[tuple[Transform, ...], str] | None:
+def phrase_do(phrase_values: Values) -> tuple[tuple[Transform, ...], str] | None:
     """The transformations of strikes that play a phrase, as `split_do` returns them; None if an
     error was reported.
     """
@@ -88,11 +89,11 @@ def phrase_do(values: Values) -> tuple[tuple[Transform, ...], str] | None:
         rhythms.extend([rhythm] if rhythm else [])
         return chain
 
-    chain = transforms(values, parse)
+    chain = transforms(phrase_values, parse)
     return None if chain is None else (tuple(chain), ", ".join(rhythms))
 
 
-def rhythm_do(values: Values) -> str | None:
+def rhythm_do(strike_values: Values) -> str | None:
     """The transformations of a rhythm as one text, without names of values; None if an error was
     reported.
     """
@@ -101,7 +102,7 @@ def rhythm_do(values: Values) -> str | None:
         parse_transforms(text)
         return (text,)
 
-    texts = transforms(values, parse)
+    texts = transforms(strike_values, parse)
     return None if texts is None else ", ".join(texts)
 
 
@@ -113,10 +114,10 @@ def transforms(
 ) -> list[_Transform] | None:
     """The transformations of strikes, as `parse` reads a text; None if an error was reported."""
     all_transforms: list[_Transform] = []
-    for node in strike_values["do"] or ():
+    for text_node in strike_values["do"] or ():
         try:
-            all_transforms += parse_with_names(node, parse)
+            all_transforms += parse_with_names(text_node, parse)
         except TextError as error:
-            strike_values.context.text_error(error, node, "do")
+            strike_values.context.text_error(error, text_node, "do")
             return None
     return all_transforms

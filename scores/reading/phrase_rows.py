@@ -59,12 +59,12 @@ def phrase_rows(
         named_rows = phrase_rows(phrase_values, phrases, voices, entry_levels, path[:-1])
         if named_rows is None:
             return None
-        inner_rows, length = named_rows
+        inner_rows, named_length = named_rows
         assert isinstance(phrase_row.at, Length)
         rows += (
             _moved(inner_row, phrase_row.at, phrase_values, voices) for inner_row in inner_rows
         )
-        inner_end = _later(inner_end, phrase_row.at, length)
+        inner_end = _later(inner_end, phrase_row.at, named_length)
         if len(rows) > MAX_ROWS:
             message = f"{phrase.context.label('')} has more than {MAX_ROWS:,} strikes"
             phrase.context.error("E105", message, phrase_row.place)
@@ -86,12 +86,12 @@ def phrase_rows(
         return None
 
 
-def _later(end: float | None, begin: Length, length: Length) -> float | None:
+def _later(end_beat: float | None, begin_length: Length, length: Length) -> float | None:
     """The later end of two, in beats; None if one is not in beats."""
-    lengths = (begin, length)
-    if end is None or any(row_length.bars or row_length.seconds for row_length in lengths):
+    lengths = (begin_length, length)
+    if end_beat is None or any(row_length.bars or row_length.seconds for row_length in lengths):
         return None
-    return max(end, begin.beats + length.beats)
+    return max(end_beat, begin_length.beats + length.beats)
 
 
 def _moved(phrase_row: Row, begin_beat: Length, phrase: Values, voices: NoteTargets) -> Row:
@@ -115,11 +115,11 @@ def with_levels(rows: Sequence[Row], strike_levels: Levels | None) -> tuple[Row,
     rows that say none.
     """
     leveled_rows, level_before = [], None
-    for number, phrase_row in enumerate(rows):
+    for row_number, phrase_row in enumerate(rows):
         level_before = (
             phrase_row.level
             or level_before
-            or (strike_levels or Levels((MEZZO_FORTE,))).step(number, len(rows))
+            or (strike_levels or Levels((MEZZO_FORTE,))).step(row_number, len(rows))
         )
         is_pattern = strike_levels is not None and len(strike_levels.steps) > 1
         leveled_rows.append(
@@ -144,10 +144,14 @@ def _swollen(rows_written: Sequence[Row], rows: Sequence[Row]) -> Iterator[Row]:
                 n for n in range(row_number + 1, len(rows)) if rows_written[n].level is not None
             )
             swell_end = next(later_levels, row_number)
-        low, high = rows[swell_begin].level, rows[swell_end].level
-        if swell_begin < row_number < swell_end and low is not None and high is not None:
+        low_level, high_level = rows[swell_begin].level, rows[swell_end].level
+        if (
+            swell_begin < row_number < swell_end
+            and low_level is not None
+            and high_level is not None
+        ):
             share = (row_number - swell_begin) / (swell_end - swell_begin)
-            value = low.low + (high.low - low.low) * share
-            yield replace(phrase_row, level=Level(value, value, low.is_strength))
+            value = low_level.low + (high_level.low - low_level.low) * share
+            yield replace(phrase_row, level=Level(value, value, low_level.is_strength))
         else:
             yield phrase_row

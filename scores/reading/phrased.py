@@ -54,10 +54,12 @@ def _unit(cycle: Length, hits: Sequence[Hit]) -> str:
     return units_used.pop()
 
 
-def _exact(value: float) -> Fraction:
-    exact = Fraction(value).limit_denominator(_PARTS)
-    if abs(float(exact) - value) > _ROUNDING * max(1.0, abs(value)):
-        raise TextError(f"{value!r} is no simple fraction, as steps of a rhythm are; use quantise")
+def _exact(exact_value: float) -> Fraction:
+    exact = Fraction(exact_value).limit_denominator(_PARTS)
+    if abs(float(exact) - exact_value) > _ROUNDING * max(1.0, abs(exact_value)):
+        raise TextError(
+            f"{exact_value!r} is no simple fraction, as steps of a rhythm are; use quantise"
+        )
     return exact
 
 
@@ -81,21 +83,21 @@ def _notes(hits: Sequence[Hit], length_unit: str, round_length: Fraction) -> Ite
         notes_by_span.setdefault((note_begin, lasting), {}).update(struck)
     begins = sorted({begin for begin, _ in notes_by_span})
     following = dict(zip(begins, [*begins[1:], round_length], strict=True))
-    for (note_begin, lasting), words in sorted(
+    for (note_begin, lasting), note_words in sorted(
         notes_by_span.items(), key=lambda group: group[0][0]
     ):
         end = following[note_begin] if lasting is None else min(note_begin + lasting, round_length)
         if end > note_begin:
-            yield _Notes(note_begin, end, tuple(words))
+            yield _Notes(note_begin, end, tuple(note_words))
 
 
 def _word(name: str, level: Level) -> str:
-    word = f"{tuning.spelled(name)}:{_level(level)}"
-    if not WORD.fullmatch(word):
+    level_word = f"{tuning.spelled(name)}:{_level(level)}"
+    if not WORD.fullmatch(level_word):
         raise TextError(
-            f"{quote(word)} is no word of a rhythm; write one level, such as mf or 2mNs"
+            f"{quote(level_word)} is no word of a rhythm; write one level, such as mf or 2mNs"
         )
-    return word
+    return level_word
 
 
 def _level(written_level: Level) -> str:
@@ -105,35 +107,40 @@ def _level(written_level: Level) -> str:
         and written_level.factor == 1.0
         and written_level.low == written_level.high
     ):
-        for number, word in enumerate(DYNAMICS):
-            if written_level.low == number / (len(DYNAMICS) - 1):
+        for dynamics_index, word in enumerate(DYNAMICS):
+            if written_level.low == dynamics_index / (len(DYNAMICS) - 1):
                 return word
-        number = round(127 * written_level.low)
-        if number and velocity(number) == written_level:
-            return f"v{number}"
+        dynamics_index = round(127 * written_level.low)
+        if dynamics_index and velocity(dynamics_index) == written_level:
+            return f"v{dynamics_index}"
     return written_level.written
 
 
-def _text(notes: Sequence[_Notes], total: Fraction) -> str:
+def _text(round_notes: Sequence[_Notes], round_length: Fraction) -> str:
     """Steps in as many lines as notes sound at the same time."""
     note_lines: list[list[_Notes]] = []
-    for group in notes:
-        line = next((line for line in note_lines if line[-1].end <= group.begin), None)
-        if line is None:
-            note_lines.append([group])
+    for notes_group in round_notes:
+        free_line = next((line for line in note_lines if line[-1].end <= notes_group.begin), None)
+        if free_line is None:
+            note_lines.append([notes_group])
         else:
-            line.append(group)
-    return ", ".join(_line(line, total) for line in note_lines)
+            free_line.append(notes_group)
+    return ", ".join(_line(line, round_length) for line in note_lines)
 
 
-def _line(notes: Sequence[_Notes], round_length: Fraction) -> str:
+def _line(round_notes: Sequence[_Notes], round_length: Fraction) -> str:
     weighted_steps: list[tuple[str, Fraction]] = []
     last_end = Fraction(0)
-    for begin, end, words in notes:
-        if begin > last_end:
-            weighted_steps.append(("~", begin - last_end))
-        weighted_steps.append((f"[{','.join(words)}]" if len(words) > 1 else words[0], end - begin))
-        last_end = end
+    for notes_begin, notes_end, notes_words in round_notes:
+        if notes_begin > last_end:
+            weighted_steps.append(("~", notes_begin - last_end))
+        weighted_steps.append(
+            (
+                f"[{','.join(notes_words)}]" if len(notes_words) > 1 else notes_words[0],
+                notes_end - notes_begin,
+            )
+        )
+        last_end = notes_end
     if last_end < round_length:
         weighted_steps.append(("~", round_length - last_end))
     parts = lcm(*(width.denominator for _, width in weighted_steps))

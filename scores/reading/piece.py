@@ -150,11 +150,11 @@ class Strikes:
 
     def beats(self, tempo: TempoMap) -> Sequence[float]:
         """Beats of strikes without a pattern: one, or one per `every`. Raises TextError."""
-        begin = tempo.resolve(self.at)
+        begin_beat = tempo.resolve(self.at)
         if self.every is None:
-            return [begin]
+            return [begin_beat]
         stop = self.stop(tempo)
-        return starts(tempo, begin, Length(), every=self.every, times=self.times, until=stop)
+        return starts(tempo, begin_beat, Length(), every=self.every, times=self.times, until=stop)
 
     def rounds(self, tempo: TempoMap) -> list[float]:
         """Beats on which rounds begin: one for each time a phrase is played. Raises TextError."""
@@ -175,26 +175,26 @@ class Strikes:
         if self.rhythm is not None:
             yield from self._strokes(piece, self.rhythm, since, before)
             return
-        until = inf if self.until is None or self.length else tempo.resolve(self.until) - SAME
-        for turn, start in enumerate(self.rounds(tempo)):
-            for number, melody_hit in enumerate(self.hits):
-                position = melody_hit.at
+        until_beat = inf if self.until is None or self.length else tempo.resolve(self.until) - SAME
+        for turn, round_start in enumerate(self.rounds(tempo)):
+            for hit_number, melody_hit in enumerate(self.hits):
+                hit_position = melody_hit.at
                 hit_beat = (
-                    tempo.resolve(position)
-                    if isinstance(position, Position)
-                    else tempo.after(start, position)
+                    tempo.resolve(hit_position)
+                    if isinstance(hit_position, Position)
+                    else tempo.after(round_start, hit_position)
                 )
-                if hit_beat < until:
-                    yield hit_beat, turn * len(self.hits) + number, melody_hit
+                if hit_beat < until_beat:
+                    yield hit_beat, turn * len(self.hits) + hit_number, melody_hit
 
-    def cycles(self, tempo: TempoMap, before: float = inf) -> int:
+    def cycles(self, tempo: TempoMap, before_beat: float = inf) -> int:
         """The number of cycles of a rhythm that begin before a beat. Raises TextError."""
         assert self.rhythm is not None
         stop = self.stop(tempo)
-        count = self.rhythm.count(
-            tempo, tempo.resolve(self.at), before if stop is None else min(stop, before)
+        cycle_count = self.rhythm.count(
+            tempo, tempo.resolve(self.at), before_beat if stop is None else min(stop, before_beat)
         )
-        return count if self.times is None else min(count, self.times)
+        return cycle_count if self.times is None else min(cycle_count, self.times)
 
     def _strokes(
         self, piece: Piece, rhythm: Rhythm, since: float, before: float
@@ -296,11 +296,18 @@ class Piece:
         channels: dict[tuple[str, str], int] = {}
         routes = []
         for instrument in self.instruments.values():
-            for output in instrument.outputs:
-                name = family.get(instrument.name, instrument.name), output.name
+            for instrument_output in instrument.outputs:
+                name = family.get(instrument.name, instrument.name), instrument_output.name
                 channel = channels.setdefault(name, len(channels) + 1)
                 routes.append(
-                    Route(instrument.name, output.name, (channel,), 1.0, None, output.place)
+                    Route(
+                        instrument.name,
+                        instrument_output.name,
+                        (channel,),
+                        1.0,
+                        None,
+                        instrument_output.place,
+                    )
                 )
         return tuple(routes)
 

@@ -33,11 +33,11 @@ from ergon.scores.reading.rhythms import (
 
 def strikes_of_rhythm(strike_values: Values, part_names: PartNames) -> Strikes | None:
     """Strikes whose words and notes are those of a rhythm text; None if an error was reported."""
-    node = strike_values.nodes["rhythm"]
-    assert isinstance(node, Scalar)
+    rhythm_node = strike_values.nodes["rhythm"]
+    assert isinstance(rhythm_node, Scalar)
 
     def place(leaf: Struck) -> Place:
-        return node.place_at(leaf.offset, len(name_of(leaf)))
+        return rhythm_node.place_at(leaf.offset, len(name_of(leaf)))
 
     cycle, first_cycle = strike_values["cycle"] or Length(bars=1.0), strike_values["skip"] or 0
     strikes = build.rhythm_strikes(strike_values, ())
@@ -63,7 +63,7 @@ def transformed_strikes(
     except TextError as error:
         strike_values.error("E306", f"{strike_values.context.label('do')}: {error.message}", "do")
         return None
-    place = strike_values.place_of(next(iter(strike_values.written("play", "notes", "to"))))
+    do_place = strike_values.place_of(next(iter(strike_values.written("play", "notes", "to"))))
     is_bounded = strike_values.written("times", "for", "until")
     as_rhythm = replace(
         strikes,
@@ -76,20 +76,22 @@ def transformed_strikes(
         hits=(),
         length=None,
     )
-    return _with_words(as_rhythm, do, strike_values, NoteTargets(part_names, to), lambda _: place)
+    return _with_words(
+        as_rhythm, do, strike_values, NoteTargets(part_names, to), lambda _: do_place
+    )
 
 
 def _with_words(
     strikes: Strikes,
     do: str,
     strike_values: Values,
-    names: NoteTargets,
-    place: Callable[[Struck], Place],
+    note_targets: NoteTargets,
+    place_of_word: Callable[[Struck], Place],
 ) -> Strikes | None:
-    """Strikes with what each word of their rhythm strikes, after transformations; `place` returns
-    where a word is written. None if an error was reported.
+    """Strikes with what each word of their rhythm strikes, after transformations; `place_of_word`
+    returns where a word is written. None if an error was reported.
     """
-    label, rhythm = f"strikes {quote(strike_values.context.name)}", strikes.rhythm
+    strikes_label, rhythm = f"strikes {quote(strike_values.context.name)}", strikes.rhythm
     assert rhythm is not None
     try:
         leaves = compiled(rhythm.text, do).leaves
@@ -102,7 +104,9 @@ def _with_words(
         is_strength = (
             level_of(leaf) or strike_levels.steps[0]
         ).is_strength or strike_levels.has_strengths
-        voice = _voice(leaf, place(leaf), names, label, is_strength=is_strength)
+        voice = _voice(
+            leaf, place_of_word(leaf), note_targets, strikes_label, is_strength=is_strength
+        )
         if voice is None:
             return None
         voices[key_of(leaf)] = voice
@@ -127,7 +131,7 @@ def _voice(
         note_targets.part_names.collector.n_reports,
     )
     try:
-        struck = tuple(
+        struck_targets = tuple(
             note_targets.moved(note, leaf.semitones) if leaf.semitones else note
             for note in note_words
         )
@@ -143,7 +147,7 @@ def _voice(
         ]
     else:
         strike_targets = note_targets.targets(
-            Row(Length(), struck, None, word_place, note_words), strikes_label
+            Row(Length(), struck_targets, None, word_place, note_words), strikes_label
         )
     by_reach: dict[ImpulseRange | None, list[Target]] = {}
     for target in strike_targets:

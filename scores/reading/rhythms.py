@@ -98,11 +98,11 @@ class Rhythm:
         cycles: range,
     ) -> Iterator[Stroke]:
         """The strokes of some cycles, in order; `draws` are the seed and who plays."""
-        source = _cycles_of(self.text, self.do, self.tuning, *draws)
+        cycles_source = _cycles_of(self.text, self.do, self.tuning, *draws)
         for turn in cycles:
             cycle_begin, cycle_end = (self.begin(tempo, start, n) for n in (turn, turn + 1))
             cycle_number = self.first + turn
-            events = source(cycle_number)
+            events = cycles_source(cycle_number)
             strokes: list[_Placed] = []
             for event, loud in zip(events, _levels(events, levels), strict=True):
                 share, span, lasting, struck_word = event
@@ -121,13 +121,13 @@ class Rhythm:
                     stroke_beat, cycle_number * MAX_EVENTS + index, key_of(struck_word), loud, long
                 )
 
-    def strokes_per_cycle(self, tempo: TempoMap, begin: float, draws: tuple[int, str]) -> int:
+    def strokes_per_cycle(self, tempo: TempoMap, begin_beat: float, draws: tuple[int, str]) -> int:
         """About how many MATs are struck in one cycle at most, from the first few cycles.
 
         Raises TextError.
         """
         counts = [0] * _TRIED
-        for stroke in self.strokes(tempo, begin, _PLAIN, draws, range(_TRIED)):
+        for stroke in self.strokes(tempo, begin_beat, _PLAIN, draws, range(_TRIED)):
             cycle = stroke.number // MAX_EVENTS - self.first
             counts[cycle] += sum(len(to) for to, _ in self.voices[stroke.word])
         return max(counts)
@@ -188,7 +188,7 @@ def _placed(
         raise TextError(_TOO_MANY)
     for turn in range(repeat_count):
         repeat_beat = tempo.beats(begin_seconds + turn / rate) if turn else stroke_beat
-        stop = (
+        stop_seconds = (
             tempo.beats(begin_seconds + (turn + 1) / rate)
             if turn + 1 < repeat_count
             else stroke_beat + stroke_span
@@ -196,7 +196,7 @@ def _placed(
         loud = stroke_level.scaled(
             swell(first_factor, last_factor, turn / (repeat_count - 1) if repeat_count > 1 else 1.0)
         )
-        sounding = float(struck_word.length) * (stop - repeat_beat)
+        sounding = float(struck_word.length) * (stop_seconds - repeat_beat)
         yield (
             repeat_beat,
             sounding,
@@ -218,13 +218,13 @@ def level_of(struck: Struck) -> Level | None:
     return LEVEL.parse(text) if colon else None  # it remembers what it has read
 
 
-def compiled(text: str, do: str) -> Cycles[Struck]:
+def compiled(rhythm_text: str, do: str) -> Cycles[Struck]:
     """The cycles of a text after its transformations, in the tuning of the file that is read.
 
     Raises TextError, with offsets into the text, or into the transformations once the text itself
     has been read.
     """
-    return compiled_in(text, do, tuning.written())
+    return compiled_in(rhythm_text, do, tuning.written())
 
 
 @lru_cache(_REMEMBERED)
@@ -242,10 +242,10 @@ def compiled_in(rhythm_text: str, do: str, tuned: Tuning | None) -> Cycles[Struc
 
 @lru_cache(_REMEMBERED)
 def _cycles_of(
-    text: str, do: str, tuned: Tuning | None, seed: int, owner: str
+    rhythm_text: str, do: str, tuned: Tuning | None, seed: int, owner: str
 ) -> Callable[[int], list[_CycleEvent]]:
     """The events of a cycle by its number; those that were asked for are remembered."""
-    cycles, chance = compiled_in(text, do, tuned), chance_from(seed, owner)
+    cycles, chance = compiled_in(rhythm_text, do, tuned), chance_from(seed, owner)
     events_by_cycle: dict[int, list[_CycleEvent]] = {}
 
     def events(cycle_number: int) -> list[_CycleEvent]:
@@ -266,10 +266,10 @@ def _cycles_of(
     return events
 
 
-def retargeted(rhythm: Rhythm, target: Callable[[Target], Target]) -> Rhythm:
+def retargeted(rhythm: Rhythm, retarget: Callable[[Target], Target]) -> Rhythm:
     """A rhythm with each of its targets changed."""
     voices = {
-        key: tuple((tuple(map(target, to)), reach) for to, reach in voice)
+        key: tuple((tuple(map(retarget, to)), reach) for to, reach in voice)
         for key, voice in rhythm.voices.items()
     }
     return replace(rhythm, voices=voices)
@@ -281,12 +281,12 @@ def words_of(text: str) -> list[str]:
     return [name for name in names if note_of(name) is None]
 
 
-def renamed(rhythm: Rhythm, name: Callable[[str], str]) -> Rhythm:
+def renamed(rhythm: Rhythm, rename: Callable[[str], str]) -> Rhythm:
     """A rhythm in whose text each name of a part is changed."""
 
     def changed(word: str) -> str:
         plain_word, colon, level = word.partition(":")
-        return word if note_of(plain_word) else f"{name(plain_word)}{colon}{level}"
+        return word if note_of(plain_word) else f"{rename(plain_word)}{colon}{level}"
 
     text = WORD.sub(lambda match: changed(match[0]), rhythm.text)
     voices = {changed(key): voice for key, voice in rhythm.voices.items()}

@@ -17,8 +17,8 @@ from ergon.scores.reading.outputs import Mix, Route
 from ergon.scores.reading.playing import Key
 
 
-def routed(mix: Mix, parts: Mapping[str, Key | Instrument], part_names: PartNames) -> Mix:
-    """A mix whose routes name instruments of `parts`, as `part_names` knows them."""
+def routed(mix: Mix, parts_by_name: Mapping[str, Key | Instrument], part_names: PartNames) -> Mix:
+    """A mix whose routes name instruments of `parts_by_name`, as `part_names` knows them."""
     is_relative = mix.reference() is not None
     for route in mix.routes if not is_relative else ():
         if route.level is not None:
@@ -28,7 +28,7 @@ def routed(mix: Mix, parts: Mapping[str, Key | Instrument], part_names: PartName
     note_routes = (
         note_route for route in mix.routes for note_route in _note_routes(route, part_names)
     )
-    routes_read = (_route(route, parts, part_names, mix.rooms) for route in note_routes)
+    routes_read = (_route(route, parts_by_name, part_names, mix.rooms) for route in note_routes)
     return replace(mix, routes=tuple(route for route in routes_read if route is not None))
 
 
@@ -98,10 +98,12 @@ def _check_route(
     masses.
     """
     room_names = tuple(room.name for room in rooms)
-    for name, _ in route.sends:
-        if name not in room_names:
-            message = f"route: no room is called {quote(name)}"
-            part_names.collector.error("E301", message, name.place, word=name, names=room_names)
+    for room_name, _ in route.sends:
+        if room_name not in room_names:
+            message = f"route: no room is called {quote(room_name)}"
+            part_names.collector.error(
+                "E301", message, room_name.place, word=room_name, names=room_names
+            )
     outputs_routed = [out for out in instrument.outputs if route.out in (None, out.name)]
     silent_output = next((out for out in outputs_routed if not out.traits.radiates), None)
     if route.radiation is not None and silent_output is not None:

@@ -41,12 +41,12 @@ def schedule(
     strikes_left = float(MAX_STRIKES) - sum(
         count for count in strike_counts.values if count is not None
     )
-    for number in strike_counts.unknown:
+    for strikes_index in strike_counts.unknown:
         n_reports = collector.n_reports
-        count = _count(piece.strikes[number], piece, strikes_left, collector)
+        strike_count = _count(piece.strikes[strikes_index], piece, strikes_left, collector)
         if collector.n_reports == n_reports:
-            strike_counts.values[number] = count
-        strikes_left -= count
+            strike_counts.values[strikes_index] = strike_count
+        strikes_left -= strike_count
     known_plays.keep("counts", strike_counts, piece.seed)
     return line_starts
 
@@ -156,18 +156,23 @@ def _pattern(
 
 
 def _beats(
-    piece: Piece, part_play: Play, begin: float, length: Length, room: int, collector: Collector
+    piece: Piece,
+    part_play: Play,
+    begin_beat: float,
+    gesture_length: Length,
+    room: int,
+    collector: Collector,
 ) -> list[float]:
     tempo = piece.tempo_map
-    until = None if part_play.until is None else tempo.resolve(part_play.until)
+    until_beat = None if part_play.until is None else tempo.resolve(part_play.until)
     try:
         return starts(
             tempo,
-            begin,
-            length,
+            begin_beat,
+            gesture_length,
             every=part_play.every,
             times=part_play.times,
-            until=until,
+            until=until_beat,
             room=room,
         )
     except TextError as error:
@@ -207,12 +212,12 @@ def _count(strikes: Strikes, piece: Piece, strikes_left: float, collector: Colle
             once = sum(target.count for hit in strikes.hits for target in hit.to)
             if strikes.passing is not None:
                 once = sum(t.count for t in strikes.to) * strikes.passing.visits_max
-            count = float(once * len(strikes.rounds(tempo)))
+            strike_count = float(once * len(strikes.rounds(tempo)))
         except TextError as error:
             message = f"strikes {quote(strikes.name)}: {error.message}"
             collector.error("E305", message, strikes.place)
             return 0.0
-        return _left(strikes, count, strikes_left, collector)
+        return _left(strikes, strike_count, strikes_left, collector)
     if strikes.pattern is not None:
         try:
             n_rounds = float(len(strikes.steps(piece)))
@@ -223,12 +228,14 @@ def _count(strikes: Strikes, piece: Piece, strikes_left: float, collector: Colle
     elif strikes.rate is not None:
         n_rounds = strikes.rate * lasting
     elif strikes.every is not None:
-        step = tempo.seconds(tempo.after(start_beat, strikes.every)) - tempo.seconds(start_beat)
-        if step <= 0.0:
+        step_seconds = tempo.seconds(tempo.after(start_beat, strikes.every)) - tempo.seconds(
+            start_beat
+        )
+        if step_seconds <= 0.0:
             message = f"strikes {quote(strikes.name)}: 'every' must be above 0"
             collector.error("E305", message, strikes.place)
             return 0.0
-        n_rounds = float(strikes.times) if strikes.times is not None else lasting / step
+        n_rounds = float(strikes.times) if strikes.times is not None else lasting / step_seconds
         if strikes.times is None and stop_beat == start_beat:
             message = (
                 f"strikes {quote(strikes.name)}: the number of strikes "
@@ -240,12 +247,14 @@ def _count(strikes: Strikes, piece: Piece, strikes_left: float, collector: Colle
     return _left(strikes, n_rounds * struck, strikes_left, collector)
 
 
-def _left(strikes: Strikes, count: float, strikes_left: float, collector: Collector) -> float:
-    """`count`; 0 if an error was reported because it is above `strikes_left`."""
-    if count <= strikes_left:
-        return count
+def _left(
+    strikes: Strikes, strike_count: float, strikes_left: float, collector: Collector
+) -> float:
+    """`strike_count`; 0 if an error was reported because it is above `strikes_left`."""
+    if strike_count <= strikes_left:
+        return strike_count
     message = f"strikes {quote(strikes.name)}: the piece has more than {MAX_STRIKES:,} strikes"
-    if count <= MAX_STRIKES:
+    if strike_count <= MAX_STRIKES:
         message += ", with those above"
     collector.error("E105", message, strikes.place)
     return 0.0
@@ -264,17 +273,17 @@ def _length(
     piece: Piece,
     gesture: Gesture,
     part_play: Play,
-    begin: float,
+    begin_beat: float,
     known_lengths: dict[tuple[str, tuple[Transform, ...], float], _LengthAndLosses],
 ) -> _LengthAndLosses:
-    """The length of a gesture from beat `begin` on, after its transformations."""
+    """The length of a gesture from beat `begin_beat` on, after its transformations."""
     chain = (*gesture.do, *part_play.do)
     if not chain:
         return gesture.length(gesture.points[-1].at), ()
-    beat = gesture.beat(piece.tempo_map, begin)
-    memo = gesture.name, part_play.do, beat
+    gesture_beat = gesture.beat(piece.tempo_map, begin_beat)
+    memo = gesture.name, part_play.do, gesture_beat
     if memo not in known_lengths:
-        points, lost = apply(gesture.points, chain, MidpointChance(), beat)
+        points, lost = apply(gesture.points, chain, MidpointChance(), gesture_beat)
         known_lengths[memo] = gesture.length(points[-1].at), lost
     return known_lengths[memo]
 

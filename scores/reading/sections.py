@@ -98,11 +98,13 @@ LAW = Record(
 MAX_BLOCK = 50  # lines that a block has at most
 
 
-def _line(text: str) -> str:
+def _line(line_text: str) -> str:
     """A line of a session; it is parsed when the block is run."""
-    if not text.strip() or "\n" in text.strip():
-        raise TextError("a block is a list of lines, each a line of a session", length=len(text))
-    return text.strip()
+    if not line_text.strip() or "\n" in line_text.strip():
+        raise TextError(
+            "a block is a list of lines, each a line of a session", length=len(line_text)
+        )
+    return line_text.strip()
 
 
 BLOCK = ListOf(

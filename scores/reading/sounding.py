@@ -44,11 +44,11 @@ class SoundingNames:
 
     __hash__ = None  # type: ignore[assignment]
 
-    def sounding_name(self, name: str) -> str:
+    def sounding_name(self, shown_name: str) -> str:
         """The name by which a part, or something reached through it (`bell.m`), sounds."""
         if not self.names:
-            return name
-        part_name, dot, path_rest = name.partition(".")
+            return shown_name
+        part_name, dot, path_rest = shown_name.partition(".")
         return f"{self._name_for(part_name)}{dot}{path_rest}"
 
     def _name_for(self, part_name: str) -> str:
@@ -87,11 +87,11 @@ class SoundingNames:
             for name, members in piece.families.items()
         }
         tunings = {self.sounding_name(name): tuned for name, tuned in piece.tunings.items()}
-        parts = {
+        parts_by_name = {
             section: {part.name: part for part in sections[section].values()}
             for section in ("keys", "instruments")
         }
-        return replace(piece, **{**sections, **parts}, families=families, tunings=tunings)
+        return replace(piece, **{**sections, **parts_by_name}, families=families, tunings=tunings)
 
     def _renamed(self, value: Any, known_before: dict[int, tuple[Any, Any]]) -> Any:
         """A value with its names replaced; the value itself if there are none."""

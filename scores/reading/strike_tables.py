@@ -32,10 +32,10 @@ class StrikesDo(Shape):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         items = node.items if isinstance(node, document.Sequence) else [node]
-        texts = [item for item in items if isinstance(item, Scalar)]
-        if len(texts) < len(items) or not texts:
+        text_nodes = [item for item in items if isinstance(item, Scalar)]
+        if len(text_nodes) < len(items) or not text_nodes:
             return wrong_shape(self, node, name, context)
-        return tuple(texts)
+        return tuple(text_nodes)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
@@ -96,12 +96,12 @@ STRIKES = Record(
 )
 
 
-def _phrase(values: Values) -> Any:
-    if values.written("entries", "like") or "entries" in values.misspelt:
-        return values
-    shape = values.record.by_name["entries"].shape
-    message = f"{values.context.label('')} has no 'entries': {shape.words()}"
-    values.context.error("E103", message, values.place)
+def _phrase(phrase_values: Values) -> Any:
+    if phrase_values.written("entries", "like") or "entries" in phrase_values.misspelt:
+        return phrase_values
+    shape = phrase_values.record.by_name["entries"].shape
+    message = f"{phrase_values.context.label('')} has no 'entries': {shape.words()}"
+    phrase_values.context.error("E103", message, phrase_values.place)
     return MISSING
 
 
@@ -132,12 +132,12 @@ class MelodyShape(Shape):
         is_bare = not isinstance(node, Mapping) and not (isinstance(node, Scalar) and node.is_empty)
         if not is_bare:
             return self.record.read(node, name, context)
-        values = Values(self.record, node, context)
+        melody_values = Values(self.record, node, context)
         entries = self.record.by_name["entries"].shape.read(node, name, context)
         if entries is MISSING:
             return MISSING
-        values.by_name["entries"], values.nodes["entries"] = entries, node
-        return values
+        melody_values.by_name["entries"], melody_values.nodes["entries"] = entries, node
+        return melody_values
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

@@ -117,9 +117,12 @@ FIELDS = (
 )
 
 
-def passing(values: Values) -> Passing:
+def passing(sweep_values: Values) -> Passing:
     """The sweep or path of strikes with `sweep` or `path`."""
-    chance: Any = values["chance"]
+    chance: Any = sweep_values["chance"]
     return Passing(
-        values["sweep"], values["path"] or (), values["width"], 1.0 if chance is None else chance
+        sweep_values["sweep"],
+        sweep_values["path"] or (),
+        sweep_values["width"],
+        1.0 if chance is None else chance,
     )

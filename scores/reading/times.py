@@ -102,11 +102,12 @@ class Times:
             message = "tempo: a file is named in the first line; lines below say what differs"
             values.error("E305", message, "from")
             return False
-        for name in (extra_names := [name for name in values.nodes if name != "from"]):
+        for field_name in (extra_names := [name for name in values.nodes if name != "from"]):
             message = (
-                f"{values.context.label(name)}: a file says the tempos from the beginning on; "
+                f"{values.context.label(field_name)}: a file says the tempos from the beginning "
+                "on; "
             )
-            values.error("E111", f"{message}write this in a line of its own below", name)
+            values.error("E111", f"{message}write this in a line of its own below", field_name)
         return not extra_names
 
     def _mark_exists(self, marked_position: Position, position_place: Place) -> bool:
@@ -129,11 +130,11 @@ class Times:
         )
         return False
 
-    def _difference(self, word: str) -> tuple[str | None, str | None]:
+    def _difference(self, position_word: str) -> tuple[str | None, str | None]:
         """A suggestion for an unknown mark such as `c-gap` if `c` is a mark, or else a help
         text.
         """
-        parts = word.split("-")
+        parts = position_word.split("-")
         for count in range(len(parts) - 1, 0, -1):
             mark_name, unit_parts = "-".join(parts[:count]), parts[count:]
             if mark_name not in self._known:
@@ -180,10 +181,12 @@ class Times:
                 if isinstance(hit.at, Position):
                     self._beats(hit.at, lambda h=hit: h.place)  # type: ignore[misc]
         routes = piece.mix.routes
-        points: list[FadePoint | PanPoint] = [point for route in routes for point in route.fade]
-        points += [point for route in routes for point in route.pan_path]
-        points += piece.mix.master.fade if piece.mix.master else ()
-        for point in points:
+        timed_points: list[FadePoint | PanPoint] = [
+            point for route in routes for point in route.fade
+        ]
+        timed_points += [point for route in routes for point in route.pan_path]
+        timed_points += piece.mix.master.fade if piece.mix.master else ()
+        for point in timed_points:
             self._beats(point.at, lambda point=point: point.place)  # type: ignore[misc]
         for part in piece.instruments.values():
             for module in part.modules:
@@ -202,12 +205,12 @@ class Times:
         ):
             checked_values = self.known.recall(f"checked {section_name}", section_entries)
             for entry_index in checked_values.unknown:
-                values, n_reports = section_entries[entry_index], self.collector.n_reports
-                if isinstance(values, Values):
-                    position, until = values["at"], values["until"]
-                    start = self._beats(position, lambda v=values: v.place_of("at"))  # type: ignore[misc]
-                    stop = self._beats(until, lambda v=values: v.place_of("until"))  # type: ignore[misc]
-                    self._order(start, stop, values.place_of("until"))
+                entry_values, n_reports = section_entries[entry_index], self.collector.n_reports
+                if isinstance(entry_values, Values):
+                    position, until = entry_values["at"], entry_values["until"]
+                    start = self._beats(position, lambda v=entry_values: v.place_of("at"))  # type: ignore[misc]
+                    stop = self._beats(until, lambda v=entry_values: v.place_of("until"))  # type: ignore[misc]
+                    self._order(start, stop, entry_values.place_of("until"))
                 if self.collector.n_reports == n_reports:
                     checked_values.values[entry_index] = True
             self.known.keep(f"checked {section_name}", checked_values)
@@ -218,12 +221,12 @@ class Times:
         begins = known_begins.values
         for entry_index in known_begins.unknown:
             play, n_reports = piece.parts[entry_index], self.collector.n_reports
-            start = self._beats(play.at, lambda play=play: play.begin_place)  # type: ignore[misc]
+            start_beat = self._beats(play.at, lambda play=play: play.begin_place)  # type: ignore[misc]
             if play.until is not None:
                 stop = self._beats(play.until, lambda play=play: play.until_place)  # type: ignore[misc]
-                self._order(start, stop, play.until_place or play.place)
+                self._order(start_beat, stop, play.until_place or play.place)
             if self.collector.n_reports == n_reports:
-                begins[entry_index] = start or 0.0
+                begins[entry_index] = start_beat or 0.0
         self.known.keep("begins", known_begins)
         if all(begins[number] is not None for number in known_begins.unknown):
             return begins
@@ -242,14 +245,16 @@ def _file_times(lines: Sequence[Values], meter: Any, midi: MidiUses) -> FileTime
     return FileTimes(tempos or (), meters or ()) if tempos or meters else NO_FILE
 
 
-def _first_wrong(tempo_entries: list[Entry], marks: dict[str, Position], file: FileTimes) -> int:
+def _first_wrong(
+    tempo_entries: list[Entry], marks: dict[str, Position], score_file: FileTimes
+) -> int:
     """The index of the first entry whose position cannot be resolved: entries up to and including
     it fail.
     """
 
     def fails(count: int) -> bool:
         try:
-            TempoMap(tempo_entries[:count], marks, file)
+            TempoMap(tempo_entries[:count], marks, score_file)
         except TextError:
             return True
         return False

@@ -37,13 +37,13 @@ class Echo:
         return int(self.time * rate + 0.5)
 
 
-def _shelf(values: Values) -> Any:
-    if values["f"] is None or values["gain"] is None:
+def _shelf(shelf_values: Values) -> Any:
+    if shelf_values["f"] is None or shelf_values["gain"] is None:
         return MISSING
-    if values["gain"] <= 0.0:
-        values.error("E202", f"{values.context.label('gain')} must be above x0", "gain")
+    if shelf_values["gain"] <= 0.0:
+        shelf_values.error("E202", f"{shelf_values.context.label('gain')} must be above x0", "gain")
         return MISSING
-    return values["f"], 20.0 * log10(values["gain"])
+    return shelf_values["f"], 20.0 * log10(shelf_values["gain"])
 
 
 def _echo(echo_values: Values) -> Any:
@@ -86,13 +86,13 @@ def tones(values: Values) -> tuple[Tone, ...]:
     return tuple(_tones(values))
 
 
-def _tones(values: Values) -> Iterator[Tone]:
-    if values["lowpass"] is not None:
-        yield Tone("lowpass", values["lowpass"])
+def _tones(tone_values: Values) -> Iterator[Tone]:
+    if tone_values["lowpass"] is not None:
+        yield Tone("lowpass", tone_values["lowpass"])
     shelves: tuple[Filtering, ...] = "lowshelf", "highshelf"
     for kind in shelves:
-        if values[kind] is not None:
-            yield Tone(kind, *values[kind])
+        if tone_values[kind] is not None:
+            yield Tone(kind, *tone_values[kind])
 
 
 def echo(echo_values: Values) -> Echo | None:

@@ -40,17 +40,19 @@ def tunings_of(score: Document, files: Files) -> Mapping[str, Tuning]:
     """The tunings of the instruments of a file that have their own, or are `like` such ones of
     this file; reports as `tuning_of`.
     """
-    section = score.root.get("instruments") if isinstance(score.root, document.Mapping) else None
-    if not isinstance(section, document.Mapping):
+    instruments_node = (
+        score.root.get("instruments") if isinstance(score.root, document.Mapping) else None
+    )
+    if not isinstance(instruments_node, document.Mapping):
         return {}
-    nodes_by_name = {name: node for name, (_, node) in section.entries.items()}
+    nodes_by_name = {name: node for name, (_, node) in instruments_node.entries.items()}
     tunings: dict[str, Tuning] = {}
-    for name, node in nodes_by_name.items():
-        tuned = _tuning(node, files, f"tuning of instrument {quote(name)}")
+    for instrument_name, node in nodes_by_name.items():
+        tuned = _tuning(node, files, f"tuning of instrument {quote(instrument_name)}")
         if tuned is not None:
-            tunings[name] = tuned
-    for name in nodes_by_name if tunings else ():
-        chain = [name]
+            tunings[instrument_name] = tuned
+    for instrument_name in nodes_by_name if tunings else ():
+        chain = [instrument_name]
         while chain[-1] not in tunings and (base := _base(nodes_by_name, chain[-1])) not in chain:
             chain.append(base)
         if chain[-1] in tunings:
@@ -58,19 +60,19 @@ def tunings_of(score: Document, files: Files) -> Mapping[str, Tuning]:
     return tunings
 
 
-def _base(nodes: Mapping[str, Node], name: str) -> str:
+def _base(nodes: Mapping[str, Node], instrument_name: str) -> str:
     """The instrument of the same file that an instrument is `like`; the name itself if none."""
-    node = nodes.get(name)
+    node = nodes.get(instrument_name)
     like = node.get("like") if isinstance(node, document.Mapping) else None
     is_sure = isinstance(node, document.Mapping) and "tuning" not in node.entries
-    return like.text.strip() if is_sure and isinstance(like, Scalar) else name
+    return like.text.strip() if is_sure and isinstance(like, Scalar) else instrument_name
 
 
-def _tuning(node: Node | None, score_files: Files, field_name: str) -> Tuning | None:
+def _tuning(tuning_node: Node | None, score_files: Files, field_name: str) -> Tuning | None:
     """The tuning that a score or an instrument names; `field_name` begins messages."""
-    if not isinstance(node, document.Mapping) or "tuning" not in node.entries:
+    if not isinstance(tuning_node, document.Mapping) or "tuning" not in tuning_node.entries:
         return None
-    values = TUNING.read(node.entries["tuning"][1], "", Context(Collector(), field_name))
+    values = TUNING.read(tuning_node.entries["tuning"][1], "", Context(Collector(), field_name))
     if not isinstance(values, Values):
         return None
     tuning_values = replace(values, context=Context(score_files.collector, field_name))
@@ -110,11 +112,13 @@ def _tuning(node: Node | None, score_files: Files, field_name: str) -> Tuning | 
 
 
 def _file(
-    values: Values, name: str, parse: Callable[[str], _Read], score_files: Files
+    tuning_values: Values, field_name: str, parse: Callable[[str], _Read], score_files: Files
 ) -> _Read | None:
     """What a file of Scala says; None if an error was reported."""
-    folder = values.nodes[name].document.folder
-    scala_text = score_files.plain(values[name], folder, values.place_of(name), _decoded)
+    folder = tuning_values.nodes[field_name].document.folder
+    scala_text = score_files.plain(
+        tuning_values[field_name], folder, tuning_values.place_of(field_name), _decoded
+    )
     if scala_text is None:
         return None
     try:
@@ -125,10 +129,10 @@ def _file(
         return None
 
 
-def _decoded(data: bytes, file: str, collector: Collector) -> str | None:
+def _decoded(file_bytes: bytes, file_name: str, collector: Collector) -> str | None:
     """The text of a file of Scala; None for one that is too large, which is reported."""
-    if len(data) > _MAX_FILE:
+    if len(file_bytes) > _MAX_FILE:
         message = f"the file has more than {_MAX_FILE // 2**20} MB; a scale has a few lines"
-        collector.error("E105", message, Place(file, 1, 1))
+        collector.error("E105", message, Place(file_name, 1, 1))
         return None
-    return decoded(data)
+    return decoded(file_bytes)

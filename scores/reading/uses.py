@@ -163,10 +163,10 @@ class Uses:
             self._tell_unplayed(
                 used_names.score, document.file, written_place, is_played=include is not None
             )
-        count = sum(
+        name_count = sum(
             len(table) for own in (score_names, used_names) for table in own.tables.values()
         )
-        if count > MAX_NAMES:
+        if name_count > MAX_NAMES:
             message = f"files bring more than {MAX_NAMES:,} names, many of them more than once"
             self.collector.error("E105", message, written_place)
             self.is_full = True
@@ -175,24 +175,26 @@ class Uses:
         if prefix:
             score_names.used[prefix] = used_names
         for section_name, table in used_names.tables.items():
-            for word, named_entry in table.items():
-                values = named_entry.values
+            for entry_word, named_entry in table.items():
+                entry_values = named_entry.values
                 if include is not None and section_name == "instruments":
-                    values = transposed(values, include)
-                if values is not named_entry.values:
-                    named_entry = replace(named_entry, values=values)
-                self._add(score_names, section_name, word, named_entry, written_place, prefix)
+                    entry_values = transposed(entry_values, include)
+                if entry_values is not named_entry.values:
+                    named_entry = replace(named_entry, values=entry_values)
+                self._add(score_names, section_name, entry_word, named_entry, written_place, prefix)
         return used_names if used_names.score is not None else None
 
-    def _tell_unplayed(self, score: Values, file: str, place: Place, *, is_played: bool) -> None:
+    def _tell_unplayed(
+        self, score: Values, file_name: str, named_place: Place, *, is_played: bool
+    ) -> None:
         """Report W330 if a file has sections that are not used, for it is not played by itself."""
         unplayed = [section for section in (YIELDING if is_played else PLAYED) if score[section]]
         if unplayed:
-            message = f"left out of {file}: {_and(unplayed)}"
+            message = f"left out of {file_name}: {_and(unplayed)}"
             help = f"`use` brings in names of {_and(SECTIONS)}; `include` brings in what is played"
             if is_played:
                 help = f"{_and(YIELDING)} of the score that includes it are used"
-            self.collector.error("W330", message, place, help=help)
+            self.collector.error("W330", message, named_place, help=help)
 
     def _add(
         self, names: Names, section: str, word: str, entry: Entry, place: Place, prefix: str
@@ -203,11 +205,11 @@ class Uses:
         if existing is None:
             names.tables[section][full_name] = Entry(entry.values, entry.home, seen, place)
         elif existing.values is not entry.values:
-            where = (
+            earlier_place = (
                 existing.values.place if isinstance(existing.values, Values) else existing.brought
             )
             message = f"{NOUNS[section]} {quote(full_name)} of {entry.home.document.file} "
-            message += f"is already defined at {where}; give the file a prefix"
+            message += f"is already defined at {earlier_place}; give the file a prefix"
             self.collector.error("E303", message, place, help="use: {c: file} brings in c.name")
 
     def resolved(self, section: str, entry: Entry) -> tuple[Values | None, frozenset[str]]:
@@ -283,10 +285,10 @@ class Uses:
         is_instrument = section == "instruments"
         if is_instrument:
             merged_values = base_at_pitch(merged_values, merged_values, is_root=True)
-        for values in reversed(chain[:-1]):
+        for chain_values in reversed(chain[:-1]):
             if is_instrument:
-                merged_values = base_at_pitch(merged_values, values, is_root=False)
-            merged_values = overlay_fields(merged_values, values)
+                merged_values = base_at_pitch(merged_values, chain_values, is_root=False)
+            merged_values = overlay_fields(merged_values, chain_values)
         if memory is not None and self.collector.n_reports == n_reports:
             memory.hold(memory_key, chain, merged_values)
         return merged_values
@@ -305,12 +307,12 @@ class Uses:
             return self._from_file(section, values["from"], values, home)
         if like is None:
             return None
-        entry = home.tables[section].get(like)
-        if entry is None:
+        like_entry = home.tables[section].get(like)
+        if like_entry is None:
             message = f"{values.context.label('like')}: no {NOUNS[section]} is called {quote(like)}"
             names = [n for n in home.names(section) if n != values.context.name]
             values.error("E301", message, "like", word=like, names=names)
-        return entry
+        return like_entry
 
     def _from_file(
         self, section_name: str, source_name: Name, entry_values: Values, home: Names
@@ -318,10 +320,12 @@ class Uses:
         stem, slash, name_in_file = source_name.partition("/")
         file_names = home.used.get(stem)
         if slash and file_names is None:  # the shipped instruments need no `use:`
-            file = f"instruments/{stem}.yaml"
-            is_there = self.files.find(file, home.document.folder) is not None
+            file_name = f"instruments/{stem}.yaml"
+            is_there = self.files.find(file_name, home.document.folder) is not None
             folder = home.document.folder
-            document = self.files.required(file, folder, source_name.place) if is_there else None
+            document = (
+                self.files.required(file_name, folder, source_name.place) if is_there else None
+            )
             file_names = self.read(document, source_name.place) if document else None
         if not slash or file_names is None or not file_names.tables[section_name]:
             message = f"{entry_values.context.label('from')}: `use:` names no file {quote(stem)}; "
@@ -340,10 +344,10 @@ class Uses:
                 f"{entry_values.context.label('from')}: {file_names.document.file} has no "
                 f"{quote(name_in_file)}"
             )
-            names = file_names.names(section_name)
+            known_names = file_names.names(section_name)
             help = _family_help(section_name, name_in_file)
             self.collector.error(
-                "E301", message, source_name.place, word=name_in_file, names=names, help=help
+                "E301", message, source_name.place, word=name_in_file, names=known_names, help=help
             )
         return file_entry
 
@@ -364,17 +368,19 @@ def _files(score: Values) -> list[tuple[str, Place, str]]:
     """(file, place, prefix) of every file that a score uses."""
     use = score["use"]
     nodes_with_prefixes: list[tuple[Any, str]] = []
-    for entry in use if isinstance(use, tuple) else (use,):
-        has_prefixes = isinstance(entry, dict)
+    for use_entry in use if isinstance(use, tuple) else (use,):
+        has_prefixes = isinstance(use_entry, dict)
         nodes_with_prefixes += (
-            [(node, prefix) for prefix, node in entry.items()] if has_prefixes else [(entry, "")]
+            [(node, prefix) for prefix, node in use_entry.items()]
+            if has_prefixes
+            else [(use_entry, "")]
         )
     used_files = []
-    for node, prefix in nodes_with_prefixes:
-        if isinstance(node, Scalar):
-            file = PATH.read(node, "use", score.context)
+    for use_node, prefix in nodes_with_prefixes:
+        if isinstance(use_node, Scalar):
+            file = PATH.read(use_node, "use", score.context)
             if file is not MISSING:
-                used_files.append((file, node.place, prefix))
+                used_files.append((file, use_node.place, prefix))
     return used_files
 
 

@@ -46,20 +46,20 @@ def with_wheels(
     return replace(wheel_strikes, glides=tuple(_glides(wheel_strikes, curves, semitones)))
 
 
-def _glides(struck: Strikes, curves: NoteCurves, semitones: float) -> Iterator[NoteGlide]:
+def _glides(wheel_strikes: Strikes, curves: NoteCurves, semitones: float) -> Iterator[NoteGlide]:
     """The glides of each instrument that is struck; its notes are so many semitones above the
     file's.
     """
     places_by_part: dict[str, dict[str, Place]] = {}
-    for hit in struck.hits:
+    for hit in wheel_strikes.hits:
         places_by_part.setdefault(hit.what, {}).update(
             (target.part, target.place) for target in hit.to
         )
-    for key, points in curves.items():
+    for note_key, points in curves.items():
         moved = tuple(
             (Length(quarters=quarter), interval_of_cents(cents).ratio) for quarter, cents in points
         )
-        note = tuning.current().key_word(key)
+        note = tuning.current().key_word(note_key)
         if semitones:
             note = notes.moved(note, semitones)
         for part, place in places_by_part.get(note, {}).items():

@@ -47,13 +47,13 @@ class Automated(NamedTuple):
 def automation_points(
     piece: Piece,
     since: float,
-    until: float,
+    until_beat: float,
     collector: Collector,
     begins: float = -math.inf,
     known_automation: KnownAutomation | None = None,
 ) -> Automated:
-    """The points of each automated module, for the beats from `since` to `until`; only those from
-    the last one at or before the instant `begins` [s] on are needed.
+    """The points of each automated module, for the beats from `since` to `until_beat`; only those
+    from the last one at or before the instant `begins` [s] on are needed.
 
     `known_automation` is what the stage before knew.
     """
@@ -68,17 +68,17 @@ def automation_points(
         if led is None:
             continue  # a gesture is rehearsed without instruments
         leds[module_key] = led
-        points = known_automation.settled(module_key, track, led, start_beat)
-        if points is None:
+        settled_points = known_automation.settled(module_key, track, led, start_beat)
+        if settled_points is None:
             unsettled[module_key] = track
         else:
-            points_by_module[module_key] = points
+            points_by_module[module_key] = settled_points
     if begins > -math.inf:
         begins -= slack(
             piece, (o for track in unsettled.values() for o in track.entries.values()), begins
         )
         since = min(since, tempo.beats(begins))
-    extent = Extent(since, until, begins)
+    extent = Extent(since, until_beat, begins)
     moving = {
         module_key for module_key in leds if automation_lines[module_key].moves_from < start_beat
     }
@@ -86,11 +86,13 @@ def automation_points(
     for module_key in [
         module_key for module_key in unsettled if leds[module_key].module.kind == "INSTRUMENT"
     ]:
-        order, value_alone = (
+        entry_order, value_alone = (
             unsettled.pop(module_key).entries["f"],
             leds[module_key].numbers_written["f"],
         )
-        chord_curves[module_key[0]] = _parameter_curve(piece, order, value_alone, extent, collector)
+        chord_curves[module_key[0]] = _parameter_curve(
+            piece, entry_order, value_alone, extent, collector
+        )
         for module in moved(piece.instruments[module_key[0]]):
             member = module_key[0], module.name
             unsettled.setdefault(member, automation_lines.get(member) or Tracks({}, math.inf))
@@ -119,35 +121,40 @@ def automation_points(
 
 
 def _is_settled(
-    tracks: Tracks, curves: Mapping[str, Curve], point_beat: float, instant: float
+    tracks: Tracks, curves: Mapping[str, Curve], point_beat: float, instant_seconds: float
 ) -> bool:
     """Whether nothing moves a module after a beat, which is at an instant [s]: the last entry of
     each parameter is over, or is a glide whose value stays.
     """
     for name, order in tracks.entries.items():
-        entry, times = order[-1], curves[name].t
-        stays = entry.stop <= point_beat or (
-            entry.stop == math.inf and bool(entry.automation.points)
+        last_entry, curve_times = order[-1], curves[name].t
+        stays = last_entry.stop <= point_beat or (
+            last_entry.stop == math.inf and bool(last_entry.automation.points)
         )
-        if entry.begin > point_beat or not stays or not times or times[-1] > instant:
+        if (
+            last_entry.begin > point_beat
+            or not stays
+            or not curve_times
+            or curve_times[-1] > instant_seconds
+        ):
             return False
     return point_beat > -math.inf
 
 
 def _automation_place(piece: Piece, instrument_name: str) -> Place:
     """Where the first automation of a part is written."""
-    lines = (
+    automation_lines = (
         line.place
         for line in piece.automation
         if any(name == instrument_name for name, _ in line.modules)
     )
-    notes = (
+    strikes_with_notes = (
         s.place
         for s in piece.strikes
         for target in s.to
         if s.moves_pitches and target.part == instrument_name
     )
-    return next(chain(lines, notes))
+    return next(chain(automation_lines, strikes_with_notes))
 
 
 def _module_points(led: Led, curves: Mapping[str, Curve], chord_curve: Curve | None) -> Points:
@@ -159,10 +166,12 @@ def _module_points(led: Led, curves: Mapping[str, Curve], chord_curve: Curve | N
     path_points = []
     for t, curve_values in _curve_values(all_curves):
         if curve_values not in numbers_by_values:  # a swing has the same values in every period
-            numbers = led.numbers(dict(zip(curves, curve_values, strict=False)))
+            module_numbers = led.numbers(dict(zip(curves, curve_values, strict=False)))
             if chord_curve is not None:
-                numbers = led.transposed(numbers, curve_values[-1] / chord_curve.initial)
-            numbers_by_values[curve_values] = numbers
+                module_numbers = led.transposed(
+                    module_numbers, curve_values[-1] / chord_curve.initial
+                )
+            numbers_by_values[curve_values] = module_numbers
         path_points.append((max(0.0, t), *numbers_by_values[curve_values]))
     within = set().union(*(curve.within for curve in all_curves))
     return _with_chord_means(path_points, within) if within else path_points
@@ -186,14 +195,19 @@ def _with_chord_means(path_points: Points, curved_instants: Container[float]) ->
     """
     with_chords = list(path_points)
     for point_index in range(1, len(path_points) - 1):
-        (instant_before, *low), (instant_seconds, *values_here), (instant_after, *high) = (
-            path_points[point_index - 1 : point_index + 2]
-        )
+        (
+            (instant_before, *low_values),
+            (instant_seconds, *values_here),
+            (instant_after, *high_values),
+        ) = path_points[point_index - 1 : point_index + 2]
         if (
             instant_seconds in curved_instants
             and abs((instant_seconds - instant_before) - (instant_after - instant_seconds)) < 1e-9
         ):
-            bends = (a - 2.0 * x + b for a, x, b in zip(low, values_here, high, strict=True))
+            bends = (
+                a - 2.0 * x + b
+                for a, x, b in zip(low_values, values_here, high_values, strict=True)
+            )
             with_chords[point_index] = (
                 instant_seconds,
                 *(x - bend / 12.0 for x, bend in zip(values_here, bends, strict=True)),
@@ -210,21 +224,21 @@ def value_on(piece: Piece, module_key: ModuleKey, parameter_name: str, value_bea
         for line in piece.automation
         if module_key in line.modules and line.parameter == parameter_name
     ]
-    instant = piece.tempo_map.seconds(value_beat)
-    extent = Extent(value_beat, value_beat, instant)
+    beat_seconds = piece.tempo_map.seconds(value_beat)
+    extent = Extent(value_beat, value_beat, beat_seconds)
     tracks = KnownAutomation().tracks(
         replace(piece, automation=tuple(automation_lines), strikes=())
     )
     order = tracks[module_key].entries[parameter_name] if automation_lines else []
     curve = _parameter_curve(piece, order, led.numbers_written[parameter_name], extent, Collector())
-    return curve.evaluate(instant)
+    return curve.evaluate(beat_seconds)
 
 
-def complete_until(piece: Piece, until: float) -> float:
-    """The instant [s] up to which points for the beats up to `until` are those of a longer piece:
-    the pitch of a note behind that beat begins before its strike.
+def complete_until(piece: Piece, until_beat: float) -> float:
+    """The instant [s] up to which points for the beats up to `until_beat` are those of a longer
+    piece: the pitch of a note behind that beat begins before its strike.
     """
-    return piece.tempo_map.seconds(until) - 2 * GRID / piece.rate
+    return piece.tempo_map.seconds(until_beat) - 2 * GRID / piece.rate
 
 
 def takeover_points(
@@ -301,12 +315,12 @@ def _is_same(
     )
 
 
-def value_at(points: Points, instant_seconds: float) -> tuple[float, ...]:
+def value_at(path_points: Points, instant_seconds: float) -> tuple[float, ...]:
     """The numbers at an instant [s], interpolated linearly."""
-    index_after = bisect_right(points, instant_seconds, key=lambda point: point[0])
-    if index_after in (0, len(points)):
-        return points[0 if index_after == 0 else -1][1:]
-    (begin, *low), (end, *high) = points[index_after - 1], points[index_after]
+    index_after = bisect_right(path_points, instant_seconds, key=lambda point: point[0])
+    if index_after in (0, len(path_points)):
+        return path_points[0 if index_after == 0 else -1][1:]
+    (begin, *low), (end, *high) = path_points[index_after - 1], path_points[index_after]
     share = (instant_seconds - begin) / (end - begin)
     return tuple(a + (b - a) * share for a, b in zip(low, high, strict=True))
 
@@ -326,11 +340,11 @@ def _parameter_curve(
     ended = math.inf if parameter_curve.t else -math.inf
     for place_index in range(first_entry, len(entry_order)):
         entry, extent_here = entry_order[place_index], extent
-        automation_entry, begin, stop_beat = entry
-        if begin > until_seconds:
+        automation_entry, begin_beat, stop_beat = entry
+        if begin_beat > until_seconds:
             break
-        if parameter_curve.t and begin > ended + SAME:
-            parameter_curve.set(tempo.seconds(ended), value_alone, tempo.seconds(begin))
+        if parameter_curve.t and begin_beat > ended + SAME:
+            parameter_curve.set(tempo.seconds(ended), value_alone, tempo.seconds(begin_beat))
         if extent.begins > -math.inf and place_index + 1 < len(
             entry_order
         ):  # of some only the end is needed

@@ -35,10 +35,10 @@ class BuiltNetwork:
     def points_in_space(self) -> Iterator[list[int]]:
         """The coordinates of each point in space, as MATs, axis by axis."""
         for name, instrument in self.piece.instruments.items():
-            for module in instrument.modules:
-                firsts = self.assembly.points.get((name, module.name))
+            for part_module in instrument.modules:
+                firsts = self.assembly.points.get((name, part_module.name))
                 if firsts is not None:
-                    for i in range(member_count(module.kind, module.fields)):
+                    for i in range(member_count(part_module.kind, part_module.fields)):
                         yield [first_mat + i for first_mat in firsts]
 
     def for_piece(self, piece: Piece, silent: Container[str] = ()) -> BuiltNetwork | None:
@@ -80,10 +80,12 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
     for part_name in dict.fromkeys(end.part for _, end, _ in links_on_keys(piece)):
         player_key = piece.keys[part_name]
         if player_key.delay and (part_name, player_key.struck) in assembly.mats:
-            struck = next(
+            struck_module = next(
                 module for module in player_key.modules if module.name == player_key.struck
             )
-            assembly.port(part_name, player_key.struck, player_key.reach * struck.fields["X0"])
+            assembly.port(
+                part_name, player_key.struck, player_key.reach * struck_module.fields["X0"]
+            )
     for part_name, instrument in piece.instruments.items():
         assembly.part(
             part_name,
@@ -109,7 +111,13 @@ def acting(piece: Piece) -> Iterator[tuple[float, float | None]]:
     """When each coupling begins and ends to act [s]; the end is `COUPLING_ENDED` if it is over."""
     tempo = piece.tempo_map
     for coupling in piece.duet:
-        until = None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
+        until_beat = (
+            None if coupling.until is None else tempo.seconds(tempo.resolve(coupling.until))
+        )
         begin_seconds = max(0.0, tempo.seconds(tempo.resolve(coupling.at)))
-        is_over = until is not None and until <= begin_seconds and isinstance(tempo, OffsetTempoMap)
-        yield begin_seconds, COUPLING_ENDED if is_over else until
+        is_over = (
+            until_beat is not None
+            and until_beat <= begin_seconds
+            and isinstance(tempo, OffsetTempoMap)
+        )
+        yield begin_seconds, COUPLING_ENDED if is_over else until_beat

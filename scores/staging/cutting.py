@@ -70,12 +70,12 @@ def cut_stage(
     )
 
 
-def _in_flight(stage: Stage, instant: float) -> list[int]:
+def _in_flight(stage: Stage, cut_instant: float) -> list[int]:
     """The gestures that have begun before an instant [s] and end after it, by their numbers."""
     return [
         number
         for number, gesture in enumerate(stage.gestures)
-        if gesture.begins < instant - _SAME_SECONDS and gesture.stop > instant
+        if gesture.begins < cut_instant - _SAME_SECONDS and gesture.stop > cut_instant
     ]
 
 
@@ -137,27 +137,27 @@ def _paths_from(
 
 
 def _continued(
-    stage: Stage, paths_before: _Paths, automated_now: Automated, piece: Piece, instant: float
+    stage: Stage, paths_before: _Paths, automated_now: Automated, piece: Piece, cut_instant: float
 ) -> _Paths:
     until = stage.paths_until
     return takeover_points(
-        paths_before, automated_now.points, piece, instant, until, automated_now.moved
+        paths_before, automated_now.points, piece, cut_instant, until, automated_now.moved
     )
 
 
 def _struck_before(piece: Piece, cut_beat: float) -> Iterator[Strikes]:
     """The strikes with notes that have begun by a beat, ended there."""
-    tempo, end = piece.tempo_map, Position(plus=Length(beats=cut_beat))
+    tempo, end_position = piece.tempo_map, Position(plus=Length(beats=cut_beat))
     for strikes in piece.strikes:
-        begin, stop_beat = tempo.resolve(strikes.at), None
-        if not strikes.moves_pitches or begin >= cut_beat - SAME:
+        begin_beat, stop_beat = tempo.resolve(strikes.at), None
+        if not strikes.moves_pitches or begin_beat >= cut_beat - SAME:
             continue
         if strikes.span is not None:
-            stop_beat = tempo.after(begin, strikes.span)
+            stop_beat = tempo.after(begin_beat, strikes.span)
         elif strikes.until is not None:
             stop_beat = tempo.resolve(strikes.until)
         is_over = stop_beat is not None and stop_beat <= cut_beat + SAME
-        yield strikes if is_over else replace(strikes, span=None, until=end)
+        yield strikes if is_over else replace(strikes, span=None, until=end_position)
 
 
 def _put_paths(

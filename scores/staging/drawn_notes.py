@@ -75,12 +75,12 @@ class DrawnNotes:
         self._push(mat, note.end, -note.impulse, source)
         self.notes.append(note)
 
-    def end_others(self, mat_of: Callable[[Place], int | None], source: int) -> None:
+    def end_others(self, mat_of: Callable[[Place], int | None], source_number: int) -> None:
         """End the notes that do not go on."""
-        for note in self._before.values():
-            mat = mat_of(note.place)
+        for drawn_note in self._before.values():
+            mat = mat_of(drawn_note.place)
             if mat is not None:
-                self._push(mat, self._since, -note.impulse, source)
+                self._push(mat, self._since, -drawn_note.impulse, source_number)
         self._before.clear()
 
     def _push(self, mat: int, instant: float, impulse: float, source: int) -> None:

@@ -39,11 +39,11 @@ def sounds_in(piece: Piece, timeline: _core.Timeline, takes: Takes) -> dict[str,
     return sounds_by_name
 
 
-def input_number(name: str) -> int:
+def input_number(input_name: str) -> int:
     """The engine's number of an OSC input; it is derived from the name, so that it is the same in
     every version.
     """
-    return int.from_bytes(sha256(name.encode()).digest()[:8])
+    return int.from_bytes(sha256(input_name.encode()).digest()[:8])
 
 
 def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, int]) -> None:
@@ -51,7 +51,7 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
     tempo = piece.tempo_map
     keys = [(name, key.modules, key.reach) for name, key in piece.keys.items()]
     instruments = [(name, i.modules, 1.0) for name, i in piece.instruments.items()]
-    for name, modules, lever_ratio in (*keys, *instruments):
+    for part_name, modules, lever_ratio in (*keys, *instruments):
         for part_module in modules:
             if part_module.kind not in ("ENX", "ENF"):
                 continue
@@ -82,5 +82,5 @@ def drive(piece: Piece, assembly: Assembly, hands: Hands, sounds: Mapping[str, i
                 if begin_position is None
                 else tempo.seconds(tempo.resolve(begin_position)),
                 scale=scale * part_module.fields["scale"],
-                is_exclusive=part_module.driven.part == name,
+                is_exclusive=part_module.driven.part == part_name,
             )

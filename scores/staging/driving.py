@@ -48,14 +48,14 @@ def delay_of(key: Key) -> float:
     return 0.0 if key.measured is None else key.measured[2] or 0.0
 
 
-def holding_force(key: Key, x: float) -> float:
+def holding_force(player_key: Key, x: float) -> float:
     """The force [N] that holds a measured key at `x` [m]; 0 where its dry friction does."""
-    modules = {module.name: module.fields for module in key.modules}
-    cel = modules[key.struck]
-    force = (cel["K"] or 0.0) * (x - (cel["rest"] or 0.0))
-    force -= modules["weight"]["from"] if "weight" in modules else 0.0
-    friction = modules["dry"]["F"] if "dry" in modules else 0.0
-    return 0.0 if abs(force) <= friction else force
+    fields_by_module = {module.name: module.fields for module in player_key.modules}
+    cel = fields_by_module[player_key.struck]
+    spring_force = (cel["K"] or 0.0) * (x - (cel["rest"] or 0.0))
+    spring_force -= fields_by_module["weight"]["from"] if "weight" in fields_by_module else 0.0
+    friction = fields_by_module["dry"]["F"] if "dry" in fields_by_module else 0.0
+    return 0.0 if abs(spring_force) <= friction else spring_force
 
 
 def moving_mass(key: Key) -> float:

@@ -38,10 +38,14 @@ def content(piece: Piece, instrument_name: str) -> tuple[Any, ...]:
     players = {name: entry for name, entry in piece.players.items() if entry.key in joined_parts}
     plays = tuple(play for play in piece.parts if play.player in players)
     strikes = tuple(entry for entry in piece.strikes if _hits(entry, joined_parts))
-    modules = [module for module_part, module in piece.modules() if module_part in joined_parts]
+    part_modules = [
+        module for module_part, module in piece.modules() if module_part in joined_parts
+    ]
     played_names = {name for play in plays for name in play.names}
     played_names |= {player.standin for player in players.values() if player.standin}
-    played_names |= {str(module.fields["from"]) for module in modules if "from" in module.fields}
+    played_names |= {
+        str(module.fields["from"]) for module in part_modules if "from" in module.fields
+    }
     routes = {
         (output.name, route.to == "nearest")
         for route, output in _outputs_of(piece, instrument_name)
@@ -66,11 +70,11 @@ def content(piece: Piece, instrument_name: str) -> tuple[Any, ...]:
     )
 
 
-def _outputs_of(piece: Piece, part: str) -> Iterator[tuple[Any, Any]]:
+def _outputs_of(piece: Piece, part_name: str) -> Iterator[tuple[Any, Any]]:
     return (
         (route, output)
         for route, instrument, output in audible_outputs(piece)
-        if instrument.name == part
+        if instrument.name == part_name
     )
 
 

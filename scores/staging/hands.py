@@ -96,11 +96,11 @@ class ErgonPlaces(Sequence[Place]):
     def __getitem__(self, index: int) -> Place: ...
     @overload
     def __getitem__(self, index: slice) -> list[Place]: ...
-    def __getitem__(self, index: int | slice) -> Place | list[Place]:
+    def __getitem__(self, ergon_index: int | slice) -> Place | list[Place]:
         """The place of a number."""
-        if isinstance(index, slice):
-            return [place() for place in self._places[index]]
-        return self._places[index]()
+        if isinstance(ergon_index, slice):
+            return [place() for place in self._places[ergon_index]]
+        return self._places[ergon_index]()
 
     def __len__(self) -> int:
         """How many numbers there are."""
@@ -229,32 +229,35 @@ class Hands:
             self._play_pattern(play, starts.with_seed(self.piece.seed))
         elif (gesture := self.piece.gestures.get(play.what)) is not None:
             chain = (*gesture.do, *play.do)
-            for start in self._room(play, self._due(play, starts or ()), len(gesture.points)):
-                self._put_gesture(play, gesture, chain, start)
+            for start_beat in self._room(play, self._due(play, starts or ()), len(gesture.points)):
+                self._put_gesture(play, gesture, chain, start_beat)
         elif (take := self.takes.get(play.what)) is not None:
             begins = self._due(play, self._ends(play, take) if starts is None else starts)
-            for start in self._room(play, begins):
-                self._put_take(play, take, start)
+            for start_beat in self._room(play, begins):
+                self._put_take(play, take, start_beat)
 
     def _play_pattern(self, part_play: Play, pattern_steps: Steps) -> None:
         """Put what a pattern plays in its places within the window on the timeline."""
         course = pattern_steps.course
-        since, until = self.window.since - SAME, self.window.until - SAME
+        since, until_beat = self.window.since - SAME, self.window.until - SAME
         if pattern_steps.last < since:
             return
-        first_place, stop_place = n_before(pattern_steps, since), n_before(pattern_steps, until)
+        first_place, stop_place = (
+            n_before(pattern_steps, since),
+            n_before(pattern_steps, until_beat),
+        )
         plays_by_key: dict[tuple[str, tuple[Transform, ...]], Play] = {}
         plays_due: list[tuple[Play, float, int]] = []
         for place_index in range(first_place, stop_place):
             if not place_index % 1024:
                 _core.poll(_PLACE_STEPS * 1024)
-            if (name := course.played(place_index)) is not None:
-                key = name, course.do(place_index)
-                if key not in plays_by_key:
-                    plays_by_key[key] = replace(
-                        part_play, what=name, do=(*part_play.do, *key[1]), pattern=None
+            if (played_name := course.played(place_index)) is not None:
+                part_key = played_name, course.do(place_index)
+                if part_key not in plays_by_key:
+                    plays_by_key[part_key] = replace(
+                        part_play, what=played_name, do=(*part_play.do, *part_key[1]), pattern=None
                     )
-                plays_due.append((plays_by_key[key], pattern_steps[place_index], place_index))
+                plays_due.append((plays_by_key[part_key], pattern_steps[place_index], place_index))
         for play_due in plays_by_key.values():
             begins = [start for play_of_place, start, _ in plays_due if play_of_place is play_due]
             gesture = self.piece.gestures.get(play_due.what)
@@ -312,12 +315,12 @@ class Hands:
         """Beats on which a take begins if it repeats end to end."""
         tempo = self.piece.tempo_map
         begin_beat = tempo.resolve(play.at)
-        until = None if play.until is None else tempo.resolve(play.until)
+        until_beat = None if play.until is None else tempo.resolve(play.until)
         shape = apply_to_take(play.do, 60.0 / tempo.bpm(begin_beat))
         lasting = (take.duration - shape.front - shape.back) * shape.stretch
         length = Length(0.0, shape.shift.beats, shape.shift.seconds + lasting)
         try:
-            return starts(tempo, begin_beat, length, times=play.times, until=until)
+            return starts(tempo, begin_beat, length, times=play.times, until=until_beat)
         except TextError as error:
             self.collector.error("E305", f"{quote(play.what)}: {error.message}", play.place)
             return []
@@ -335,7 +338,7 @@ class Hands:
         t = [gesture.instant(tempo, start_beat, time) for time in gesture_shape.times]
         if t[-1] <= self.window.after:
             return
-        key_index, struck = self._keys[gesture_shape.key]
+        key_index, struck_mat = self._keys[gesture_shape.key]
         try:
             self.timeline.gesture(
                 key_index,
@@ -360,7 +363,7 @@ class Hands:
                 part_play.player,
                 gesture_shape.key,
                 key_index,
-                struck,
+                struck_mat,
                 t[0],
                 t[-1],
                 part_play.place,
@@ -396,23 +399,23 @@ class Hands:
             return self._shaped(play, gesture, chain, start, chance)
         playing_options = None if play.manner is NO_OPTIONS else play.manner
         beat = gesture.beat(self.piece.tempo_map, start) if chain else 0.0
-        key = (*player_and_gesture, play.do, playing_options, beat)
-        if key not in self._shapes:
-            self._shapes[key] = self._shaped(play, gesture, chain, start, MidpointChance())
-        return self._shapes[key]
+        shape_key = (*player_and_gesture, play.do, playing_options, beat)
+        if shape_key not in self._shapes:
+            self._shapes[shape_key] = self._shaped(play, gesture, chain, start, MidpointChance())
+        return self._shapes[shape_key]
 
     def _shaped(
         self,
         part_play: Play,
         gesture: Gesture,
         chain: tuple[Transform, ...],
-        start: float,
+        start_beat: float,
         chance: Chance,
     ) -> _Shape:
         gesture_points: Sequence[Point] = gesture.points
         if chain:
             gesture_points, _ = apply(
-                gesture_points, chain, chance, gesture.beat(self.piece.tempo_map, start)
+                gesture_points, chain, chance, gesture.beat(self.piece.tempo_map, start_beat)
             )
         reach = self._reach(part_play)
         return _Shape(
@@ -432,10 +435,12 @@ class Hands:
             return self._options(
                 part_play, part_play.manner.over(gesture.manner).over(DEFAULT_OPTIONS)
             )
-        key = part_play.player, gesture.name
-        if key not in self._manners:
-            self._manners[key] = self._options(part_play, gesture.manner.over(DEFAULT_OPTIONS))
-        return self._manners[key]
+        options_key = part_play.player, gesture.name
+        if options_key not in self._manners:
+            self._manners[options_key] = self._options(
+                part_play, gesture.manner.over(DEFAULT_OPTIONS)
+            )
+        return self._manners[options_key]
 
     def _put_take(self, part_play: Play, take: _core.Take, start_beat: float) -> None:
         tempo = self.piece.tempo_map
@@ -448,7 +453,7 @@ class Hands:
         if stop_seconds <= self.window.after:
             return
         take_options = self._options(part_play, part_play.manner.over(DEFAULT_OPTIONS))
-        key_index, struck = self._keys[self._key_of(part_play)]
+        key_index, struck_mat = self._keys[self._key_of(part_play)]
         try:
             if take_shape.front or take_shape.back:
                 take = take.part(take_shape.front, take.duration - take_shape.back)
@@ -473,7 +478,7 @@ class Hands:
                 part_play.player,
                 self._key_of(part_play),
                 key_index,
-                struck,
+                struck_mat,
                 begin_seconds,
                 stop_seconds,
                 part_play.place,
@@ -485,7 +490,7 @@ class Hands:
 
     def _options(self, play: Play, manner: PlayingOptions) -> _Options:
         force_limit = manner.force_limit
-        options = {
+        option_values = {
             "touch": manner.touch,
             "ergons": manner.ergons,
             "grain": manner.grain,
@@ -494,13 +499,13 @@ class Hands:
             "force_limit": None if force_limit is None else force_limit / self._reach(play),
             "layer": manner.layer,
         }
-        return cast(_Options, options)  # DEFAULT_OPTIONS has all options
+        return cast(_Options, option_values)  # DEFAULT_OPTIONS has all options
 
     def _source(self, gesture: Gesture, point: Point) -> int:
-        key = gesture.name, point.offset
-        if key not in self._point_sources:
-            self._point_sources[key] = self.sources.add(lambda: gesture.place_of(point))
-        return self._point_sources[key]
+        source_key = gesture.name, point.offset
+        if source_key not in self._point_sources:
+            self._point_sources[source_key] = self.sources.add(lambda: gesture.place_of(point))
+        return self._point_sources[source_key]
 
     def _key_of(self, play: Play) -> str:
         return self.piece.players[play.player].key

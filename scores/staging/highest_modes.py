@@ -101,15 +101,16 @@ def warn_over_limit(
         ):
             continue
         automation_lines = [line for line in piece.automation if module_key in line.modules]
-        place = next(
+        body_place = next(
             (line.place for line in automation_lines if line.parameter == "f"),
             highest_mode.module.place,
         )
-        instant = _instant(path_points, (frequency_limit / highest_mode.hertz) ** 2)
+        limit_seconds = _instant(path_points, (frequency_limit / highest_mode.hertz) ** 2)
         tempo = piece.tempo_map
         step_count = ceil(highest_mode.hertz * sqrt(factor_max) / frequency_limit)
         message = (
-            f"from {tempo.written(tempo.beats(instant))} ({instant:.2f} s) on the highest mode of "
+            f"from {tempo.written(tempo.beats(limit_seconds))} ({limit_seconds:.2f} s) on the "
+            "highest mode of "
             f"{quote(highest_mode.name)} is above {frequency_limit / 1e3:.3g} kHz, the limit at "
             "one step a frame; "
             f"it reaches {highest_mode.hertz * sqrt(factor_max) / 1e3:.3g} kHz"
@@ -119,16 +120,16 @@ def warn_over_limit(
             "has "
             f"`method: ca`; a rate of {step_count * piece.rate:,.0f} Hz or fewer masses cost less"
         )
-        warnings.append(Diagnostic("W332", message, place, None, help))
+        warnings.append(Diagnostic("W332", message, body_place, None, help))
     return warnings
 
 
-def _instant(points: Points, factor: float) -> float:
+def _instant(path_points: Points, factor: float) -> float:
     """The instant at which the first number of the points first reaches a factor [s]."""
-    for (t0, low, _), (t1, high, _) in pairwise(points):
+    for (t0, low, _), (t1, high, _) in pairwise(path_points):
         if low < factor <= high:
             return t0 + (t1 - t0) * (factor - low) / (high - low)
-    return points[0][0]
+    return path_points[0][0]
 
 
 def _count_needed(mode: HighestMode) -> str:

@@ -38,21 +38,26 @@ def warn_implausible(piece: Piece) -> list[Diagnostic]:
     return warnings
 
 
-def _pitches(piece: Piece, name: str, part_module: Module) -> Iterator[Diagnostic]:
+def _pitches(piece: Piece, module_name: str, part_module: Module) -> Iterator[Diagnostic]:
     """Report W326 for strings and plates; a CEL above half of the rate is refused elsewhere
     (E309).
     """
-    f, highest = part_module.fields.get("f"), 0.5 * piece.rate
-    if part_module.kind in ("STRING", "PLATE") and isinstance(f, float) and f > highest:
+    module_frequency, highest = part_module.fields.get("f"), 0.5 * piece.rate
+    if (
+        part_module.kind in ("STRING", "PLATE")
+        and isinstance(module_frequency, float)
+        and module_frequency > highest
+    ):
         message = (
-            f"the pitch of {quote(name)} is {_hertz(f)}, above half of the rate "
+            f"the pitch of {quote(module_name)} is {_hertz(module_frequency)}, above half of the "
+            "rate "
             f"({_hertz(highest)}): no file can hold it"
         )
         place = part_module.places.get("f", part_module.place)
         yield Diagnostic("W326", message, place, None, "choose a lower pitch or a higher rate")
 
 
-def _gains(name: str, bristle: Module) -> Iterator[Diagnostic]:
+def _gains(module_name: str, bristle: Module) -> Iterator[Diagnostic]:
     """Report W333 if friction with memory may generate energy (Barabanov and Ortega, 2000)."""
     bristle_fields = bristle.fields
     friction_level, static = bristle_fields["Fc"], bristle_fields["Fs"]
@@ -64,7 +69,7 @@ def _gains(name: str, bristle: Module) -> Iterator[Diagnostic]:
         return
     least = bristle_fields["sigma1"] * (static - friction_level) / friction_level
     if bristle_fields["sigma2"] < least:
-        message = f"friction {quote(name)} can give energy: its sigma2 is below "
+        message = f"friction {quote(module_name)} can give energy: its sigma2 is below "
         message += f"sigma1*(Fs - Fc)/Fc, {least:.3g} Ns/m"
         sigma_max = bristle_fields["sigma2"] * friction_level / (static - friction_level)
         help = f"make sigma2 {least:.3g} Ns/m or more"
@@ -85,10 +90,10 @@ class _Scene:
     @classmethod
     def from_piece(cls, piece: Piece) -> _Scene:
         built_scene = cls(dict(piece.keys))
-        for part, module in piece.modules():
-            built_scene.modules[part, module.name] = module
-            to = module.fields.get("to")
-            if module.kind == "ENX" and isinstance(to, Target):
+        for part, part_module in piece.modules():
+            built_scene.modules[part, part_module.name] = part_module
+            to = part_module.fields.get("to")
+            if part_module.kind == "ENX" and isinstance(to, Target):
                 built_scene.imposed.add((to.part, to.module, to.first))
         return built_scene
 
@@ -155,12 +160,12 @@ class _Scene:
         return key if key is not None and key.travel and key.struck == end.module else None
 
     def _travel(self, end: Target) -> tuple[float, float]:
-        key = self._key(end)
-        if key is None or key.travel is None:
+        travel_key = self._key(end)
+        if travel_key is None or travel_key.travel is None:
             start = self._start(end)
             return start, start
-        low, high = key.travel
-        return key.reach * low, key.reach * high
+        low, high = travel_key.travel
+        return travel_key.reach * low, travel_key.reach * high
 
     def _start(self, end: Target) -> float:
         """The initial position of a single mass [m]; members of generators begin at 0."""
@@ -181,12 +186,12 @@ class _Scene:
             inverse = max(1.0 / self._mass(component) for component in end_module.fields["of"])
             inverse *= sum(share * share for share in shares)
             return 1.0 / inverse if inverse else inf
-        mass = end_module.fields["M"]
+        end_mass = end_module.fields["M"]
         if end_module.kind in ("STRING", "PLATE", "CHAIN", "CLOTH", "GRAINS"):
-            mass /= member_count(end_module.kind, end_module.fields)
+            end_mass /= member_count(end_module.kind, end_module.fields)
         key = self.keys.get(end.part)
-        mass = mass if key is None else mass / (key.reach * key.reach)
-        return float(mass)
+        end_mass = end_mass if key is None else end_mass / (key.reach * key.reach)
+        return float(end_mass)
 
 
 def _hertz(f: float) -> str:

@@ -100,11 +100,11 @@ class KnownAutomation:
             self._set_lines(touched)
         if struck_strikes or not is_same_tempo:
             self._noted = {}
-            for line in chain.from_iterable(
+            for automation_line in chain.from_iterable(
                 self._notes[id(strikes_line)][1] for strikes_line in strikes
             ):
-                for module_key in line.modules:
-                    self._noted.setdefault(module_key, []).append(line)
+                for module_key in automation_line.modules:
+                    self._noted.setdefault(module_key, []).append(automation_line)
         if touched:
             self._set_tracks(piece.tempo_map, touched)
         return self._tracks
@@ -136,12 +136,12 @@ class KnownAutomation:
         """Set the entries of modules whose lines have changed."""
         tracks_before, self._tracks = self._tracks, dict(self._tracks)
         for module_key in touched:
-            lines = [*self._lines_of.get(module_key, ()), *self._noted.get(module_key, ())]
-            if not lines:
+            module_lines = [*self._lines_of.get(module_key, ()), *self._noted.get(module_key, ())]
+            if not module_lines:
                 self._tracks.pop(module_key, None)
                 continue
             parameters: dict[str, list[Automation]] = {}
-            for line in lines:
+            for line in module_lines:
                 parameters.setdefault(line.parameter, []).append(line)
             track = self._track(tempo, parameters)
             track_before = tracks_before.get(module_key)
@@ -156,12 +156,12 @@ class KnownAutomation:
         for name, lines in parameters.items():
             spans = sorted([_span(tempo, line) for line in lines], key=lambda span: span[1])
             entries = by_name[name] = []
-            for place, (line, begin, until) in enumerate(spans):
+            for place, (automation_line, begin_beat, until) in enumerate(spans):
                 is_last = place + 1 == len(spans)
                 stop = until if is_last else min(until, spans[place + 1][1])
-                entries += _entries(tempo, Entry(line, begin, stop))
-                if line.swing is None:
-                    moves_from = min(moves_from, begin)
+                entries += _entries(tempo, Entry(automation_line, begin_beat, stop))
+                if automation_line.swing is None:
+                    moves_from = min(moves_from, begin_beat)
         return Tracks(by_name, moves_from)
 
     def led(self, piece: Piece, module_key: ModuleKey) -> Led | None:
@@ -215,34 +215,36 @@ class KnownAutomation:
         moves = any(point[1:] != led.numbers_alone for point in points)
         self._settled[module_key] = _Settled(tracks, led, since, points, moves)
 
-    def settled_moves(self, module_key: ModuleKey, points: Points) -> bool | None:
+    def settled_moves(self, module_key: ModuleKey, path_points: Points) -> bool | None:
         """Whether these settled points are other values than the module's own; None if they are not
         settled.
         """
         settled_module = self._settled.get(module_key)
         return (
             settled_module.moves
-            if settled_module is not None and settled_module.points is points
+            if settled_module is not None and settled_module.points is path_points
             else None
         )
 
 
-def _span(tempo: TempoMap, line: Automation) -> tuple[Automation, float, float]:
+def _span(tempo: TempoMap, automation_line: Automation) -> tuple[Automation, float, float]:
     """An entry with the beats on which it begins and ends."""
     return (
-        line,
-        tempo.resolve(line.at),
-        math.inf if line.until is None else tempo.resolve(line.until),
+        automation_line,
+        tempo.resolve(automation_line.at),
+        math.inf if automation_line.until is None else tempo.resolve(automation_line.until),
     )
 
 
-def _entries(tempo: TempoMap, entry: Entry) -> Iterator[Entry]:
+def _entries(tempo: TempoMap, automation_entry: Entry) -> Iterator[Entry]:
     """An entry; for one that follows a MIDI file a glide for each value that it has there."""
-    line, begin, stop_beat = entry
-    if not line.moves:
-        yield entry
+    automation_line, begin_beat, stop_beat = automation_entry
+    if not automation_line.moves:
+        yield automation_entry
         return
-    glides = [(glide, tempo.resolve(glide.at)) for glide in _glides(tempo, line, begin)]
+    glides = [
+        (glide, tempo.resolve(glide.at)) for glide in _glides(tempo, automation_line, begin_beat)
+    ]
     beats = [beat for _, beat in glides if beat < stop_beat]
     for (glide, beat), following in zip(glides, [*beats[1:], stop_beat], strict=False):
         yield Entry(glide, beat, following)
@@ -268,19 +270,19 @@ def _glides(
         last_instant = instant_seconds
 
 
-def _strike_automation(tempo: TempoMap, line: Strikes) -> Iterator[Automation]:
+def _strike_automation(tempo: TempoMap, strikes_line: Strikes) -> Iterator[Automation]:
     """Automation of the pitches of what is struck."""
-    if line.pattern is not None:
-        yield from _notes(tempo, line)
-    for beat in line.rounds(tempo) if line.glides else ():
-        for glide in line.glides:
-            yield from _wheel_automation(tempo, line, glide, beat)
+    if strikes_line.pattern is not None:
+        yield from _notes(tempo, strikes_line)
+    for beat in strikes_line.rounds(tempo) if strikes_line.glides else ():
+        for glide in strikes_line.glides:
+            yield from _wheel_automation(tempo, strikes_line, glide, beat)
 
 
 def _wheel_automation(
-    tempo: TempoMap, line: Strikes, glide: NoteGlide, start: float
+    tempo: TempoMap, strikes_line: Strikes, glide: NoteGlide, start_beat: float
 ) -> Iterator[Automation]:
-    """Automation by a pitch wheel in a phrase that begins on beat `start`."""
+    """Automation by a pitch wheel in a phrase that begins on beat `start_beat`."""
     wheel = Automation(
         glide.target,
         "f",
@@ -293,32 +295,36 @@ def _wheel_automation(
         swing=None,
         place=glide.target.place,
         begin_place=glide.target.place,
-        struck=line.who,
+        struck=strikes_line.who,
         moves=tuple((length, Amount(factor, is_factor=True)) for length, factor in glide.points),
     )
-    yield from _glides(tempo, wheel, start)
+    yield from _glides(tempo, wheel, start_beat)
 
 
 def _notes(tempo: TempoMap, automation_line: Strikes) -> Iterator[Automation]:
     """Automation of the pitches of strikes that have notes."""
     assert automation_line.pattern is not None
-    until = automation_line.until
+    until_position = automation_line.until
     if automation_line.span is not None:
-        until = Position(
+        until_position = Position(
             plus=Length(beats=tempo.after(tempo.resolve(automation_line.at), automation_line.span))
         )
     pattern = replace(automation_line.pattern, chance=None)
     for target in automation_line.to:
-        arguments = (
+        automation_arguments = (
             target,
             "f",
             automation_line.at,
-            until,
+            until_position,
             automation_line.every,
             automation_line.times,
             pattern,
             automation_line.notes,
         )
         yield Automation(
-            *arguments, None, automation_line.place, automation_line.place, automation_line.who
+            *automation_arguments,
+            None,
+            automation_line.place,
+            automation_line.place,
+            automation_line.who,
         )

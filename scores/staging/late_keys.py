@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 def links_on_keys(piece: Piece) -> Iterator[tuple[str, Target, Module]]:
     """The links of instruments and couplings that end on keys: the link's part, its end, itself."""
-    for name, instrument in piece.instruments.items():
-        for module in instrument.modules:
-            for end in module.ends:
-                if end.part in piece.keys:
-                    yield name, end, module
+    for instrument_name, instrument in piece.instruments.items():
+        for part_module in instrument.modules:
+            for link_end in part_module.ends:
+                if link_end.part in piece.keys:
+                    yield instrument_name, link_end, part_module
     for coupling in piece.duet:
-        for end in (coupling.a, coupling.b):
-            yield "duet", end, coupling.link
+        for link_end in (coupling.a, coupling.b):
+            yield "duet", link_end, coupling.link
 
 
 def check_delays(piece: Piece, collector: Collector) -> None:
@@ -32,12 +32,12 @@ def check_delays(piece: Piece, collector: Collector) -> None:
     their damping (J. E. Colgate and J. M. Brown, ICRA 1994).
     """
     stiffest: dict[str, tuple[float, str]] = {}
-    for part, end, module in links_on_keys(piece):
-        delayed_key, stiffness = piece.keys[end.part], module.fields.get("K")
+    for part_name, end, part_module in links_on_keys(piece):
+        delayed_key, stiffness = piece.keys[end.part], part_module.fields.get("K")
         if delayed_key.delay and end.module == delayed_key.struck and isinstance(stiffness, float):
-            met = stiffness * delayed_key.reach**2, f"{part}.{module.name}"
+            met = stiffness * delayed_key.reach**2, f"{part_name}.{part_module.name}"
             stiffest[delayed_key.name] = max(met, stiffest.get(delayed_key.name, met))
-    for key_name, (stiffness, link) in stiffest.items():
+    for key_name, (stiffness, stiffest_link) in stiffest.items():
         delayed_key = piece.keys[key_name]
         damping = _damping(delayed_key)
         if damping is None or stiffness * delayed_key.delay <= damping:
@@ -46,7 +46,8 @@ def check_delays(piece: Piece, collector: Collector) -> None:
         message = (
             f"{quote(key_name)}: the forces of the piece reach this key {late} late; so the spring "
             "of "
-            f"{stiffness:,.0f} N/m of {quote(link)} removes {stiffness * delayed_key.delay:.2g} "
+            f"{stiffness:,.0f} N/m of {quote(stiffest_link)} removes "
+            f"{stiffness * delayed_key.delay:.2g} "
             "Ns/m of "
             f"the damping of the key, {damping:.2g} Ns/m, and the key may begin to swing by itself"
         )

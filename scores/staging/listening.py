@@ -112,7 +112,7 @@ class Listening:
         if self.fade:
             mixer.fade(self.fade)
         # The routes of an instrument form a group, whose gain may change while it sounds.
-        groups = {name: group for group, name in enumerate(self.parts())}
+        groups_by_name = {name: group for group, name in enumerate(self.parts())}
         for path in self.ways:
             is_chosen = is_wet is None or is_wet == (path.room is not None)
             if is_chosen and (parts is None or path.part in parts):
@@ -122,7 +122,7 @@ class Listening:
                     path.channel if path.room is None else path.room,
                     path.gain(reference, unit),
                     cut or None,
-                    groups[path.part],
+                    groups_by_name[path.part],
                     tones=[(tone.kind, tone.frequency, tone.level) for tone in path.tones],
                     delay=path.delay,
                     echo=path.echo,
@@ -271,17 +271,17 @@ def _ways(
         tones=route.tones,
     )
     if route.echo is not None:
-        frames, route_ratio = route.echo.frames(piece.rate), route.echo.feedback
+        echo_frames, route_ratio = route.echo.frames(piece.rate), route.echo.feedback
         path = replace(
             path,
-            delay=delay + frames,
-            echo=(frames, route_ratio) if route_ratio and frames else None,
+            delay=delay + echo_frames,
+            echo=(echo_frames, route_ratio) if route_ratio and echo_frames else None,
         )
     places = _places(piece, route.pan_path)
-    for number, (channel, channel_share) in enumerate(
+    for route_number, (channel, channel_share) in enumerate(
         zip(channels, route.pan or repeat(1.0), strict=False)
     ):
-        pan = (places, number == 1) if places else None
+        pan = (places, route_number == 1) if places else None
         listening.ways.append(replace(path, channel=channel, share=channel_share, pan=pan))
     rooms = [room.name for room in piece.mix.rooms]
     for name, channel_share in route.sends:
@@ -311,10 +311,10 @@ def _places(piece: Piece, path: PanPath) -> Curve:
     return tuple((_frame(piece, point.at), point.pan, point.is_smooth) for point in path)
 
 
-def _frame(piece: Piece, position: Position) -> int:
+def _frame(piece: Piece, written_position: Position) -> int:
     """The frame of the piece at a position."""
     tempo = piece.tempo_map
-    instant = tempo.seconds(tempo.resolve(position))
+    instant = tempo.seconds(tempo.resolve(written_position))
     return floor(max(-_NEVER, min(instant, _NEVER)) * piece.rate + 0.5)
 
 
@@ -416,7 +416,9 @@ def _nearest(
                 speaker_ranges.append((mat, 1, 1.0))
     for speaker in sorted(ranges_by_speaker):
         channel_index = room.channels[speaker]
-        name = ".".join(filter(None, (instrument.name, routed_output.name, str(channel_index + 1))))
+        output_name = ".".join(
+            filter(None, (instrument.name, routed_output.name, str(channel_index + 1)))
+        )
         speaker_ranges = (
             ranges_by_speaker[speaker] if instrument.name not in listening.silent else []
         )
@@ -425,8 +427,8 @@ def _nearest(
             if routed_output.nearest
             else {"positions": speaker_ranges}
         )
-        listening.outputs.append(name)
-        tap = assembly.network.listen(name, **listened, order=routed_output.traits.order)
+        listening.outputs.append(output_name)
+        tap = assembly.network.listen(output_name, **listened, order=routed_output.traits.order)
         _ways(listening, piece, tap, (channel_index,), route, routed_output)
 
 

@@ -100,17 +100,17 @@ def join(
         if not _is_alone(piece, player, real_hands, collector):
             continue
         standin_path = np.zeros(2) if rests else standin(piece, player, tick_frames, collector)
-        positions = _with_standin(positions_known, standin_path)
+        hand_positions = _with_standin(positions_known, standin_path)
         mat = assembly.mats[player_key.name, player_key.struck]
-        index = timeline.hand(mat, tick_frames, positions=positions * player_key.reach)
+        hand_index = timeline.hand(mat, tick_frames, positions=hand_positions * player_key.reach)
         yield LiveHand(
             player_name,
             player_key.name,
-            index,
+            hand_index,
             mat,
             tick_frames,
             player_key.reach,
-            positions,
+            hand_positions,
             len(standin_path),
         )
 
@@ -253,12 +253,14 @@ def leading(
         _alone(piece, piece.players[player_name]), piece.players[player_name], collector
     )
     hands.timeline.open()
-    settling_start, end = (tick * tick_frames / piece.rate for tick in (settling_tick, ticks.stop))
+    settling_start, end_seconds = (
+        tick * tick_frames / piece.rate for tick in (settling_tick, ticks.stop)
+    )
     for piece_of_span, window in spans:
         if player_name not in piece_of_span.players:
             continue
         piece_alone = _alone(piece_of_span, piece_of_span.players[player_name])
-        until = min(window.until, piece_of_span.tempo_map.beats(end) + SAME)
+        until = min(window.until, piece_of_span.tempo_map.beats(end_seconds) + SAME)
         span_hands = hands.other(piece_alone, window._replace(until=until, after=settling_start))
         span_hands.play_parts(piece_alone)
     start = settling_tick * tick_frames
@@ -291,13 +293,13 @@ def _path(simulation: _core.Simulation, tick_frames: int, n_ticks: int) -> NDArr
     """The position at each of the next ticks (n_ticks,) [m]."""
     import numpy as np
 
-    block = max(1, _BLOCK // tick_frames)
+    block_ticks = max(1, _BLOCK // tick_frames)
     tick_positions = np.zeros(n_ticks)
-    for first_tick in range(0, n_ticks, block):
-        count = min(block, n_ticks - first_tick)
-        path = np.zeros((count * tick_frames, 1))
+    for first_tick in range(0, n_ticks, block_ticks):
+        tick_count = min(block_ticks, n_ticks - first_tick)
+        path = np.zeros((tick_count * tick_frames, 1))
         simulation.process(path)
-        tick_positions[first_tick : first_tick + count] = path[::tick_frames, 0]
+        tick_positions[first_tick : first_tick + tick_count] = path[::tick_frames, 0]
     return tick_positions
 
 
@@ -311,7 +313,7 @@ def _sparse_path(
     import numpy as np
 
     rate = hands.piece.rate
-    block = max(1, _BLOCK // tick_frames)
+    block_ticks = max(1, _BLOCK // tick_frames)
     moving_max = MAX_FRAMES // tick_frames
     pauses = [*_pauses(hands, tick_frames, n_ticks)]
     n_moving = n_ticks - sum(begins - busy_until for busy_until, begins in pauses)
@@ -330,7 +332,7 @@ def _sparse_path(
         if np.ptp(resting_path) > _STILL:
             n_moving += begins - busy_until
         while first_tick < resumed_tick and np.ptp(resting_path) <= _STILL:
-            tick_count = min(block, resumed_tick - first_tick)
+            tick_count = min(block_ticks, resumed_tick - first_tick)
             n_moving += tick_count
             if n_moving > moving_max:
                 return None
@@ -367,10 +369,10 @@ def _alone(piece: Piece, player: Player) -> Piece:
         for pair in zip(piece.parts, piece.starts, strict=True)
         if pair[0].player == player.name
     ]
-    key: Key = replace(piece.keys[player.key], reach=1.0)
+    reached_key: Key = replace(piece.keys[player.key], reach=1.0)
     return replace(
         piece,
-        keys={key.name: key},
+        keys={reached_key.name: reached_key},
         players={player.name: player},
         parts=tuple(play for play, _ in hand_plays),
         starts=tuple(starts for _, starts in hand_plays),

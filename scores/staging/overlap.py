@@ -23,12 +23,14 @@ def check_overlaps(piece: Piece, gestures: Sequence[StagedGesture], collector: C
         keys.setdefault(gesture.key, []).append(gesture)
     reported: set[Place] = set()
     for on_key in keys.values():
-        line = sorted((g for g in on_key if not g.layer), key=lambda gesture: gesture.start)
-        for latest, gesture in pairwise(line):
+        sorted_gestures = sorted(
+            (g for g in on_key if not g.layer), key=lambda gesture: gesture.start
+        )
+        for latest, gesture in pairwise(sorted_gestures):
             if gesture.start < latest.stop - _SEAM and gesture.place not in reported:
                 reported.add(gesture.place)
                 _tell_cut(piece, latest, gesture, collector)
-        tracked = [gesture for gesture in line if gesture.tracked]
+        tracked = [gesture for gesture in sorted_gestures if gesture.tracked]
         for layer in (gesture for gesture in on_key if gesture.layer and tracked):
             under = (g for g in tracked if g.start < layer.stop and layer.start < g.stop)
             path = next(under, None)

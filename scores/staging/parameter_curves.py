@@ -91,13 +91,15 @@ class Extent(NamedTuple):
     begins: float = -math.inf
 
 
-def add_pattern(piece: Piece, entry: Entry, parameter_curve: Curve, extent: Extent) -> float:
+def add_pattern(
+    piece: Piece, automation_entry: Entry, parameter_curve: Curve, extent: Extent
+) -> float:
     """Add the values of a pattern to a curve; returns the beat on which the pattern ends."""
-    tempo, automation_line = piece.tempo_map, entry.automation
+    tempo, automation_line = piece.tempo_map, automation_entry.automation
     pattern_steps = automation_line.steps(tempo, piece.seed)
     course = pattern_steps.course
     first_place, stop_place = held_places(
-        pattern_steps, extent.since, min(entry.stop, extent.until)
+        pattern_steps, extent.since, min(automation_entry.stop, extent.until)
     )
     for place_index in range(first_place, stop_place):
         if not place_index % 1024:
@@ -126,11 +128,11 @@ def add_pattern(piece: Piece, entry: Entry, parameter_curve: Curve, extent: Exte
     return pattern_steps.beat(len(pattern_steps))
 
 
-def held_places(pattern_steps: Steps, since: float, stop: float) -> tuple[int, int]:
-    """The places before beat `stop` from the value on that holds at `since` and the one that it
-    comes from: the first, and the one behind the last.
+def held_places(pattern_steps: Steps, since: float, stop_beat: float) -> tuple[int, int]:
+    """The places before beat `stop_beat` from the value on that holds at `since` and the one that
+    it comes from: the first, and the one behind the last.
     """
-    stop_place = n_before(pattern_steps, stop - SAME)
+    stop_place = n_before(pattern_steps, stop_beat - SAME)
     first_place, n_values_missing = min(stop_place, n_before(pattern_steps, since - SAME)), 2
     for _ in range(_BACK):
         if first_place == 0 or n_values_missing == 0:
@@ -158,14 +160,16 @@ class GlidePath(NamedTuple):
         return self.last == self.instants[-1]
 
 
-def glide_path(piece: Piece, automation_entry: Entry, value: float) -> GlidePath:
+def glide_path(piece: Piece, automation_entry: Entry, start_value: float) -> GlidePath:
     """The path of an entry, for a glide without the value from which it starts. Raises TextError.
 
-    `value` is that of the parameter as written.
+    `start_value` is that of the parameter as written.
     """
     tempo, automation_line = piece.tempo_map, automation_entry.automation
     to_path, _ = _SCALES.get(automation_line.parameter, (_unscaled, _unscaled))
-    values = [to_path(point.amount.applied_to(value)) for point in automation_line.points]
+    path_values = [
+        to_path(point.amount.applied_to(start_value)) for point in automation_line.points
+    ]
     approaches: list[Approach] = [point.way for point in automation_line.points]
     if automation_line.over is not None:
         start_instant = tempo.seconds(automation_entry.begin)
@@ -185,7 +189,7 @@ def glide_path(piece: Piece, automation_entry: Entry, value: float) -> GlidePath
         raise TextError("the points of the curve do not rise in time at this tempo")
     return GlidePath(
         point_instants,
-        values,
+        path_values,
         approaches,
         min(point_instants[-1], tempo.seconds(automation_entry.stop)),
     )
@@ -249,11 +253,13 @@ def _glide_instants(
     piece: Piece, curve: Curve, start_instant: float, stop_instant: float
 ) -> tuple[list[float], float]:
     """The instants on the grid within a glide that have points, and the time between them [s]."""
-    step = GRID / piece.rate
+    grid_seconds = GRID / piece.rate
     first_instant = max(curve.t[-1], start_instant) if curve.t else start_instant
-    places = range(math.floor(first_instant / step) + 1, math.ceil(stop_instant / step))
+    places = range(
+        math.floor(first_instant / grid_seconds) + 1, math.ceil(stop_instant / grid_seconds)
+    )
     stride = max(1, -(-len(places) // PLACES))
-    return [place * step for place in places[::stride]], stride * step
+    return [place * grid_seconds for place in places[::stride]], stride * grid_seconds
 
 
 def _unscaled(value: float) -> float:
@@ -271,24 +277,26 @@ _SCALES: Mapping[str, tuple[Callable[[float], float], Callable[[float], float]]]
 }
 
 
-def swing_beats(tempo: TempoMap, entry: Entry, swing: Swing) -> Callable[[int], float]:
+def swing_beats(tempo: TempoMap, automation_entry: Entry, swing: Swing) -> Callable[[int], float]:
     """The beat of each point of a swing, by number: `tempo.after` the beginning, with what does not
     depend on the number computed once.
     """
-    begin_beat, period = entry.begin, swing.period
+    begin_beat, period = automation_entry.begin, swing.period
     if period.seconds:
         return lambda number: tempo.after(begin_beat, period.times(number / PIECES))
     period_beats = period.beats
     if not period.bars:
         return lambda number: begin_beat + period_beats * (number / PIECES)
-    (bar, beat), n_bars, start = tempo.bar_beat(begin_beat), period.bars, tempo.bars.start
+    (bar, beat), n_bars, start_beat = tempo.bar_beat(begin_beat), period.bars, tempo.bars.start
     beats_into_bar = beat - 1.0
 
-    def beat_of(number: int) -> float:
-        share = number / PIECES
+    def beat_of(point_number: int) -> float:
+        period_share = point_number / PIECES
         # Nothing is added in number 0, as `after` adds no bars then.
-        base = start(bar + n_bars * share) + beats_into_bar if number else begin_beat
-        return base + period_beats * share
+        base = (
+            start_beat(bar + n_bars * period_share) + beats_into_bar if point_number else begin_beat
+        )
+        return base + period_beats * period_share
 
     return beat_of
 
@@ -305,25 +313,27 @@ def add_swing(
     swing = automation_entry.automation.swing
     assert swing is not None
     tempo, curve_value = piece.tempo_map, parameter_curve.initial
-    low_value, high = swing.low.applied_to(curve_value), swing.high.applied_to(curve_value)
+    low_value, high_value = swing.low.applied_to(curve_value), swing.high.applied_to(curve_value)
     beat_of = swing_beats(tempo, automation_entry, swing)
     first_point = 0
     if extent.since > automation_entry.begin:
         first_point = max(0, swing_points_before(beat_of, extent.since) - PIECES)
-    offset = round(swing.phase * PIECES)
+    phase_offset = round(swing.phase * PIECES)
     edges = {"square": (0, PIECES // 2), "ramp": (0,)}.get(swing.shape, ())
     for point_number in range(first_point, first_point + _POINTS_MAX):
-        point_beat, place = beat_of(point_number), (point_number + offset) % PIECES
+        point_beat, segment_index = beat_of(point_number), (point_number + phase_offset) % PIECES
         if (
             point_beat > automation_entry.stop
             or (instant_seconds := tempo.seconds(point_beat)) >= NEVER
         ):
             break
-        value = low_value + (high - low_value) * _share(swing.shape, place)
-        if point_number == 0 or place in edges:
-            parameter_curve.set(instant_seconds, value, tempo.seconds(beat_of(point_number + 1)))
+        swing_value = low_value + (high_value - low_value) * _share(swing.shape, segment_index)
+        if point_number == 0 or segment_index in edges:
+            parameter_curve.set(
+                instant_seconds, swing_value, tempo.seconds(beat_of(point_number + 1))
+            )
         elif swing.shape != "square" or not parameter_curve.t:
-            parameter_curve.to(instant_seconds, value)
+            parameter_curve.to(instant_seconds, swing_value)
         if point_beat > extent.until:
             break
 

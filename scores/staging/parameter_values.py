@@ -46,14 +46,18 @@ class Led:
         """A module of a piece; None if it does not exist."""
         name, module_name = module_key
         named_key = piece.keys.get(name)
-        part = named_key or piece.instruments.get(name)
-        modules = () if part is None else part.modules
-        module = next((candidate for candidate in modules if candidate.name == module_name), None)
-        if module is None and not module_name:
-            module = pitched_module(part)
-        if module is None:
+        owning_part = named_key or piece.instruments.get(name)
+        modules = () if owning_part is None else owning_part.modules
+        part_module = next(
+            (candidate for candidate in modules if candidate.name == module_name), None
+        )
+        if part_module is None and not module_name:
+            part_module = pitched_module(owning_part)
+        if part_module is None:
             return None
-        return cls(module, 1.0 if named_key is None else 1.0 / (named_key.reach * named_key.reach))
+        return cls(
+            part_module, 1.0 if named_key is None else 1.0 / (named_key.reach * named_key.reach)
+        )
 
     def is_same(self, other_led: Led) -> bool:
         """Whether another module has the same numbers for all values."""
@@ -96,12 +100,12 @@ class Led:
         """Put the points on the timeline, so that the engine moves the module. Raises
         EngineError.
         """
-        kind = self.module.kind
-        if kind == "CEL":
+        module_kind = self.module.kind
+        if module_kind == "CEL":
             timeline.path(assembly.mats[module_key], [(t, k, z, m) for t, k, z, m in points])
             return
         pairs = [(t, a, b) for t, a, b in points]
-        if kind == "BANK":
+        if module_kind == "BANK":
             timeline.retune(assembly.mats[module_key], pairs, n=self.cost)
             return
         links = assembly.links_of(module_key)
@@ -135,13 +139,13 @@ def _module_numbers(part_module: Module) -> dict[str, float]:
 
 
 def _tied(
-    module: Module,
+    part_module: Module,
     values_alone: Mapping[str, float],
     values_by_name: Mapping[str, float],
     scale: float,
 ) -> tuple[float, float, float]:
     """K, Z and M of a CEL, if some parameters have the values `values_by_name`."""
-    module_fields: dict[str, Any] = dict(module.fields)
+    module_fields: dict[str, Any] = dict(part_module.fields)
     if values_by_name.keys() & {"f", "t60"} and not module_fields.get("f"):
         module_fields |= values_alone
     module_fields |= values_by_name

@@ -89,17 +89,23 @@ def _begun(tempo: TempoMap, order: Sequence[Entry], instant: float) -> int:
     return bisect_right(order, instant, key=lambda entry: tempo.seconds(entry.begin))
 
 
-def _release_instant(piece: Piece, entry: Entry, following: Entry | None, until: float) -> float:
+def _release_instant(
+    piece: Piece, automation_entry: Entry, following: Entry | None, until_beat: float
+) -> float:
     """The instant from which a parameter has its own value after an entry [s]; infinite if the next
     entry begins before. Raises TextError.
     """
-    tempo, line, end_beat = piece.tempo_map, entry.automation, entry.stop
-    if line.pattern is not None:
-        places = line.steps(tempo, piece.seed)
+    tempo, automation_line, end_beat = (
+        piece.tempo_map,
+        automation_entry.automation,
+        automation_entry.stop,
+    )
+    if automation_line.pattern is not None:
+        places = automation_line.steps(tempo, piece.seed)
         end_beat = min(end_beat, places.beat(len(places)))
-        if line.struck and following is None:
+        if automation_line.struck and following is None:
             return math.inf  # the pitch of the last note stays
-    if end_beat > until or (following is not None and following.begin <= end_beat + SAME):
+    if end_beat > until_beat or (following is not None and following.begin <= end_beat + SAME):
         return math.inf
     release = tempo.seconds(end_beat) + GLIDE
     return (
@@ -108,7 +114,7 @@ def _release_instant(piece: Piece, entry: Entry, following: Entry | None, until:
 
 
 def _stands_alone(
-    piece: Piece, automation_entry: Entry, value: float, since: float, begins: float
+    piece: Piece, automation_entry: Entry, start_value: float, since: float, begins: float
 ) -> bool:
     """Whether the points of an entry, from the last one at or before an instant [s] on, depend on
     no entry before it.
@@ -118,15 +124,15 @@ def _stands_alone(
     tempo, automation_line = piece.tempo_map, automation_entry.automation
     glide_end = tempo.seconds(automation_entry.begin) + GLIDE
     if automation_line.points:
-        path = glide_path(piece, automation_entry, value)
+        path = glide_path(piece, automation_entry, start_value)
         is_over = glide_end < path.last <= begins
         return is_over and (path.is_complete or automation_line.over is None)
     if automation_line.swing is not None:
         beat_of = swing_beats(tempo, automation_entry, automation_line.swing)
-        number = swing_points_before(beat_of, tempo.beats(glide_end)) + 1
+        point_number = swing_points_before(beat_of, tempo.beats(glide_end)) + 1
         if automation_line.swing.shape == "square":  # it has points where it changes
-            number += PIECES // 2
-        beat = beat_of(number)
+            point_number += PIECES // 2
+        beat = beat_of(point_number)
         return beat <= automation_entry.stop and tempo.seconds(beat) <= begins
     return _has_values_of_its_own(piece, automation_entry, since, begins)
 

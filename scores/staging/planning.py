@@ -270,10 +270,10 @@ def draft_error(plan: _core.Plan) -> str:
     if left_out:
         known_error = f"modes that are left out are {max(left_out):.0f} dB below the sound"
     unknown = f"; the error of {_names(tried)} is not measured" if tried else ""
-    parts = f" of {_names(plan_rows)}" if is_mixed else ""
+    parts_text = f" of {_names(plan_rows)}" if is_mixed else ""
     others = "; all else is planned as an earlier render" if is_mixed else ""
     methods = "by the cheapest stable methods and few trials"
-    return f"draft{parts}, {methods}: {known_error}{unknown}{others}"
+    return f"draft{parts_text}, {methods}: {known_error}{unknown}{others}"
 
 
 def _names(rows: Sequence[_core.PlanRow]) -> str:
@@ -300,39 +300,43 @@ def _cut_short(plan: _core.Plan, accuracy: Accuracy) -> list[str]:
         if row.cut_short and not row.diverges and not _is_met(row, accuracy):
             names_by_error.setdefault((row.error_db, row.error_s), []).extend(row.parts)
     sentences = []
-    for (db, seconds), parts in names_by_error.items():
+    for (db, error_seconds), error_parts in names_by_error.items():
         known_error = "the error of the chosen method is unknown"
-        if db is not None and seconds is not None:
+        if db is not None and error_seconds is not None:
             known_error = (
-                f"the error of the chosen method is {db:.0f} dB over the first {seconds:.2g} s"
+                f"the error of the chosen method is {db:.0f} dB over the first {error_seconds:.2g} "
+                "s"
             )
         if error is not None and db is None:
             known_error += f" and may be above the {error:g} dB that you asked for"
         elif error is not None and db is not None and db > error:
             known_error += f", above the {error:g} dB that you asked for"
-        names = " + ".join(dict.fromkeys(parts))
+        names = " + ".join(dict.fromkeys(error_parts))
         sentences.append(f"{names}: planning reached its work limit; {known_error}")
     return sentences
 
 
 def _diverging(plan: _core.Plan) -> list[str]:
     """A sentence for parts that diverged in their trials: no method that was tried is stable."""
-    names = dict.fromkeys(name for row in plan.rows() if row.diverges for name in row.parts)
-    if not names:
+    diverging_names = dict.fromkeys(
+        name for row in plan.rows() if row.diverges for name in row.parts
+    )
+    if not diverging_names:
         return []
     return [
-        f"{' + '.join(names)}: the motion diverged in a trial; a render stops there with E401, and "
+        f"{' + '.join(diverging_names)}: the motion diverged in a trial; a render stops there with "
+        "E401, and "
         "a performance mutes the part. Reduce K or the law, weaken the strikes, or raise the rate"
     ]
 
 
-def _is_met(row: _core.PlanRow, accuracy: Accuracy) -> bool:
+def _is_met(plan_row: _core.PlanRow, accuracy: Accuracy) -> bool:
     """Whether the error of a row was measured to its end and is within the accuracy."""
-    db, audible = row.error_db, row.audible
+    db, audible = plan_row.error_db, plan_row.audible
     if accuracy.error is None and audible is not None:
         return _is_allowed(audible, _allowed_by_ear(accuracy.cents))
     budget_db = _core.INAUDIBLE_ERROR_DB if accuracy.error is None else accuracy.error
-    return db is not None and db <= budget_db and row.spectral_db is None
+    return db is not None and db <= budget_db and plan_row.spectral_db is None
 
 
 def _missed_errors(plan: _core.Plan, error: float | None, *, is_foreseen: bool) -> list[str]:

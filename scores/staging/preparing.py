@@ -149,10 +149,10 @@ def prepare(
                 stage_before.paths_until,
             )
             paths = takeover_points(*takeover_arguments, moved, known_automation)
-        for module_key, points in paths.items():
+        for module_key, path_points in paths.items():
             if led := known_automation.led(piece, module_key):
                 try:
-                    led.put(timeline, assembly, module_key, points)
+                    led.put(timeline, assembly, module_key, path_points)
                 except _core.EngineError as error:
                     refuse(piece, collector, error)
     except _core.EngineError as error:
@@ -232,10 +232,10 @@ def _play(
             striking = Striking(played, timeline, strikes, mats, source, within, assembly, drawn)
             event_ends.append(striking.play(hands.collector))
     drawn.end_others(assembly.mats.get, hands.sources.add(partial(_same_place, piece.place)))
-    for link, (begin, until) in zip(couplings, acting(piece), strict=True):
-        if until == COUPLING_ENDED:
-            begin, until = NEVER, None
-        timeline.couple(link, begin, until)
+    for coupling_link, (begin_seconds, until_seconds) in zip(couplings, acting(piece), strict=True):
+        if until_seconds == COUPLING_ENDED:
+            begin_seconds, until_seconds = NEVER, None
+        timeline.couple(coupling_link, begin_seconds, until_seconds)
     return max(event_ends, default=0.0)
 
 
@@ -249,15 +249,15 @@ def _within(piece: Piece, window: Window) -> tuple[float, float]:
     return max(0.0, start_instant), stop_instant
 
 
-def _frames(piece: Piece, end: float, collector: Collector) -> int:
+def _frames(piece: Piece, end_seconds: float, collector: Collector) -> int:
     """⌈(end + tail)·rate⌉ frames; rounding errors do not add a frame."""
     tail = piece.render.tail
-    seconds = end + (LONGEST_TAIL if tail == "auto" else tail)
-    if seconds > MAX_SECONDS:
-        message = f"the piece lasts {seconds / 3600:.0f} hours; the maximum is 24 hours"
+    total_seconds = end_seconds + (LONGEST_TAIL if tail == "auto" else tail)
+    if total_seconds > MAX_SECONDS:
+        message = f"the piece lasts {total_seconds / 3600:.0f} hours; the maximum is 24 hours"
         collector.error("E308", message, piece.place)
         return 0
-    frames = seconds * piece.rate
+    frames = total_seconds * piece.rate
     nearest = int(frames + 0.5)
     return nearest if abs(frames - nearest) < 1e-6 else int(frames) + 1
 

@@ -86,11 +86,11 @@ def probed(piece: Piece) -> ProbedPiece:
             rubbed.append(
                 ProbedLink(module_name, contact_name, part_module, first_point, second_point)
             )
-    outputs = tuple(
+    probed_outputs = tuple(
         Output(str(number), "SOX", (target,), None, piece.place)
         for number, (_, target) in enumerate(first_targets)
     )
-    listener = Instrument(_NAME, (), outputs, None, piece.place)
+    listener = Instrument(_NAME, (), probed_outputs, None, piece.place)
     mix = replace(piece.mix, routes=(Route(_NAME, None, (1,), 1.0, None, piece.place),))
     probed_piece = replace(piece, instruments={**piece.instruments, _NAME: listener}, mix=mix)
     left_out = len(probed_targets) - len(first_targets) + len(contacts) - len(measured)
@@ -103,13 +103,17 @@ def _identity(target: Target) -> tuple[str, str, int | str]:
     return target.part, target.module, target.first
 
 
-def _point(target: Target, output: int, module: Module) -> Point:
-    count, member_index, axis = member_count(module.kind, module.fields), target.first, ""
-    if "axes" in module.fields and isinstance(member_index, int):
-        member_index, axis = member_index % count, AXES[member_index // count]
-    member = "" if count == 1 else str(member_index)
-    name = ".".join(filter(None, (target.part, target.module, member, axis)))
-    return Point(name, output, module.kind == "SOL")
+def _point(end_target: Target, output_number: int, part_module: Module) -> Point:
+    member_total, member_index, axis = (
+        member_count(part_module.kind, part_module.fields),
+        end_target.first,
+        "",
+    )
+    if "axes" in part_module.fields and isinstance(member_index, int):
+        member_index, axis = member_index % member_total, AXES[member_index // member_total]
+    member = "" if member_total == 1 else str(member_index)
+    name = ".".join(filter(None, (end_target.part, end_target.module, member, axis)))
+    return Point(name, output_number, part_module.kind == "SOL")
 
 
 def _contacts(piece: Piece) -> Iterator[tuple[str, str, Module]]:
@@ -120,25 +124,27 @@ def _contacts(piece: Piece) -> Iterator[tuple[str, str, Module]]:
 
 def _rubbings(piece: Piece) -> Iterator[tuple[str, str, Module]]:
     for instrument in piece.instruments.values():
-        for module in instrument.modules if instrument.ca_rate is None else ():
-            is_damped = module.kind == "LNL" and module.fields.get("damping")
-            if is_damped and not module.ends[0].points:
-                yield from _named(instrument.name, module)
+        for part_module in instrument.modules if instrument.ca_rate is None else ():
+            is_damped = part_module.kind == "LNL" and part_module.fields.get("damping")
+            if is_damped and not part_module.ends[0].points:
+                yield from _named(instrument.name, part_module)
 
 
-def _named(part: str, module: Module) -> Iterator[tuple[str, str, Module]]:
+def _named(part_name: str, part_module: Module) -> Iterator[tuple[str, str, Module]]:
     """The single links of a link, each with its name and that of the whole."""
-    contact_name = ".".join(filter(None, (part, module.name)))
-    for link in single_links(module):
-        yield ".".join(filter(None, (part, link.name))), contact_name, link
+    contact_name = ".".join(filter(None, (part_name, part_module.name)))
+    for link in single_links(part_module):
+        yield ".".join(filter(None, (part_name, link.name))), contact_name, link
 
 
 def _single(piece: Piece) -> Iterable[Target]:
     """Modules of one mass, and single members that outputs of the piece listen to."""
-    for part, module in piece.modules():
-        is_one = module.kind in HOLDERS and member_count(module.kind, module.fields) == 1
-        if is_one and module.kind != "SOL" and "axes" not in module.fields:
-            yield Target(part, module.name, 0, 1, "", module.place)
+    for part_name, part_module in piece.modules():
+        is_one = (
+            part_module.kind in HOLDERS and member_count(part_module.kind, part_module.fields) == 1
+        )
+        if is_one and part_module.kind != "SOL" and "axes" not in part_module.fields:
+            yield Target(part_name, part_module.name, 0, 1, "", part_module.place)
     for instrument in piece.instruments.values():
         for output in instrument.outputs:
             for target in output.targets if output.is_movement else ():

@@ -107,7 +107,7 @@ class _LinkGraph:
         }
         for part_name, part_module in piece_modules:
             if part_module.kind in LINKS:
-                link = Link(
+                graph_link = Link(
                     ".".join(filter(None, (part_name, part_module.name))), part_module.place
                 )
                 pairs = dict.fromkeys(
@@ -115,7 +115,7 @@ class _LinkGraph:
                 )
                 self._ends[part_name, part_module.name] = {end for pair in pairs for end in pair}
                 for pair in pairs:
-                    self._link(link, *pair)
+                    self._link(graph_link, *pair)
             elif part_module.kind == "PROXY":
                 link_module = Link(
                     ".".join(filter(None, (part_name, part_module.name))), part_module.place
@@ -148,10 +148,10 @@ class _LinkGraph:
         target = module.driven
         return (target.part, target.module) not in self._wholes
 
-    def _held_by(self, part: str, module: Module) -> range:
-        if module.kind == "ENX":
-            return self._points(module.driven)
-        first_mat = self.assembly.mats[part, module.name]
+    def _held_by(self, part_name: str, part_module: Module) -> range:
+        if part_module.kind == "ENX":
+            return self._points(part_module.driven)
+        first_mat = self.assembly.mats[part_name, part_module.name]
         return range(first_mat, first_mat + 1)
 
     def _points(self, target: Target) -> range:
@@ -160,28 +160,28 @@ class _LinkGraph:
             return range(first_mat, first_mat + 1)
         return self.assembly.members(target)
 
-    def audible_points(self, piece: Piece, part: str) -> set[int]:
+    def audible_points(self, piece: Piece, part_name: str) -> set[int]:
         """Points whose movement an instrument's outputs give."""
         audible_mats: set[int] = set()
-        for _, instrument, output in audible_outputs(piece):
-            if instrument.name != part:
+        for _, instrument, part_output in audible_outputs(piece):
+            if instrument.name != part_name:
                 continue
-            for target in targets_of(instrument, output):
-                if (target.part, target.module) in self._ends:
-                    audible_mats.update(self._ends[target.part, target.module])
+            for output_target in targets_of(instrument, part_output):
+                if (output_target.part, output_target.module) in self._ends:
+                    audible_mats.update(self._ends[output_target.part, output_target.module])
                 else:
-                    audible_mats.update(self._points(target))
+                    audible_mats.update(self._points(output_target))
         return audible_mats - self._held
 
     def tie(
         self,
         part_name: str,
-        start: set[int],
+        start_mats: set[int],
         hands: Mapping[int, tuple[str, str]],
         other_players: Mapping[int, str],
     ) -> FreezeObstacle | None:
         """The shortest path to a live hand, or else to an instrument that is not frozen."""
-        came: dict[int, tuple[int, Link] | None] = dict.fromkeys(sorted(start))
+        came: dict[int, tuple[int, Link] | None] = dict.fromkeys(sorted(start_mats))
         queue = deque(came)
         path = None
         while queue:
@@ -201,8 +201,8 @@ class _LinkGraph:
 
 def _path_to(mat: int, came: Mapping[int, tuple[int, Link] | None]) -> tuple[Link, ...]:
     """The links on the path from the start of the search to a point."""
-    links: list[Link] = []
+    path_links: list[Link] = []
     while (step := came[mat]) is not None:
         mat, link = step
-        links.append(link)
-    return tuple(reversed(links))
+        path_links.append(link)
+    return tuple(reversed(path_links))

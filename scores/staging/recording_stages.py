@@ -81,10 +81,10 @@ def _oversampled(piece: Piece, rate_factor: int) -> Piece:
     )
 
 
-def _slowed(parts: Mapping[str, Any], factor: int) -> dict[str, Any]:
+def _slowed(part_names: Mapping[str, Any], factor: int) -> dict[str, Any]:
     return {
         name: part if part.every == 1 else replace(part, every=part.every * factor)
-        for name, part in parts.items()
+        for name, part in part_names.items()
     }
 
 

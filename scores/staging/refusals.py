@@ -25,15 +25,17 @@ def place_of(piece: Piece, engine_name: str | None) -> Place:
     written.
     """
     engine_name = engine_name or ""
-    links = [("duet", duet.link, duet.link.place) for duet in piece.duet]
+    coupling_links = [("duet", duet.link, duet.link.place) for duet in piece.duet]
     keys = [(key.name, module, key.place) for key in piece.keys.values() for module in key.modules]
     instrument_modules = [
         (i.name, module, i.place) for i in piece.instruments.values() for module in i.modules
     ]
-    for part, module, place in (*keys, *instrument_modules, *links):
-        full = ".".join(filter(None, (part, module.name)))
+    for part, part_module, module_place in (*keys, *instrument_modules, *coupling_links):
+        full = ".".join(filter(None, (part, part_module.name)))
         if engine_name == full or engine_name.startswith(f"{full}."):
-            return module.place if module.place.file == place.file else place
+            return (
+                part_module.place if part_module.place.file == module_place.file else module_place
+            )
     return piece.place
 
 

@@ -141,10 +141,10 @@ class Stage:
         """
         wet = {way.part for way in self.listening.ways if way.room is not None}
         stems = []
-        for name, instrument_parts in self._stem_parts().items():
-            pieces: dict[str, bool | None] = {name: None}
+        for part_name, instrument_parts in self._stem_parts().items():
+            pieces: dict[str, bool | None] = {part_name: None}
             if is_split and not wet.isdisjoint(instrument_parts):
-                pieces = {f"{name}-dry": False, f"{name}-wet": True}
+                pieces = {f"{part_name}-dry": False, f"{part_name}-wet": True}
             for piece, is_wet in pieces.items():
                 mixer = self.mixer(
                     highpass=highpass, reference=reference, parts=instrument_parts, is_wet=is_wet
@@ -414,21 +414,21 @@ def _add_strike_points(piece: Piece, prepared: PreparedPiece, going: StageTakeov
     """Register the MATs that may be struck while the stage plays."""
     assembly = prepared.built.assembly
     try:
-        for part, module, member, number in going.strike_points:
-            first_mat = assembly.mats.get((part, module))
+        for part_name, part_module, member, strike_number in going.strike_points:
+            first_mat = assembly.mats.get((part_name, part_module))
             if first_mat is not None:  # it may be left out of the network
                 mat = prepared.network.centre(first_mat) if member < 0 else first_mat + member
-                lasts = _contact_time(piece, part, module)
-                prepared.timeline.strike_point(mat, number, lasts=lasts)
+                lasts = _contact_time(piece, part_name, part_module)
+                prepared.timeline.strike_point(mat, strike_number, lasts=lasts)
     except _core.EngineError as error:
         raise refused(piece, prepared.collector, error) from error
 
 
-def _contact_time(piece: Piece, part: str, module: str) -> float | None:
+def _contact_time(piece: Piece, part: str, module_name: str) -> float | None:
     """How long a stroke on a module lasts, if its instrument says so [s]."""
     instrument = piece.instruments.get(part)
     acts = () if instrument is None else instrument.acts
-    struck = (act for act in acts if any(target.module == module for target in act.targets))
+    struck = (act for act in acts if any(target.module == module_name for target in act.targets))
     return next((act.lasts for act in struck), None)
 
 
@@ -457,10 +457,12 @@ def _report_motion(piece: Piece, plan: _core.Plan, collector: Collector) -> None
     (N403).
     """
     plan_rows = plan.seen()
-    for row in plan_rows:
-        if row.stays is not None:
-            names = " + ".join(map(quote, row.parts))
-            message = f"{names} is computed at the audio rate, not at that of motion: {row.stays}"
+    for plan_row in plan_rows:
+        if plan_row.stays is not None:
+            names = " + ".join(map(quote, plan_row.parts))
+            message = (
+                f"{names} is computed at the audio rate, not at that of motion: {plan_row.stays}"
+            )
             collector.error("N403", message, piece.place)
     offered = (row for row in plan.rows() if row.offered)
     if not plan_rows and all(piece.keys.keys() & set(row.parts) for row in offered):

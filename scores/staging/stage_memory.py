@@ -44,11 +44,16 @@ class KnownStrikes:
 
 def _end(strikes: Strikes, tempo: TempoMap) -> float:
     """The beat before which strikes fall; infinite where it is not written in bars and beats."""
-    until = strikes.until
-    if until is None or until.mark is not None or until.plus.seconds or strikes.has_rounds:
+    until_position = strikes.until
+    if (
+        until_position is None
+        or until_position.mark is not None
+        or until_position.plus.seconds
+        or strikes.has_rounds
+    ):
         return math.inf  # a round that begins before it may end after it
     try:
-        return tempo.resolve(until)
+        return tempo.resolve(until_position)
     except TextError:
         return math.inf
 

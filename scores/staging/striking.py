@@ -68,7 +68,7 @@ class Striking:
         piece, strikes, tempo = self.piece, self.strikes, self.piece.tempo_map
         if strikes.along:
             return max(axis.play(collector) for axis in self._axes())
-        begin, stop_beat = tempo.resolve(strikes.at), strikes.stop(tempo)
+        begin_beat, stop_beat = tempo.resolve(strikes.at), strikes.stop(tempo)
         try:
             if strikes.is_melody:
                 return self._melody()
@@ -86,7 +86,7 @@ class Striking:
                 )
                 self.timeline.rain(
                     self.mats,
-                    start=tempo.seconds(begin),
+                    start=tempo.seconds(begin_beat),
                     stop=end_seconds,
                     rate=strikes.rate,
                     impulse=(
@@ -138,15 +138,21 @@ class Striking:
         first_place, stop_place = (
             first_from(seconds, len(pattern_steps), instant) for instant in self.within
         )
-        for place in range(max(0, first_place - 1), stop_place):  # the note before ends in this one
-            name = course.named(place)
-            if name is None:
+        for place_index in range(
+            max(0, first_place - 1), stop_place
+        ):  # the note before ends in this one
+            note_name = course.named(place_index)
+            if note_name is None:
                 continue
-            instant, number = seconds(place), place + pattern.skip
-            end = seconds(place + 1) if place + 1 < len(pattern_steps) else None
-            for member, mat in enumerate(self._voice(name)):
-                if pattern.chance is None or course.draws.happens(pattern.chance, number, member):
-                    self._strike(mat, (instant, end), member, number, len(pattern_steps))
+            strike_seconds, strike_number = seconds(place_index), place_index + pattern.skip
+            strike_end = seconds(place_index + 1) if place_index + 1 < len(pattern_steps) else None
+            for member, mat in enumerate(self._voice(note_name)):
+                if pattern.chance is None or course.draws.happens(
+                    pattern.chance, strike_number, member
+                ):
+                    self._strike(
+                        mat, (strike_seconds, strike_end), member, strike_number, len(pattern_steps)
+                    )
         return self._last_end(tempo.seconds(pattern_steps[-1])) if pattern_steps else 0.0
 
     def _voice(self, name: str) -> Sequence[int]:
@@ -160,11 +166,11 @@ class Striking:
     def _melody(self) -> float:
         """The strikes of a melody, one by one."""
         tempo, end_seconds = self.piece.tempo_map, 0.0
-        since, before = (_beat(tempo, instant) for instant in self.within)
+        since, before_beat = (_beat(tempo, instant) for instant in self.within)
         if self.strikes.rhythm is not None:  # notes that began before may end here
             begin = tempo.resolve(self.strikes.at)
             since -= self.strikes.rhythm.begin(tempo, begin, int(LONGEST_CYCLES)) - begin
-        for hit_beat, hit_number, melody_hit in self.strikes.falls(self.piece, since, before):
+        for hit_beat, hit_number, melody_hit in self.strikes.falls(self.piece, since, before_beat):
             hit_seconds = tempo.seconds(hit_beat)
             if melody_hit.jitter != Length():
                 chance = _core.Chance(self.piece.seed, "jitter", self.strikes.name, 0, hit_number)
@@ -173,12 +179,19 @@ class Striking:
             end_seconds = max(end_seconds, hit_seconds)
             mats = [mat for target in melody_hit.to for mat in self._members(target)]
             lasting = melody_hit.lasting
-            stop = None if lasting is None else tempo.seconds(tempo.after(hit_beat, lasting))
-            if stop is not None and any(map(self._is_drawn, mats)):
-                end_seconds = max(end_seconds, stop)
+            stop_seconds = (
+                None if lasting is None else tempo.seconds(tempo.after(hit_beat, lasting))
+            )
+            if stop_seconds is not None and any(map(self._is_drawn, mats)):
+                end_seconds = max(end_seconds, stop_seconds)
             for member, mat in enumerate(mats):
                 self._impel(
-                    mat, (hit_seconds, stop), melody_hit.level, melody_hit.reach, member, hit_number
+                    mat,
+                    (hit_seconds, stop_seconds),
+                    melody_hit.level,
+                    melody_hit.reach,
+                    member,
+                    hit_number,
                 )
         return end_seconds
 
@@ -191,22 +204,22 @@ class Striking:
         parts = list(dict.fromkeys(target.part for target in strikes.to))
         visited = visits(passing, self.assembly.network, parts, self.mats)
         rounds = strikes.rounds(tempo)
-        for turn, start in enumerate(rounds):
-            lasting = tempo.after(start, strikes.length) - start
-            end_seconds = max(end_seconds, tempo.seconds(start + lasting))
+        for turn, round_start in enumerate(rounds):
+            lasting = tempo.after(round_start, strikes.length) - round_start
+            end_seconds = max(end_seconds, tempo.seconds(round_start + lasting))
             _core.poll(_STRIKE_STEPS * len(visited))
             for strike_number, (share, struck_member) in enumerate(visited, turn * len(visited)):
-                instant = tempo.seconds(start + share * lasting)
-                if not self._is_inside(instant):
+                pass_seconds = tempo.seconds(round_start + share * lasting)
+                if not self._is_inside(pass_seconds):
                     continue
                 if draws.happens(passing.chance, strike_number, struck_member):
-                    count = len(visited) * len(rounds)
+                    strike_count = len(visited) * len(rounds)
                     self._strike(
                         self.mats[struck_member],
-                        (instant, None),
+                        (pass_seconds, None),
                         struck_member,
                         strike_number,
-                        count,
+                        strike_count,
                     )
         return end_seconds
 
@@ -249,7 +262,7 @@ class Striking:
         self,
         mat: int,
         stroke_span: Span,
-        level: Level,
+        stroke_level: Level,
         impulse_reach: ImpulseRange | None,
         member: int,
         strike_number: int,
@@ -264,7 +277,7 @@ class Striking:
         holds = self._held_mats.get(mat)
         if holds is None and not self._is_inside(stroke_span[0]):
             return  # most notes of a version that plays from its middle
-        impulse = level.impulse(impulse_reach, draw)
+        impulse = stroke_level.impulse(impulse_reach, draw)
         if impulse_reach is not None and impulse_reach.turns and strike_number % 2:
             impulse = -impulse
         if holds is not None:

@@ -36,12 +36,14 @@ class StruckNote:
 def struck_notes(stage: Stage) -> tuple[StruckNote, ...]:
     """All strokes of `strikes` and rhythms, in the order of time. What hands play is not there."""
     piece, families = stage.piece, stage.piece.note_families()
-    notes: list[StruckNote] = []
-    for name in _struck_parts(piece):
-        instrument = piece.instruments.get(name)
+    all_notes: list[StruckNote] = []
+    for struck_part in _struck_parts(piece):
+        instrument = piece.instruments.get(struck_part)
         if instrument is not None:
-            notes += _notes_of_part(stage, instrument, families.get(name, name))
-    return tuple(sorted(notes, key=lambda note: (note.begin, note.instrument, note.pitch or 0.0)))
+            all_notes += _notes_of_part(stage, instrument, families.get(struck_part, struck_part))
+    return tuple(
+        sorted(all_notes, key=lambda note: (note.begin, note.instrument, note.pitch or 0.0))
+    )
 
 
 def _struck_parts(piece: Piece) -> list[str]:
@@ -67,12 +69,14 @@ def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterato
         )
         # A damper that comes down after the next stroke ends that one.
         is_ended = let_down <= next_strike + _TOGETHER and math.isfinite(let_down)
-        end = min(next_strike, let_down if is_ended else note_begin + _LONGEST)
-        note_spans.append((note_begin, end, impulse))
+        note_end = min(next_strike, let_down if is_ended else note_begin + _LONGEST)
+        note_spans.append((note_begin, note_end, impulse))
     loudest = max((impulse for *_, impulse in note_spans), default=0.0)
-    for note_begin, end, impulse in sorted(note_spans):
+    for note_begin, note_end, impulse in sorted(note_spans):
         strength = _strength(impulse, loudest, reach)
-        yield StruckNote(family, instrument.name, _pitch(instrument), note_begin, end, strength)
+        yield StruckNote(
+            family, instrument.name, _pitch(instrument), note_begin, note_end, strength
+        )
 
 
 def _held_mats(assembly: Assembly, instrument: Instrument) -> Iterator[int]:

@@ -27,7 +27,7 @@ Visit = tuple[float, int]  # share of the way, from 0 to 1, and index of the mem
 
 
 def visits(
-    passing: Passing, network: _core.Network, parts: Sequence[str], mats: Sequence[int]
+    passing: Passing, network: _core.Network, part_names: Sequence[str], mats: Sequence[int]
 ) -> list[Visit]:
     """The instants at which the MATs of some parts are passed, in order of time, then of the MATs.
 
@@ -41,7 +41,7 @@ def visits(
         return _by_path(passing.path, passing.width, places)
     quantity, is_falling = SWEEPS[passing.sweep]
     if quantity == "pitch":
-        shares = _stretched(_pitches(network, parts, mats))
+        shares = _stretched(_pitches(network, part_names, mats))
     else:
         shares = _along(quantity, np.array([network.position_of(mat) for mat in mats]))
     order = [(1.0 - share if is_falling else share, i) for i, share in enumerate(shares)]
@@ -76,13 +76,13 @@ def _pitches(network: _core.Network, parts: Sequence[str], mats: Sequence[int]) 
     }
     pitches = []
     for mat in mats:
-        stiffness, mass = ties.get(mat, (0.0, 1.0))
+        stiffness, tie_mass = ties.get(mat, (0.0, 1.0))
         if not stiffness > 0.0:
             raise TextError(
                 f"{network.name_of(mat)} has no pitch, so a sweep by pitch cannot reach it; choose "
                 "a sweep by place"
             )
-        pitches.append(_core.ln(stiffness / mass))
+        pitches.append(_core.ln(stiffness / tie_mass))
     return pitches
 
 
@@ -100,10 +100,10 @@ def _by_path(path: tuple[Point, ...], point_width: float, member_places: _Floats
     for (t0, x0, y0), (t1, x1, y1) in pairwise(_corners(path)):
         _core.poll(_MEMBER_STEPS * len(member_places))
         dx, dy = x1 - x0, y1 - y0
-        length = dx * dx + dy * dy
+        segment_square = dx * dx + dy * dy
         chord_share = (
-            ((x - x0) * dx + (y - y0) * dy) / length
-            if length > 0.0
+            ((x - x0) * dx + (y - y0) * dy) / segment_square
+            if segment_square > 0.0
             else np.zeros(len(member_places))
         )
         chord_share = np.minimum(np.maximum(chord_share, 0.0), 1.0)
@@ -131,8 +131,8 @@ def _corners(path: tuple[Point, ...]) -> list[tuple[float, float, float]]:
         steps = max(1, ceil(abs(a1 - a0) / _STEP))
         first_step = 0 if leg == 0 else 1
         for step in range(first_step, steps + 1):
-            part = step / steps
-            radius = r0 + part * (r1 - r0)
-            sine, cosine = sine_cosine(a0 + part * (a1 - a0))
-            corners.append(((leg + part) / legs, 0.0 - radius * sine, radius * cosine))
+            step_part = step / steps
+            radius = r0 + step_part * (r1 - r0)
+            sine, cosine = sine_cosine(a0 + step_part * (a1 - a0))
+            corners.append(((leg + step_part) / legs, 0.0 - radius * sine, radius * cosine))
     return corners

@@ -118,7 +118,7 @@ def _identity(take: TakeFile) -> Hashable:
         return take.input
     try:
         file_stat = take.path.stat()
-        file = file_stat.st_mtime_ns, file_stat.st_size, file_stat.st_ino
+        file_identity = file_stat.st_mtime_ns, file_stat.st_size, file_stat.st_ino
     except OSError:
-        file = None
-    return take.path, file, take.channel, take.rate, take.unit, take.trim, take.smooth
+        file_identity = None
+    return take.path, file_identity, take.channel, take.rate, take.unit, take.trim, take.smooth

@@ -166,39 +166,40 @@ def _rehearsed(
     assembly = Assembly(seed=seed)
     assembly.part(player_key.name, player_key.modules, reach=player_key.reach)
     assembly.joins(player_key.name, player_key.modules, reach=player_key.reach)
-    network, struck = assembly.network, assembly.mats[player_key.name, player_key.struck]
-    network.listen("key", positions=[(struck, 1, 1.0)])
+    network, struck_mat = assembly.network, assembly.mats[player_key.name, player_key.struck]
+    network.listen("key", positions=[(struck_mat, 1, 1.0)])
     timeline = _core.Timeline(network, rate)
-    index = timeline.key(player_key.name, struck)
+    key_index = timeline.key(player_key.name, struck_mat)
     # Time to reach the first point, wherever it is.
     lead = 0.05
     t = [time - gesture.start + lead for time in gesture.t]
-    timeline.gesture(index, t, list(gesture.x), gesture.curves)
+    timeline.gesture(key_index, t, list(gesture.x), gesture.curves)
     simulation = _core.Simulation(network, timeline)
     start_frame, stop_frame = int(lead * rate), int(t[-1] * rate) + 1
     simulation.process(np.zeros((start_frame, 1)))
     low_position, high_position = (math.inf, 0), (-math.inf, 0)
     for first_frame in range(start_frame, stop_frame, _BLOCK):
-        block = np.zeros((min(_BLOCK, stop_frame - first_frame), 1))
-        simulation.process(block)
-        lowest_index, highest_index = int(block.argmin()), int(block.argmax())
+        frame_block = np.zeros((min(_BLOCK, stop_frame - first_frame), 1))
+        simulation.process(frame_block)
+        lowest_index, highest_index = int(frame_block.argmin()), int(frame_block.argmax())
         low_position = min(
-            low_position, (float(block[lowest_index, 0]), first_frame + lowest_index - start_frame)
+            low_position,
+            (float(frame_block[lowest_index, 0]), first_frame + lowest_index - start_frame),
         )
-        if block[highest_index, 0] > high_position[0]:
+        if frame_block[highest_index, 0] > high_position[0]:
             high_position = (
-                float(block[highest_index, 0]),
+                float(frame_block[highest_index, 0]),
                 first_frame + highest_index - start_frame,
             )
     farthest = high_position if high_position[0] > -low_position[0] else low_position
     return low_position[0], high_position[0], farthest[1] / rate
 
 
-def _throw_bounds(gesture: StagedGesture, instant: float) -> str:
+def _throw_bounds(gesture: StagedGesture, instant_seconds: float) -> str:
     """The two points of the throw during which an instant falls: `0.125 s and 0.375 s`."""
     for i in gesture.throws:
         begin, end = (gesture.t[j] - gesture.start for j in (i - 1, i))
-        if begin <= instant <= end + 1e-3:
+        if begin <= instant_seconds <= end + 1e-3:
             return f"{begin:.3f} s and {end:.3f} s"
     return "its points"
 
@@ -227,9 +228,13 @@ def _natural_frequency(player_key: Key) -> float | None:
     """
     if len(player_key.modules) != 1 or player_key.modules[0].kind != "CEL":
         return None
-    f = player_key.modules[0].fields
-    if f.get("f"):
-        return 2.0 * math.pi * float(f["f"])
-    k, z, m = float(f.get("K") or 0.0), float(f.get("Z") or 0.0), float(f["M"])
+    cel_fields = player_key.modules[0].fields
+    if cel_fields.get("f"):
+        return 2.0 * math.pi * float(cel_fields["f"])
+    k, z, m = (
+        float(cel_fields.get("K") or 0.0),
+        float(cel_fields.get("Z") or 0.0),
+        float(cel_fields["M"]),
+    )
     squared = k / m - (z / (2.0 * m)) ** 2
     return math.sqrt(squared) if squared > 0.0 else None

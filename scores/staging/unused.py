@@ -18,11 +18,11 @@ class _Groups:
     def __init__(self) -> None:
         self._above: dict[str, str] = {}
 
-    def representative(self, part: str) -> str:
+    def representative(self, part_name: str) -> str:
         """The part that represents a group."""
-        while part in self._above:
-            part = self._above[part]
-        return part
+        while part_name in self._above:
+            part_name = self._above[part_name]
+        return part_name
 
     def join(self, a: str, b: str) -> None:
         """Put two parts in one group."""
@@ -82,11 +82,11 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     return list(dict.fromkeys(warnings))
 
 
-def _listened(piece: Piece, links: dict[tuple[str, str], tuple[str, ...]]) -> Iterator[str]:
+def _listened(piece: Piece, links_by_part: dict[tuple[str, str], tuple[str, ...]]) -> Iterator[str]:
     """Parts whose movement or force is heard."""
     for _, instrument, output in audible_outputs(piece):
         for target in targets_of(instrument, output):
-            yield from links.get((target.part, target.module), (target.part,))
+            yield from links_by_part.get((target.part, target.module), (target.part,))
 
 
 def _moved(piece: Piece) -> Iterator[str]:
@@ -98,9 +98,9 @@ def _moved(piece: Piece) -> Iterator[str]:
             yield player.key
     for strikes in piece.strikes:
         yield from (target.part for target in strikes.to)
-    for part, module in piece.modules():
-        to = module.fields.get("to")
-        if module.kind in ("ENX", "ENF") and isinstance(to, Target):
+    for part_name, part_module in piece.modules():
+        to = part_module.fields.get("to")
+        if part_module.kind in ("ENX", "ENF") and isinstance(to, Target):
             yield to.part
-        if module.fields.get("X0") or module.fields.get("V0"):
-            yield part  # in space: X0 is always written; springs and gravity move it
+        if part_module.fields.get("X0") or part_module.fields.get("V0"):
+            yield part_name  # in space: X0 is always written; springs and gravity move it

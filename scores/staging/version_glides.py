@@ -56,10 +56,10 @@ class Glide:
 
     def evaluate(self, instant: float) -> _Values:
         """The values at an instant."""
-        share = min(1.0, max(0.0, (instant - self.start) / (self.stop - self.start)))
+        glide_share = min(1.0, max(0.0, (instant - self.start) / (self.stop - self.start)))
         pairs = zip(self.before, self.after, strict=True)
         return tuple(
-            value_before + (value_after - value_before) * share
+            value_before + (value_after - value_before) * glide_share
             for value_before, value_after in pairs
         )
 
@@ -100,7 +100,7 @@ def glides(
     fades in from no force if it joins parts that were there before.
     """
     under_way = {(g.part, g.module): g for g in running if g.stop > start_seconds}
-    values_before, new = (
+    values_before, values_after = (
         dict(_gliding_values(*pair, under_way))
         for pair in ((piece_before, piece_after), (piece_after, piece_before))
     )
@@ -109,7 +109,7 @@ def glides(
         dict(_body_forms(piece_after, piece_before)),
     )
     glides_by_module = {}
-    for module_key, module_values in new.items():
+    for module_key, module_values in values_after.items():
         running_glide = under_way.get(module_key)
         if module_key not in values_before or len(values_before[module_key]) != len(module_values):
             continue
@@ -129,10 +129,10 @@ def glides(
                 *module_key, values_now, module_values, start_seconds, start_seconds + glide_seconds
             )
     links_before = _links(piece_before, piece_after)
-    for module_key, module in _links(piece_after, piece_before).items():
+    for module_key, new_link in _links(piece_after, piece_before).items():
         running_glide = under_way.get(module_key)
-        if module_key not in links_before and _joins_earlier_part(module, piece_before):
-            module_values = _module_values(module) or (1.0,)
+        if module_key not in links_before and _joins_earlier_part(new_link, piece_before):
+            module_values = _module_values(new_link) or (1.0,)
             values_now = (0.0,) if running_glide is None else running_glide.evaluate(start_seconds)
             glide = Glide(
                 *module_key, values_now, module_values, start_seconds, start_seconds + glide_seconds
@@ -232,11 +232,11 @@ def _parts(piece: Piece) -> tuple[Key | Instrument, ...]:
     return *piece.keys.values(), *piece.instruments.values()
 
 
-def _setting(part: Key | Instrument) -> tuple[float | None, float | None]:
+def _setting(module_owner: Key | Instrument) -> tuple[float | None, float | None]:
     """What the values of a part's modules depend on besides the modules."""
-    if isinstance(part, Instrument):
-        return None, part.ca_rate
-    return part.reach, None
+    if isinstance(module_owner, Instrument):
+        return None, module_owner.ca_rate
+    return module_owner.reach, None
 
 
 def _links(piece: Piece, other_piece: Piece) -> dict[tuple[str, str], Module]:
@@ -255,10 +255,10 @@ def _links(piece: Piece, other_piece: Piece) -> dict[tuple[str, str], Module]:
 
 def _end_stays(end: Target, piece_before: Piece, piece_after: Piece) -> bool:
     """Whether the module at an end exists in both pieces, with the same number of members."""
-    old, new = _module_at(end, piece_before), _module_at(end, piece_after)
-    if old is None or new is None or old.kind != new.kind:
+    end_before, end_after = _module_at(end, piece_before), _module_at(end, piece_after)
+    if end_before is None or end_after is None or end_before.kind != end_after.kind:
         return False
-    return old.kind in _POINTS or old.fields == new.fields
+    return end_before.kind in _POINTS or end_before.fields == end_after.fields
 
 
 def _module_at(end: Target, piece: Piece) -> Module | None:
@@ -301,22 +301,22 @@ def _body_forms(
     """The fields of changed STRINGs and PLATEs except pitch, decay, mass and initial state."""
     for module_part, part_module in _changed_modules(piece, other_piece):
         if isinstance(module_part, Instrument) and part_module.kind in BODIES:
-            form = {
+            form_fields = {
                 name: field_value
                 for name, field_value in part_module.fields.items()
                 if name not in _TUNING
             }
-            yield (module_part.name, part_module.name), {**form, "kind": part_module.kind}
+            yield (module_part.name, part_module.name), {**form_fields, "kind": part_module.kind}
 
 
-def ties(fields: Mapping[str, Any]) -> tuple[float, float, float]:
+def ties(module_fields: Mapping[str, Any]) -> tuple[float, float, float]:
     """K [N/m], Z [N·s/m] and M [kg] of a CEL's fields."""
-    mass = float(fields["M"])
-    if fields.get("f") is None:
-        return float(fields.get("K") or 0.0), float(fields.get("Z") or 0.0), mass
-    omega, t60 = TWO_PI * float(fields["f"]), fields.get("t60")
+    body_mass = float(module_fields["M"])
+    if module_fields.get("f") is None:
+        return float(module_fields.get("K") or 0.0), float(module_fields.get("Z") or 0.0), body_mass
+    omega, t60 = TWO_PI * float(module_fields["f"]), module_fields.get("t60")
     sigma = LN_1000 / float(t60) if t60 else 0.0
-    return mass * (omega * omega + sigma * sigma), 2.0 * mass * sigma, mass
+    return body_mass * (omega * omega + sigma * sigma), 2.0 * body_mass * sigma, body_mass
 
 
 def _module_values(part_module: Module) -> _Values | None:
@@ -330,10 +330,10 @@ def _module_values(part_module: Module) -> _Values | None:
     return None
 
 
-def _body_values(fields: Mapping[str, Any]) -> _Values | None:
+def _body_values(module_fields: Mapping[str, Any]) -> _Values | None:
     """K and Z of the links of a STRING or PLATE, up to a factor that depends on its form."""
-    t60, mass = fields.get("t60"), float(fields["M"])
+    t60, body_mass = module_fields.get("t60"), float(module_fields["M"])
     if t60 is not None and not isinstance(t60, float):
         return None  # its dampers depend on all its modes
-    omega, sigma = TWO_PI * float(fields["f"]), LN_1000 / t60 if t60 else 0.0
-    return mass * (omega * omega + sigma * sigma), mass * sigma
+    omega, sigma = TWO_PI * float(module_fields["f"]), LN_1000 / t60 if t60 else 0.0
+    return body_mass * (omega * omega + sigma * sigma), body_mass * sigma
