@@ -99,7 +99,7 @@ def _shapes(part_modes: Sequence[PartModes], shape_name: str) -> str:
             drawn.append(Shape(mode_labels, x, y, turned.real.tolist()))
         if modes_of_part.masses:
             shape_tables.append((modes_of_part.part, drawn))
-    return shapes(shape_tables, picture_title=f"Shapes of the modes of {shape_name}")
+    return shapes(shape_tables, title=f"Shapes of the modes of {shape_name}")
 
 
 def _warn(console: Console, modes_of_part: PartModes) -> None:

@@ -247,12 +247,12 @@ _PLACES = {
 
 
 def __getattr__(public_name: str) -> object:
-    place = "api.version" if public_name == "__version__" else _PLACES.get(public_name)
-    if place is None:
+    place_path = "api.version" if public_name == "__version__" else _PLACES.get(public_name)
+    if place_path is None:
         raise AttributeError(f"module 'ergon' has no attribute '{public_name}'", name=public_name)
     from importlib import import_module
 
-    attribute: object = getattr(import_module(f"ergon.{place}"), public_name)
+    attribute: object = getattr(import_module(f"ergon.{place_path}"), public_name)
     globals()[public_name] = attribute
     return attribute
 

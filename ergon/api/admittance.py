@@ -170,14 +170,14 @@ def admittance(
             )
             for number, end in enumerate((forced_point, *observed_points))
         ]
-        values = network.admittance(list(part_names), mats[0], mats[1:], frequency_axis)  # type: ignore[arg-type]
+        admittance_values = network.admittance(list(part_names), mats[0], mats[1:], frequency_axis)  # type: ignore[arg-type]
         together = network.elements(list(part_names)).kinds
     return Admittance(
         part_names,
         forced,
         observed_names,
         frequency_axis,
-        values,
+        admittance_values,
         sum(kind in ("LNL", "BRISTLE", "DRY") for kind in together),
         together.count("BUT"),
         tuple(loaded.inputs),
@@ -185,14 +185,17 @@ def admittance(
 
 
 def _masses(
-    option: str, target: Target, candidates: Sequence[int], parts: Sequence[_core.Elements]
+    option: str,
+    forced_target: Target,
+    candidates: Sequence[int],
+    part_elements: Sequence[_core.Elements],
 ) -> list[int]:
     """Those of the MATs `candidates` that move. Raises OptionError if none does."""
-    moving = {mat for part in parts for mat in part.mats}
+    moving = {mat for part in part_elements for mat in part.mats}
     moving_mats = [mat for mat in candidates if mat in moving]
     if not moving_mats:
         raise OptionError(
-            option, f"{target.text} is fixed, so no force moves it; name a point that moves"
+            option, f"{forced_target.text} is fixed, so no force moves it; name a point that moves"
         )
     return moving_mats
 

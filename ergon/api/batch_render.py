@@ -112,10 +112,10 @@ def _wanted(
             raise ErgonError(
                 f"{path} cannot be rendered together with other scores; render it alone"
             )
-    read = [(str(path), scores.read(path, file_options, report)) for path in paths]
-    _refuse_mistakes([loaded for _, loaded in read])
+    read_scores = [(str(path), scores.read(path, file_options, report)) for path in paths]
+    _refuse_mistakes([loaded for _, loaded in read_scores])
     wanted_by_path: dict[Path, _Wanted] = {}
-    for path, loaded in read:
+    for path, loaded in read_scores:
         target_file = target(path, loaded, None)
         if folder is not None:
             target_file = str(Path(folder, Path(target_file).name))
@@ -131,10 +131,12 @@ def _wanted(
             file_options, stems=None if stems is None else Path(stems, Path(target_file).stem)
         )
         wanted_by_path[resolved_file] = _Wanted(path, loaded, target_file, score_options)
-    inputs = [Path(input) for score in wanted_by_path.values() for input in score.loaded.inputs]
+    input_paths = [
+        Path(input) for score in wanted_by_path.values() for input in score.loaded.inputs
+    ]
     for score in wanted_by_path.values():
         check_ending(score.target)
-        check_target(Path(score.target), force=file_options.force, inputs=inputs)
+        check_target(Path(score.target), force=file_options.force, inputs=input_paths)
     return list(wanted_by_path.values())
 
 
@@ -205,13 +207,14 @@ def _together(renders: Sequence[_Wanted], cluster: Cluster, report: Report) -> I
                 score_work.work.cancel()
 
 
-def _is_room(running: Iterable[_SharedScore], count: int, limit: int) -> bool:
+def _is_room(running: Iterable[_SharedScore], render_count: int, limit: int) -> bool:
     """Whether workers may be idle, and memory is left for another score."""
     running_list = list(running)
     return len(running_list) < limit and (
         not running_list
         or (
-            sum(running_render.n_chains for running_render in running_list) < chain_count(count)
+            sum(running_render.n_chains for running_render in running_list)
+            < chain_count(render_count)
             and sum(running_render.n_modules for running_render in running_list) < MODULES_MAX
         )
     )

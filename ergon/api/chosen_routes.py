@@ -31,12 +31,12 @@ def choose_routes(loaded: Loaded, only: str | None, except_: str | None) -> Load
         raise OptionError(
             option_name, "the score has no routes; write them in `mix`, or use --stems"
         )
-    names = [name.strip() for name in names_text.split(",")]
-    _check(piece, option_name, names)
+    chosen_names = [name.strip() for name in names_text.split(",")]
+    _check(piece, option_name, chosen_names)
     routes = tuple(
         route
         for route in piece.mix.routes
-        if _is_from(piece, route, names) == (option_name == "only")
+        if _is_from(piece, route, chosen_names) == (option_name == "only")
     )
     if not routes:
         raise OptionError(option_name, "no instrument is left that is heard", value=names_text)
@@ -48,11 +48,11 @@ def _is_from(piece: Piece, route: Route, names: Collection[str]) -> bool:
     return route.part in names or families.get(str(route.part), "") in names
 
 
-def _check(piece: Piece, option: str, names: Collection[str]) -> None:
+def _check(piece: Piece, option: str, chosen_names: Collection[str]) -> None:
     from ergon.notation.text.spelling import nearest
 
     part_names = [*piece.instruments, *piece.families]
-    for part_name in names:
+    for part_name in chosen_names:
         if part_name not in part_names:
             suggestion = nearest(part_name, part_names)
             advice = (

@@ -132,10 +132,10 @@ class Cluster:
         """Report a line for each worker that computed stretches."""
         total_seconds = sum(worker.seconds for worker in self._shares_by_worker.values())
         for worker_name, worker in sorted(self._shares_by_worker.items()):
-            share = 100.0 * worker.seconds / total_seconds if total_seconds else 0.0
+            work_share = 100.0 * worker.seconds / total_seconds if total_seconds else 0.0
             report.say(
                 f"worker {worker_name}: {worker.n_stretches} stretches in {worker.seconds:.1f} s, "
-                f"{share:.0f} % of the work that was shared"
+                f"{work_share:.0f} % of the work that was shared"
             )
             fields = {"stretches": worker.n_stretches, "seconds": worker.seconds}
             report.event("worker", worker=worker_name, **fields)
@@ -298,12 +298,12 @@ def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -
     assert wished is not None
     score = next(iter(loaded.files))  # the score is read first
     score_content = bundled(score, loaded)
-    text = plan_file.text(plan.choices(), plan.hash, budget=dict(budget_of(wished)))
-    score_digest = hashlib.sha256(text.encode()).hexdigest()
+    plan_text = plan_file.text(plan.choices(), plan.hash, budget=dict(budget_of(wished)))
+    score_digest = hashlib.sha256(plan_text.encode()).hexdigest()
     return Job(
         version=cluster_worker.version(),
         content=score_content,
-        plan=text,
+        plan=plan_text,
         plan_hash=plan.hash,
         rate=rate,
         seed=seed,

@@ -144,12 +144,16 @@ def _advanced(
     staged_job: _Ready, request: Request, island_request: IslandRequest
 ) -> tuple[bytes, bytes]:
     """Compute a stretch of an island: its sound, and its state after it."""
-    first_frame, stop_frame, number = request["at"], request["stop"], island_request["number"]
-    if not 0 <= number < len(staged_job.islands):
+    first_frame, stop_frame, island_number = (
+        request["at"],
+        request["stop"],
+        island_request["number"],
+    )
+    if not 0 <= island_number < len(staged_job.islands):
         raise ClusterError(
             "this worker finds other islands in the same score; install the same ergon"
         )
-    island, simulation = staged_job.islands[number], staged_job.simulation
+    island, simulation = staged_job.islands[island_number], staged_job.simulation
     if (
         simulation.island_key(island, first_frame, stop_frame, island_request["before"])
         != island_request["key"]
@@ -159,10 +163,10 @@ def _advanced(
         )
     try:
         simulation.set_state(island, island_request["state"])
-        sound = (
+        sound_frames = (
             simulation.advance(island, stop_frame - first_frame).astype("<f8", copy=False).tobytes()
         )
-        return sound, simulation.recorded(island).state
+        return sound_frames, simulation.recorded(island).state
     except BaseException:
         _ready.remove(staged_job)  # stopped in the middle of a frame
         raise

@@ -284,12 +284,12 @@ def _transport(device: DeviceName, emulation_options: EmulationOptions) -> tuple
     ports_asked = [(name, port) for name, port in ports.items() if port is not None]
     if len(ports_asked) > 1:
         raise EmulationError("--pty, --udp and --ws exclude each other; give one")
-    name, port = (
+    transport_name, port = (
         ports_asked[0] if ports_asked else (next(iter(schemes)), 10001 if "ws" in schemes else 0)
     )
-    if name not in schemes:
+    if transport_name not in schemes:
         raise EmulationError(f"a {device} is emulated by --{' or --'.join(schemes)}")
-    return name, port
+    return transport_name, port
 
 
 def _paths(emulation_options: EmulationOptions, fingers: int) -> list[NDArray[np.float64]]:
@@ -301,15 +301,15 @@ def _paths(emulation_options: EmulationOptions, fingers: int) -> list[NDArray[np
     from ergon.scores.gesture.sampled import sampled
 
     paths = []
-    for text in emulation_options.gesture:
+    for gesture_text in emulation_options.gesture:
         try:
             paths.append(
                 sampled(
-                    notation.parse(text).points,
+                    notation.parse(gesture_text).points,
                     60 / emulation_options.tempo,
                     emulation_options.rate,
                 )
             )
         except TextError as error:
-            raise EmulationError(f"--gesture: {error.message}: {text}") from None
+            raise EmulationError(f"--gesture: {error.message}: {gesture_text}") from None
     return paths + [np.empty(0)] * (fingers - len(paths))

@@ -73,10 +73,10 @@ class OptionError(ErgonError):
     @property
     def on_command_line(self) -> str:
         """The message with the option as the command line writes it: `--gain: …`."""
-        name, reason = _flag(self.option), self.reason
+        flag_name, flag_reason = _flag(self.option), self.reason
         if self.excludes is not None:
-            reason = f"excludes {_flag(self.excludes)}{self._advice}"
-        return f"{name}{'' if self.value is None else f' {self.value}'}: {reason}"
+            flag_reason = f"excludes {_flag(self.excludes)}{self._advice}"
+        return f"{flag_name}{'' if self.value is None else f' {self.value}'}: {flag_reason}"
 
 
 def _flag(option: str) -> str:

@@ -42,12 +42,12 @@ def film(stage: Stage, job: RenderJob) -> Film:
             "motion",
             "sound on stdout gives the motion file no name; write the sound into a file by -o",
         )
-    stop = min(job.stop, stage.n_analysed_frames) if job.has_open_end else job.stop
+    stop_frame = min(job.stop, stage.n_analysed_frames) if job.has_open_end else job.stop
 
     def begin(simulation: Simulation) -> MotionRecorder:
-        return recorder(stage, simulation, stop / stage.rate)
+        return recorder(stage, simulation, stop_frame / stage.rate)
 
-    return Film(Path(job.target).with_suffix(SUFFIX), stop, stage.n_channels, begin)
+    return Film(Path(job.target).with_suffix(SUFFIX), stop_frame, stage.n_channels, begin)
 
 
 def recorder(stage: Stage, simulation: Simulation, duration: float | None) -> MotionRecorder:
@@ -175,10 +175,10 @@ def _axes(stage: Stage, name: str) -> int:
     return instrument.axes if instrument else 1
 
 
-def _layout(stage: Stage, name: str) -> str:
-    if name in stage.piece.keys:
+def _layout(stage: Stage, instrument_name: str) -> str:
+    if instrument_name in stage.piece.keys:
         return "key"
-    instrument = stage.piece.instruments.get(name)
+    instrument = stage.piece.instruments.get(instrument_name)
     kinds = [module.kind for module in instrument.modules] if instrument else []
     return next((_LAYOUTS[kind] for kind in kinds if kind in _LAYOUTS), "loose")
 
@@ -230,23 +230,23 @@ def _places(stage: Stage, look: MotionLook) -> NDArray[np.float64]:
                 list(piece.keys).index(instrument_name), len(piece.keys), len(point_indices)
             )
         else:
-            size, middle = _placing(stage, instrument_name, instruments)
+            instrument_size, middle = _placing(stage, instrument_name, instruments)
             if (
                 _axes(stage, instrument_name) == 1
             ):  # points in space are where their coordinates say
                 bench = np.array([network.position_of(mats[point]) for point in point_indices])
-                point_places[point_indices, :2] = size * _spread(bench)
+                point_places[point_indices, :2] = instrument_size * _spread(bench)
             point_places[point_indices] += middle
     return point_places
 
 
-def _key_places(number: int, n_keys: int, n_points: int) -> NDArray[np.float64]:
+def _key_places(key_number: int, n_keys: int, n_points: int) -> NDArray[np.float64]:
     """Positions of the points of a key, one behind the other; keys lie in a row before the
     instruments.
     """
     import numpy as np
 
-    x = (number - 0.5 * (n_keys - 1)) * _KEY_WIDTH
+    x = (key_number - 0.5 * (n_keys - 1)) * _KEY_WIDTH
     return np.array([(x, _KEYS_Y - 0.5 * _KEY_WIDTH * row, 0.0) for row in range(n_points)])
 
 
@@ -260,10 +260,10 @@ def _placing(
         return placing.across, (*placing.at, placing.height or 0.0)
     if stage.piece.mix.layout is not None:
         return 1.0, (0.0, 0.0, 0.0)
-    number = instruments.index(instrument_name)
+    instrument_number = instruments.index(instrument_name)
     columns = max(1, math.isqrt(max(0, len(instruments) - 1)) + 1)
-    x = (number % columns - 0.5 * (columns - 1)) * _INSTRUMENT_SPACING
-    return 1.0, (x, number // columns * _INSTRUMENT_SPACING, 0.0)
+    x = (instrument_number % columns - 0.5 * (columns - 1)) * _INSTRUMENT_SPACING
+    return 1.0, (x, instrument_number // columns * _INSTRUMENT_SPACING, 0.0)
 
 
 def _spread(bench: NDArray[np.float64]) -> NDArray[np.float64]:

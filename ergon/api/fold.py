@@ -200,23 +200,25 @@ def _folded(
 
 
 def _folded_file(
-    path: Path, info: WaveInfo, blocks: Iterator[NDArray[np.float64]], tail: int
+    path: Path, info: WaveInfo, blocks: Iterator[NDArray[np.float64]], tail_frames: int
 ) -> Iterator[NDArray[np.float64]]:
     """The blocks of a file, then zeros for the tail of the fold. Raises FoldError for infinite
     samples.
     """
     import numpy as np
 
-    start = 0
+    start_frame = 0
     try:
-        for block in blocks:
-            if not np.isfinite(block).all():
-                raise FoldError(f"{path} holds samples that are not finite, after frame {start:,}")
-            start += len(block)
-            yield np.ascontiguousarray(block)
+        for fold_block in blocks:
+            if not np.isfinite(fold_block).all():
+                raise FoldError(
+                    f"{path} holds samples that are not finite, after frame {start_frame:,}"
+                )
+            start_frame += len(fold_block)
+            yield np.ascontiguousarray(fold_block)
     except NotWaveError as error:
         raise FoldError(f"{path}: {error}") from None
-    yield np.zeros((tail, info.format.n_channels))
+    yield np.zeros((tail_frames, info.format.n_channels))
 
 
 def _order(layout_word: str, option: str) -> int | None:
@@ -344,7 +346,7 @@ def _filters(
         raise OptionError("to", str(error), value=to) from None
 
 
-def _head(path: str | Path, source: Field) -> Head:
+def _head(path: str | Path, source_field: Field) -> Head:
     """The head of a SOFA file, for the directions of a field."""
     from ergon.exchange import sofa
     from ergon.space import fold_filters, head
@@ -352,7 +354,7 @@ def _head(path: str | Path, source: Field) -> Head:
 
     measured = sofa.read(Path(path))
     directions = unit_vectors(point(a, e, 1.0) for a, e in measured.angles.tolist())
-    source_directions = fold_filters.directions_of(source)
+    source_directions = fold_filters.directions_of(source_field)
     return head.prepared(
         directions, measured.responses, measured.rate, source_directions, measured.delays
     )

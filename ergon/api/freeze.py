@@ -128,11 +128,11 @@ def _audible_parts(piece: Piece) -> list[str]:
     return list(dict.fromkeys(instrument.name for _, instrument, _ in audible_outputs(piece)))
 
 
-def _are_there(piece: Piece, parts: Iterable[str]) -> None:
+def _are_there(piece: Piece, part_names: Iterable[str]) -> None:
     from ergon.notation.text.spelling import nearest
 
     audible_names = _audible_parts(piece)
-    for frozen_part in parts:
+    for frozen_part in part_names:
         if frozen_part in audible_names:
             continue
         if frozen_part in piece.instruments:
@@ -146,10 +146,10 @@ def _are_there(piece: Piece, parts: Iterable[str]) -> None:
         raise OptionError("freeze", f"the score has no instrument '{frozen_part}'{hint}")
 
 
-def _are_free(piece: Piece, parts: Collection[str], live: Iterable[str], option: str) -> None:
+def _are_free(piece: Piece, part_names: Collection[str], live: Iterable[str], option: str) -> None:
     from ergon.scores.staging.reach import ties
 
-    tied_names = ties(piece, parts, live)
+    tied_names = ties(piece, part_names, live)
     if tied_names:
         raise OptionError(option, "; ".join(map(str, tied_names)))
 

@@ -57,13 +57,13 @@ def driven_players(
             player = piece.players[player_name]
             if player_name not in driven:
                 continue
-            key = piece.keys[player.key]
+            player_key = piece.keys[player.key]
             if is_led(board.url):
                 refusal_reason = (
                     f"{board.url} has no motor that could move a key; --live {player_name}=… plays "
                     "it"
                 )
-            elif key.measured is None or (len(key.modules) > 1 and key.struck):
+            elif player_key.measured is None or (len(player_key.modules) > 1 and player_key.struck):
                 refusal_reason = (
                     f"the key {player.key} is not measured, so nobody knows by which force it "
                     f"moves; measure it with `ergon metrology {board.url}`, and write "
@@ -107,11 +107,11 @@ def _led_key(score_key: Key) -> LedKey:
     from ergon.scores.staging.version_glides import ties
 
     travel = score_key.travel or LedKey().travel
-    (struck,) = (module for module in score_key.modules if module.name == score_key.struck)
-    if struck.kind != "CEL":
+    (struck_cel,) = (module for module in score_key.modules if module.name == score_key.struck)
+    if struck_cel.kind != "CEL":
         return LedKey(travel)
-    stiffness, _, _ = ties(struck.fields)
-    return LedKey(travel, min(stiffness, _STIFFEST), float(struck.fields.get("rest") or 0.0))
+    stiffness, _, _ = ties(struck_cel.fields)
+    return LedKey(travel, min(stiffness, _STIFFEST), float(struck_cel.fields.get("rest") or 0.0))
 
 
 def calibrated_boards(boards: Sequence[Board], unchecked: bool, report: Report) -> list[Board]:
@@ -165,12 +165,13 @@ def _tried_together(
     from ergon.live.calibration import axes_as_known
 
     def trial(axis_number: int) -> dict[int, Axis]:
-        numbers = [number for number, _ in unsure[axis_number]]
-        if not numbers or boards[axis_number].kind == "haply":
+        axis_numbers = [number for number, _ in unsure[axis_number]]
+        if not axis_numbers or boards[axis_number].kind == "haply":
             return {}
         calibrations_before = calibrations[axis_number]
         return axes_as_known(
-            boards[axis_number].url, {number: calibrations_before.get(number) for number in numbers}
+            boards[axis_number].url,
+            {number: calibrations_before.get(number) for number in axis_numbers},
         )
 
     if sum(map(len, unsure)) < 2:

@@ -258,11 +258,11 @@ def _frozen(
         loaded_parts = load_frozen(folder, version, real_players)
     except NotFrozenError as error:
         raise OptionError(option, str(error)) from None
-    names = [part.name for part in loaded_parts]
-    if names:
+    part_names = [part.name for part in loaded_parts]
+    if part_names:
         end = scores.where(piece, min(part.n_frames for part in loaded_parts) / piece.rate)
-        report.say(f"from {folder.folder}: {', '.join(names)}, up to {end} of the score")
-    other_parts = [part.name for part in folder.parts if part.name not in names]
+        report.say(f"from {folder.folder}: {', '.join(part_names)}, up to {end} of the score")
+    other_parts = [part.name for part in folder.parts if part.name not in part_names]
     if other_parts:
         report.say(f"computed live, because the session has changed them: {', '.join(other_parts)}")
     return folder.beside(Path(session_options.journal)), loaded_parts
@@ -347,7 +347,7 @@ def _engine(
             report.say(f"input: {sentence}")
         return engine
 
-    def opening(every: int, hands: Path | None) -> SessionStart:
+    def opening(tick_frames: int, hands: Path | None) -> SessionStart:
         gain_options = config.gain, config.limit, config.highpass
         take = None
         if hands is not None:
@@ -362,7 +362,7 @@ def _engine(
             version.texts,
             clock.stopped_beat,
             version.faders,
-            every,
+            tick_frames,
             *gain_options,
             past,
             version.base,

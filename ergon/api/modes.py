@@ -58,12 +58,12 @@ class ModesOptions(ReadOptions):
                 if value is not None:
                     raise OptionError(name, "; give one of the two", excludes="upto")
             return {"to": hertz("upto", self.upto)}
-        count = COUNT if self.count is None else self.count
-        if count < 1:
-            raise OptionError("count", f"is {count}; it must be at least 1")
+        mode_count = COUNT if self.count is None else self.count
+        if mode_count < 1:
+            raise OptionError("count", f"is {mode_count}; it must be at least 1")
         if self.around is not None:
-            return {"count": count, "around": hertz("around", self.around)}
-        return {"count": count}
+            return {"count": mode_count, "around": hertz("around", self.around)}
+        return {"count": mode_count}
 
 
 _FAINTEST = -200.0  # [dB] a level below is a motion that is not there
@@ -127,10 +127,14 @@ class PartModes:
         """
         import numpy as np
 
-        size = np.abs(self.points[point])
-        largest = size.max(initial=0.0)
+        mode_sizes = np.abs(self.points[point])
+        largest = mode_sizes.max(initial=0.0)
         with np.errstate(divide="ignore"):
-            return 20 * np.log10(size / largest) if largest > 0 else np.full(size.shape, -np.inf)
+            return (
+                20 * np.log10(mode_sizes / largest)
+                if largest > 0
+                else np.full(mode_sizes.shape, -np.inf)
+            )
 
 
 def stave_picture(part_modes: Sequence[PartModes], name: str) -> Picture:
@@ -148,7 +152,7 @@ def stave_picture(part_modes: Sequence[PartModes], name: str) -> Picture:
             if note
         ]
         stave_parts.append((modes_of_part.part, modes))
-    return Picture(stave(stave_parts, picture_title=f"Modes of {name}"))
+    return Picture(stave(stave_parts, title=f"Modes of {name}"))
 
 
 def mode_words(part: PartModes) -> list[str]:
@@ -164,7 +168,7 @@ def mode_rows(part: PartModes) -> list[tuple[str, ...]]:
     """A table of the modes for reading: its head, and a row for each mode."""
     levels = [part.levels(point) for point in part.points]
     modes_with_decays = zip(part.frequencies, part.t60, part.notes, strict=True)
-    rows = [
+    mode_lines = [
         (
             str(i + 1),
             note,
@@ -175,14 +179,14 @@ def mode_rows(part: PartModes) -> list[tuple[str, ...]]:
         )
         for i, (f, t60, (note, cents)) in enumerate(modes_with_decays)
     ]
-    return [("", "note", "cents", "frequency", "T60", *part.points), *rows]
+    return [("", "note", "cents", "frequency", "T60", *part.points), *mode_lines]
 
 
-def _t60(value: float) -> str:
-    if isinf(value):
+def _t60(decay_seconds: float) -> str:
+    if isinf(decay_seconds):
         return "no loss"
-    minutes, seconds = divmod(int(value), 60)
-    return f"{value:.3g} s" if value < 120 else f"{minutes} min {seconds:02} s"
+    minutes, seconds = divmod(int(decay_seconds), 60)
+    return f"{decay_seconds:.3g} s" if decay_seconds < 120 else f"{minutes} min {seconds:02} s"
 
 
 def modes(
@@ -198,10 +202,12 @@ def modes(
     search_bounds = options.asked()
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    names = selected_parts(piece, options.parts)
+    part_names = selected_parts(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
-        return tuple(modes_of(piece, built, name, search_bounds, loaded.inputs) for name in names)
+        return tuple(
+            modes_of(piece, built, name, search_bounds, loaded.inputs) for name in part_names
+        )
 
 
 def modes_of(
@@ -220,7 +226,7 @@ def modes_of(
     is_damped = decay > LN_1000 / _LONGEST_T60
     t60 = np.where(is_damped, LN_1000 / np.where(is_damped, decay, 1.0), np.inf)
     slots = points_of(piece, built, name, asked_modes.mats)
-    points = {
+    points_by_name = {
         label: asked_modes.shapes[:, point_slots].sum(axis=1)
         for label, point_slots in slots.items()
     }
@@ -233,7 +239,7 @@ def modes_of(
         asked_modes.shapes,
         tuple(network.name_of(mat) for mat in asked_modes.mats),
         np.array(mass_positions, dtype=float).reshape(len(mass_positions), 2),
-        points,
+        points_by_name,
         asked_modes.is_certified,
         asked_modes.n_laws,
         asked_modes.n_contacts,
@@ -242,13 +248,13 @@ def modes_of(
 
 
 def _asked(
-    network: _core.Network, name: str, search_bounds: Mapping[str, float | int]
+    network: _core.Network, part_name: str, search_bounds: Mapping[str, float | int]
 ) -> _core.PartModes:
     """Modes by the engine. Raises OptionError where there are too many."""
     from ergon import _core
 
     try:
-        return network.part_modes(name, **search_bounds)  # type: ignore[arg-type]
+        return network.part_modes(part_name, **search_bounds)  # type: ignore[arg-type]
     except _core.EngineError as error:
         raise OptionError("upto" if "to" in search_bounds else "count", str(error)) from None
 
@@ -261,12 +267,14 @@ def points_of(
     """
     slots = {mat: slot for slot, mat in enumerate(mats)}
     slots_by_point = {}
-    for text, targets in _points(piece, name):
+    for point_text, targets in _points(piece, name):
         all_mats = [mat for target in targets for mat in built.assembly.members(target)]
         mat_slots = [slots[mat] for mat in all_mats if mat in slots]
         if mat_slots:
             is_one = len(all_mats) == 1
-            label = text or (built.network.name_of(all_mats[0]) if is_one else targets[0].text)
+            label = point_text or (
+                built.network.name_of(all_mats[0]) if is_one else targets[0].text
+            )
             slots_by_point[label] = mat_slots
     return slots_by_point
 

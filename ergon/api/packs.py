@@ -61,12 +61,12 @@ def pack(
         raise OptionError("output", "a score from stdin has no name for the pack; name one")
     target_path = str(out) if out is not None else f"{Path(score).stem}{SUFFIX}"
     loaded = scores.read(score, options, report)
-    content = _packed(str(score), loaded)
-    data = pack_bytes(content)
-    _check_same(content, loaded)
+    packed_content = _packed(str(score), loaded)
+    pack_data = pack_bytes(packed_content)
+    _check_same(packed_content, loaded)
     with open_for_writing(target_path, binary=True, force=force, inputs=loaded.inputs) as file:
-        file.write(data)
-    return PackedFile(target_path, content, len(data))
+        file.write(pack_data)
+    return PackedFile(target_path, packed_content, len(pack_data))
 
 
 @contextmanager
@@ -87,11 +87,11 @@ def unpack(path: str | Path, folder: str | Path | None = None) -> Path:
     from ergon.exchange.new_folder import new_folder
 
     pack = read_pack(Path(path))
-    target = Path(folder) if folder is not None else Path(Path(path).stem)
-    with new_folder(target) as part:
+    target_folder = Path(folder) if folder is not None else Path(Path(path).stem)
+    with new_folder(target_folder) as part:
         write_files(pack, part)
         (part / _marker()).touch()
-    return target / pack.score
+    return target_folder / pack.score
 
 
 def _packed(score: str, loaded: Loaded) -> Pack:
@@ -105,14 +105,18 @@ def _packed(score: str, loaded: Loaded) -> Pack:
     score_place = _place(score)
     packed: dict[str, bytes] = {}
     n_bytes_left = BYTES_MAX
-    for name in dict.fromkeys(map(str, loaded.inputs)):
-        ships = shipped(Path(name))
+    for input_name in dict.fromkeys(map(str, loaded.inputs)):
+        ships = shipped(Path(input_name))
         packed_name = (
-            _place(name) if ships is None else os.path.join(os.path.dirname(score_place), ships)
+            _place(input_name)
+            if ships is None
+            else os.path.join(os.path.dirname(score_place), ships)
         )
-        is_stdin = name == scores.STDIN
+        is_stdin = input_name == scores.STDIN
         packed_bytes = (
-            loaded.files[name].text.encode() if is_stdin else read_bounded(Path(name), n_bytes_left)
+            loaded.files[input_name].text.encode()
+            if is_stdin
+            else read_bounded(Path(input_name), n_bytes_left)
         )
         if packed.setdefault(packed_name, packed_bytes) != packed_bytes:
             raise PackError(
@@ -151,12 +155,12 @@ def _check_same(pack: Pack, loaded: Loaded) -> None:
 
 
 @contextmanager
-def _unpacked(pack: Pack, name: str | None = None) -> Iterator[Path]:
-    """The score of a pack in a private folder; messages name its files as those of `name`."""
+def _unpacked(pack: Pack, pack_name: str | None = None) -> Iterator[Path]:
+    """The score of a pack in a private folder; messages name its files as those of `pack_name`."""
     with tempfile.TemporaryDirectory(prefix="ergon-pack-") as temporary:
         folder = Path(os.path.realpath(temporary))
-        if name is not None:
-            show_as(folder, name)
+        if pack_name is not None:
+            show_as(folder, pack_name)
         (folder / _marker()).touch()  # all below is one project
         yield write_files(pack, folder)
 

@@ -274,7 +274,7 @@ def _input_file(play_options: PlayOptions, piece: Piece) -> Path | None:
 def _recording(path: str, stage: Stage) -> Path:
     if not stage.live:
         raise OptionError("record", "this score has no live hands to record; leave this option out")
-    target = Path(path)
-    if target.exists():
+    record_path = Path(path)
+    if record_path.exists():
         raise OptionError("record", f"{path} exists, and a recording overwrites no file")
-    return target
+    return record_path

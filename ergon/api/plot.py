@@ -46,10 +46,10 @@ def plot(
     report = report or Report()
     loaded = scores.read(score, options, report)
     if name == NOTES:
-        _, bars, title = struck_bars(loaded, report)
-        return Picture(roll.picture(bars, title=title))
-    curves, title = drawn_curves(loaded, name, key, report)
-    return Picture(svg.plot(curves, title=title, x_label="position [mm]"))
+        _, bars, plot_title = struck_bars(loaded, report)
+        return Picture(roll.picture(bars, title=plot_title))
+    curves, plot_title = drawn_curves(loaded, name, key, report)
+    return Picture(svg.plot(curves, title=plot_title, x_label="position [mm]"))
 
 
 def struck_bars(loaded: Loaded, report: Report) -> tuple[Sequence[StruckNote], Sequence[Bar], str]:
@@ -61,11 +61,11 @@ def struck_bars(loaded: Loaded, report: Report) -> tuple[Sequence[StruckNote], S
     from ergon.view.roll import Bar
 
     stage = scores.stage_piece(loaded, None, report).stage
-    notes = struck_notes(stage)
-    if not notes:
+    struck_bars_found = struck_notes(stage)
+    if not struck_bars_found:
         raise ErgonError("no instrument is struck in this piece")
-    bars = [Bar(n.instrument, n.begin, n.end, _key(n.pitch), n.strength) for n in notes]
-    return notes, bars, f"notes of {stage.piece.title or 'a piece'}"
+    bars = [Bar(n.instrument, n.begin, n.end, _key(n.pitch), n.strength) for n in struck_bars_found]
+    return struck_bars_found, bars, f"notes of {stage.piece.title or 'a piece'}"
 
 
 def _key(pitch: float | None) -> float | None:
@@ -100,11 +100,16 @@ def drawn_curves(
         raise ErgonError(f"there is no '{name}'{_nearest(name, all_names)}")
     stage, gestures = _staged(loaded, name, key, report)
     first_gesture = gestures[0]
-    start = max(0.0, min(gesture.start for gesture in gestures) - _ROOM)
-    stop = max(gesture.stop for gesture in gestures)
+    start_seconds = max(0.0, min(gesture.start for gesture in gestures) - _ROOM)
+    stop_seconds = max(gesture.stop for gesture in gestures)
     reach = piece.keys[first_gesture.key].reach
     curves = asked_and_done(
-        stage.simulation, first_gesture.key_index, first_gesture.struck, start, stop, reach
+        stage.simulation,
+        first_gesture.key_index,
+        first_gesture.struck,
+        start_seconds,
+        stop_seconds,
+        reach,
     )
     instant = "" if key is not None else f" at {scores.where(piece, first_gesture.start)}"
     return curves, f"{name}{instant} on {first_gesture.key}"
@@ -136,13 +141,13 @@ def _staged(
     return piece_alone, piece_alone.gestures
 
 
-def _nearest(word: str, names: Iterable[str]) -> str:
+def _nearest(unknown_word: str, known_names: Iterable[str]) -> str:
     from ergon.notation.text.spelling import nearest
 
-    names = list(names)
-    close = nearest(word, names)
+    known_names = list(known_names)
+    close = nearest(unknown_word, known_names)
     hint = f"; did you mean '{close}'?" if close else ""
-    return f"{hint} (there is {', '.join(names)})" if names else hint
+    return f"{hint} (there is {', '.join(known_names)})" if known_names else hint
 
 
 def _known(piece: Piece) -> str:

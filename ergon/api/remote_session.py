@@ -75,7 +75,9 @@ def _place(session_options: SessionOptions) -> Path:
 # --- the engine's process ------------------------------------------------------------------------
 
 
-def _serve(path: str | None, options: SessionOptions, socket_path: Path, report: Report) -> None:
+def _serve(
+    path: str | None, session_options: SessionOptions, socket_path: Path, report: Report
+) -> None:
     from ergon._core import __version__, stop_on_signals
     from ergon.repl.session.sounding import SoundingPlaces
     from ergon.repl.wire.local_socket import ServerSocket
@@ -85,7 +87,7 @@ def _serve(path: str | None, options: SessionOptions, socket_path: Path, report:
         socket_path
     )  # before anything sounds: two engines at one place are one too many
     try:
-        session = begin(path, options, report)
+        session = begin(path, session_options, report)
     except BaseException:
         server_socket.close()
         raise
@@ -205,10 +207,13 @@ def _pass_on(text: bytes) -> None:
     sys.stderr.flush()
 
 
-def _as_options(options: SessionOptions) -> Iterator[str]:
+def _as_options(session_options: SessionOptions) -> Iterator[str]:
     """The options, as a command line for the engine."""
-    for field in fields(options):
-        option_name, value = f"--{field.name.replace('_', '-')}", getattr(options, field.name)
+    for field in fields(session_options):
+        option_name, value = (
+            f"--{field.name.replace('_', '-')}",
+            getattr(session_options, field.name),
+        )
         if field.name in _SEPARATE_OPTIONS or value == field.default:
             continue
         if value is True:

@@ -265,11 +265,11 @@ def job_of(piece: Piece, stage: Stage, target: str, options: RenderOptions) -> R
     )
     stop_frame = min(stop_frame, stage.n_frames)
     if not stage.n_frames:
-        reason = (
+        job_reason = (
             "the piece has no length: nothing in it is struck or played, and a take that drives a "
             "module does not count; write how long it is heard, such as `render: {tail: 2s}`"
         )
-        raise ScoreError((), reason=reason)
+        raise ScoreError((), reason=job_reason)
     if start_frame >= stop_frame:
         end = scores.where(piece, stage.n_frames / stage.rate)
         option = "from_" if options.until is None else "until"
@@ -339,12 +339,12 @@ def _render_progress(
         yield progress.update
 
 
-def _with_inputs(loaded: Loaded, options: RenderOptions) -> Loaded:
+def _with_inputs(loaded: Loaded, render_options: RenderOptions) -> Loaded:
     """The score, with its inputs taken from the file `input`. Raises OptionError."""
-    if options.input is None:
+    if render_options.input is None:
         return loaded
     piece = scores.piece_of(loaded)
-    path = Path(options.input)
+    path = Path(render_options.input)
     card_takes = {name for name, take in piece.takes.items() if take.card_channel}
     if not card_takes:
         raise OptionError("input", "this score has no inputs; leave the option out")

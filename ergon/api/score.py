@@ -138,7 +138,7 @@ def stage_piece(
     from ergon.scores.staging.unused import warn_unused
 
     piece = piece_of(loaded)
-    start = time.perf_counter()
+    start_time = time.perf_counter()
     # Parameters are in physical units: another rate needs no other score.
     played = piece if rate is None else replace(piece, rate=rate)
     build = stage_or_plan
@@ -167,7 +167,7 @@ def stage_piece(
             silent=silent,
             on_fault=on_fault,
         )
-    plan_s = time.perf_counter() - start
+    plan_s = time.perf_counter() - start_time
     if options is not None and options.draft and staged.plan is not None:
         (report or Report()).say(
             draft_error(staged.plan) if staged.is_draft else "draft, planned as an earlier render"

@@ -45,10 +45,10 @@ def bundled(path: str, loaded: Loaded) -> ScoreBundle:
     bundle = {place: text.encode() for place, text in texts.items()}
     bytes_left = _BYTES_MAX - sum(map(len, bundle.values()))
     for input_path in loaded.inputs:
-        place = _place(str(input_path))
-        if place not in bundle and bytes_left >= 0:
-            bundle[place] = read_bounded(Path(place), bytes_left)
-            bytes_left -= len(bundle[place])
+        file_place = _place(str(input_path))
+        if file_place not in bundle and bytes_left >= 0:
+            bundle[file_place] = read_bounded(Path(file_place), bytes_left)
+            bytes_left -= len(bundle[file_place])
     if bytes_left < 0:
         raise NotBundledError(
             f"{path} and its files have more than {_BYTES_MAX // 1_000_000} MB, which is the most "
@@ -80,13 +80,18 @@ def unpack(content: ScoreBundle) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="ergon-") as name:
         folder = Path(os.path.realpath(name))
         (folder / MARKER).touch()  # all below is one project
-        for file_name, data in content["files"].items():
-            place = PurePosixPath(file_name)
-            if place.is_absolute() or ".." in place.parts or "\\" in file_name or ":" in file_name:
+        for file_name, file_data in content["files"].items():
+            file_place = PurePosixPath(file_name)
+            if (
+                file_place.is_absolute()
+                or ".." in file_place.parts
+                or "\\" in file_name
+                or ":" in file_name
+            ):
                 raise NotBundledError(f"'{file_name}' is not a file of this score")
-            path = folder.joinpath(*place.parts)
+            path = folder.joinpath(*file_place.parts)
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
+            path.write_bytes(file_data)
         if content["score"] not in content["files"]:
             raise NotBundledError("the score is not among its files")
         yield folder / content["score"]

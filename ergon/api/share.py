@@ -56,12 +56,12 @@ def check_estimate(prepared: PreparedRender, path: Path, limit_mb: float) -> Non
     film_seconds = film.stop / rate
     motion = film_seconds * _motion_each_second(prepared.stage)
     sound_bytes = film_seconds * rate * min(film.n_channels, EARS) * 2 * _FLAC
-    size = _CODED * (motion + sound_bytes)
-    if size > _SURE * limit_mb * _MEGA:
-        fitting = film_seconds * limit_mb * _MEGA / size
+    page_size = _CODED * (motion + sound_bytes)
+    if page_size > _SURE * limit_mb * _MEGA:
+        fitting = film_seconds * limit_mb * _MEGA / page_size
         raise OptionError(
             "limit",
-            f"{path} would have about {_megabytes(size)} ({_megabytes(_CODED * motion)} of "
+            f"{path} would have about {_megabytes(page_size)} ({_megabytes(_CODED * motion)} of "
             f"motion, {_megabytes(_CODED * sound_bytes)} of sound), more than {limit_mb:g} MB, so "
             "it was "
             f"not computed; share a shorter stretch than its {film_seconds:,.0f} s (about "
@@ -101,23 +101,26 @@ def share_file(
     motion = shown.motion.read_bytes()
     page_bytes = _CODED * (len(motion) + len(sound_bytes or b""))
     if page_bytes > limit_mb * _MEGA:
-        parts = f"{_megabytes(_CODED * len(motion))} of motion"
+        parts_text = f"{_megabytes(_CODED * len(motion))} of motion"
         if sound_bytes is not None:
-            parts += f", {_megabytes(_CODED * len(sound_bytes))} of sound"
+            parts_text += f", {_megabytes(_CODED * len(sound_bytes))} of sound"
         raise OptionError(
             "limit",
-            f"{path} would have {_megabytes(page_bytes)} ({parts}), more than {limit_mb:g} MB; "
+            f"{path} would have {_megabytes(page_bytes)} ({parts_text}), more than {limit_mb:g} "
+            "MB; "
             "share "
             "a shorter stretch, or allow more",
         )
     server = serve(ANYWHERE, "at", report)
     try:
         page_words = [*words, *(["sound"] if sound_bytes is not None else [])]
-        text = shared_page(page_files(server.url), _title(shown), page_words, motion, sound_bytes)
+        page_text = shared_page(
+            page_files(server.url), _title(shown), page_words, motion, sound_bytes
+        )
     finally:
         server.close()
-    write_text(path, text, force=force, inputs=inputs)
-    return SharedFile(str(path), len(text.encode()), len(motion), len(sound_bytes or b""))
+    write_text(path, page_text, force=force, inputs=inputs)
+    return SharedFile(str(path), len(page_text.encode()), len(motion), len(sound_bytes or b""))
 
 
 def _title(shown: Shown) -> str:

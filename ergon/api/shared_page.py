@@ -47,16 +47,18 @@ _ANSWERS = """\
 
 def page_files(url: str) -> Callable[[str], str]:
     """A reader of the files of the page that a server at `url` sends, by name."""
-    place = urllib.parse.urlsplit(url)
+    url_parts = urllib.parse.urlsplit(url)
 
     def read(module_name: str) -> str:
-        page_connection = http.client.HTTPConnection(place.netloc, timeout=60.0)
+        page_connection = http.client.HTTPConnection(url_parts.netloc, timeout=60.0)
         try:
-            page_connection.request("GET", place.path + module_name)
-            answer = page_connection.getresponse()
-            if answer.status != http.client.OK:
-                raise OSError(f"the page's file {module_name or 'index.html'}: {answer.status}")
-            return answer.read().decode()
+            page_connection.request("GET", url_parts.path + module_name)
+            page_answer = page_connection.getresponse()
+            if page_answer.status != http.client.OK:
+                raise OSError(
+                    f"the page's file {module_name or 'index.html'}: {page_answer.status}"
+                )
+            return page_answer.read().decode()
         finally:
             page_connection.close()
 
@@ -71,7 +73,7 @@ def shared_page(
     `read` gives the files of the page by name; `words` are those of the page's address that hold
     where the file is opened without any. A sound is FLAC or WAV.
     """
-    index = read("")
+    index_page = read("")
     module_texts = _modules(read, "main.js")
     main = module_texts["main.js"]
     if main.count(_ADDRESS) != 1:
@@ -94,7 +96,7 @@ def shared_page(
         )
     )
     files_by_name = [("motion", motion)] + ([("sound", sound)] if sound is not None else [])
-    tail = "\n".join(
+    page_tail = "\n".join(
         (
             *(
                 f'<script type="text/plain" id="shared-{name}">'
@@ -104,22 +106,22 @@ def shared_page(
             '<script type="module">import "ergon/main.js";</script>',
         )
     )
-    text = _LINKS.sub("", re.sub(r"<title>[^<]*</title>", "", index))
+    text = _LINKS.sub("", re.sub(r"<title>[^<]*</title>", "", index_page))
     text = text.replace("<!doctype html>", f"<!doctype html>\n<!-- {MARK.decode()} -->", 1)
     return text.replace("</head>", f"{head_html}\n</head>", 1).replace(
-        "</body>", f"{tail}\n</body>", 1
+        "</body>", f"{page_tail}\n</body>", 1
     )
 
 
-def _modules(read: Callable[[str], str], first_module: str) -> dict[str, str]:
+def _modules(read_module: Callable[[str], str], first_module: str) -> dict[str, str]:
     """A module and all that it imports, by name."""
     module_texts: dict[str, str] = {}
-    names = [first_module]
-    while names:
-        name = names.pop()
-        if name not in module_texts:
-            module_texts[name] = read(name)
-            names += _IMPORT.findall(module_texts[name])
+    module_names = [first_module]
+    while module_names:
+        module_name = module_names.pop()
+        if module_name not in module_texts:
+            module_texts[module_name] = read_module(module_name)
+            module_names += _IMPORT.findall(module_texts[module_name])
     return module_texts
 
 

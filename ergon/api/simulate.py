@@ -50,12 +50,12 @@ def simulate(piece: Piece, task: str, report: Report | None = None) -> Simulated
     from ergon.scores.staging.probes import probed
 
     report = report or Report()
-    points = probed(piece)
-    stage = stage_as_checked(points.piece, report)
+    probed_piece = probed(piece)
+    stage = stage_as_checked(probed_piece.piece, report)
     with report.progress(task, stage.n_analysed_frames, stage.rate) as progress:
-        moved, closed, bows = measure_excursions(stage, points, progress.update)
+        moved, closed, bows = measure_excursions(stage, probed_piece, progress.update)
     fidelities = gesture_fidelities(stage)
-    return Simulated(fidelities, moved, closed, stage.rate, points.left_out, bows, stage)
+    return Simulated(fidelities, moved, closed, stage.rate, probed_piece.left_out, bows, stage)
 
 
 def never_stuck_warnings(simulated: Simulated) -> list[Diagnostic]:

@@ -121,10 +121,12 @@ def stats(
     frequency_max = hertz("upto", options.upto)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    names = selected_parts(piece, options.parts)
+    part_names = selected_parts(piece, options.parts)
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
-        return tuple(_stats(piece, built, name, frequency_max, loaded.inputs) for name in names)
+        return tuple(
+            _stats(piece, built, name, frequency_max, loaded.inputs) for name in part_names
+        )
 
 
 def _stats(
@@ -143,7 +145,7 @@ def _stats(
     middles, counts = _bands(swinging[swinging > 0])
     guarantee, oversampling = _certificate(piece, part_name)
     mats = elements.mats
-    points = points_of(piece, built, part_name, mats)
+    named_slots = points_of(piece, built, part_name, mats)
     return PartStats(
         part_name,
         len(mats),
@@ -160,7 +162,7 @@ def _stats(
         oversampling,
         tuple(
             _point(built.network, part_name, elements, part_modes, label, np.array(slots))
-            for label, slots in points.items()
+            for label, slots in named_slots.items()
         ),
         tuple(input_files),
         {m.name: m.fields["M"] for m in _modules(piece, part_name) if m.kind == "MODES"},
@@ -176,12 +178,12 @@ def _links(elements: _core.Elements) -> Sequence[LinkStats]:
     import numpy as np
 
     kinds = np.array(elements.kinds)
-    rows = []
-    for kind in dict.fromkeys(elements.kinds):
-        k, z = elements.stiffness[kinds == kind], elements.damping[kinds == kind]
+    link_rows = []
+    for link_kind in dict.fromkeys(elements.kinds):
+        k, z = elements.stiffness[kinds == link_kind], elements.damping[kinds == link_kind]
         k_range, z_range = ((float(x.min()), float(x.max())) for x in (k, z))
-        rows.append(LinkStats(kind, len(k), k_range, z_range))
-    return rows
+        link_rows.append(LinkStats(link_kind, len(k), k_range, z_range))
+    return link_rows
 
 
 def _bands(frequencies: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
@@ -198,7 +200,7 @@ def _bands(frequencies: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArr
     return 1000 * 2 ** ((low + np.arange(len(counts))) / 3), counts
 
 
-def _highest(network: _core.Network, name: str, elements: _core.Elements) -> float:
+def _highest(network: _core.Network, part_name: str, elements: _core.Elements) -> float:
     """The highest mode's frequency without damping [Hz]: that of the mode nearest to an upper
     bound, or the bound where no mode is found.
     """
@@ -216,18 +218,18 @@ def _highest(network: _core.Network, name: str, elements: _core.Elements) -> flo
     rate = elements.ca_rate
     bound = np.sqrt(2.002 * highest)
     f = bound / (2 * np.pi) if rate is None else rate * np.arcsin(min(1.0, bound / 2)) / np.pi
-    poles = network.part_modes(name, around=float(f), count=1).poles
+    poles = network.part_modes(part_name, around=float(f), count=1).poles
     if not poles.size or not np.isfinite(poles[0]):
         return float(f)
     return float(abs(poles[0]) if rate is None else abs(poles[0].imag)) / (2 * np.pi)
 
 
-def _certificate(piece: Piece, name: str) -> tuple[str | None, int]:
+def _certificate(piece: Piece, part_name: str) -> tuple[str | None, int]:
     """The guarantee of a part by itself, and the steps a frame that it holds for."""
     from ergon import _core
     from ergon.scores.edits.tunable import TunablePart
 
-    network = TunablePart(piece, name).network({})
+    network = TunablePart(piece, part_name).network({})
     for oversampling in (1, 2, 4, 8, 16):
         try:
             certificate = network.certify(piece.rate * oversampling)

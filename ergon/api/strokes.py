@@ -54,10 +54,10 @@ def closed_once_warnings(piece: Piece, simulated: Simulated) -> list[Diagnostic]
     families = piece.note_families()
     kinds = {(part, module.name): module.kind for part, module in piece.modules()}
     warnings: dict[str, list[Diagnostic | None]] = {}
-    for full_name, points in groupby(
+    for full_name, contact_points in groupby(
         simulated.contacts, lambda contact_point: contact_point.contact.full_name
     ):
-        point_list = list(points)
+        point_list = list(contact_points)
         if any(contact_point.first is not None for contact_point in point_list):
             contact_diagnostic = _contact_warning(piece, simulated, point_list, kinds)
             warnings.setdefault(shared_name(full_name, families), []).append(contact_diagnostic)
@@ -116,13 +116,20 @@ def _players(
     timeline, mats = simulated.stage.timeline, simulated.stage.built.assembly.mats
     if timeline is None:
         return
-    for end in contact.ends:
-        if module_kinds[end.part, end.module] not in _THROWN:
+    for contact_end in contact.ends:
+        if module_kinds[contact_end.part, contact_end.module] not in _THROWN:
             continue
-        name, direction = f"{end.part}.{end.module}", _direction(contact, end)
-        struck = timeline.strikes_on(mats[end.part, end.module])
+        module_name, direction = (
+            f"{contact_end.part}.{contact_end.module}",
+            _direction(contact, contact_end),
+        )
+        struck = timeline.strikes_on(mats[contact_end.part, contact_end.module])
         strokes = (_Stroke(instant, direction * impulse) for instant, impulse in struck)
-        yield _Player(f"strike on {name} is as strong", f"strikes on {name} are as strong", strokes)
+        yield _Player(
+            f"strike on {module_name} is as strong",
+            f"strikes on {module_name} are as strong",
+            strokes,
+        )
 
 
 def _keys(piece: Piece, contact: Module, kinds: _Kinds) -> Iterator[tuple[str, float]]:

@@ -157,7 +157,7 @@ def _varied(sweep_options: SweepOptions) -> tuple[list[Varied], list[tuple[str, 
         )
     try:
         varied = [parse(text) for text in sweep_options.vary]
-        values = combined(varied, is_zipped=sweep_options.zip)
+        combined_values = combined(varied, is_zipped=sweep_options.zip)
     except EditError as error:
         raise OptionError("vary", str(error)) from None
     check_seed(sweep_options.seed)
@@ -172,7 +172,7 @@ def _varied(sweep_options: SweepOptions) -> tuple[list[Varied], list[tuple[str, 
         raise OptionError("on", "; leave one of the two out", excludes=contrary_option)
     if sweep_options.jobs < 1:
         raise OptionError("jobs", f"is {sweep_options.jobs}; it must be 1 or more")
-    return varied, values
+    return varied, combined_values
 
 
 def _folder(score: str | Path, options: SweepOptions) -> Path:
@@ -185,7 +185,7 @@ def _folder(score: str | Path, options: SweepOptions) -> Path:
 
 def _variants(
     score: str | Path,
-    options: SweepOptions,
+    sweep_options: SweepOptions,
     loaded: Loaded,
     varied: Sequence[Varied],
     combined: Sequence[tuple[str, ...]],
@@ -197,7 +197,7 @@ def _variants(
 
     targets = [variation.target for variation in varied]
     try:
-        for variant in variants(_texts(score, options, loaded), targets, combined):
+        for variant in variants(_texts(score, sweep_options, loaded), targets, combined):
             if variant.loaded.piece is None:
                 variant_text = ", ".join(map("=".join, zip(targets, variant.values, strict=True)))
                 report.say(f"the variant {variant_text} has mistakes; nothing is rendered")
@@ -211,13 +211,13 @@ def _variants(
         raise OptionError("vary", str(error)) from None
 
 
-def _texts(score: str | Path, options: SweepOptions, loaded: Loaded) -> Texts:
+def _texts(score: str | Path, sweep_options: SweepOptions, loaded: Loaded) -> Texts:
     from ergon.scores.edits.texts import Texts
 
     path = str(Path(score))  # as the loader writes it
     text = next(iter(loaded.files.values())).text if path == scores.STDIN else None
     text = loaded.files[path].text if text is None else text
-    return Texts(path, text, bounds=scores.bounds(path, options.trust)).complete()
+    return Texts(path, text, bounds=scores.bounds(path, sweep_options.trust)).complete()
 
 
 def _named_variants(
@@ -227,33 +227,35 @@ def _named_variants(
     targets = [text.partition("=")[0].strip() for text in sweep_options.vary]
     render_options = _render_options(sweep_options)
     named_variants, file_names = [], set[str]()
-    for number, variant in enumerate(variants):
+    for variant_number, variant in enumerate(variants):
         values = zip(targets, variant.values, strict=True)
         variant_name = stem = _file_name(", ".join(map("=".join, values)))
-        count = 1
+        name_count = 1
         while variant_name.lower() in file_names:
-            count += 1
-            variant_name = f"{stem}-{count}"
+            name_count += 1
+            variant_name = f"{stem}-{name_count}"
         file_names.add(variant_name.lower())
         file = f"{variant_name}.wav" if sweep_options.sound else ""
         key = digest(bundled(score, variant.loaded), sorted(render_options.items()), _version())
-        named_variants.append(_NamedVariant(number, variant.values, variant.texts, file, key))
+        named_variants.append(
+            _NamedVariant(variant_number, variant.values, variant.texts, file, key)
+        )
     return named_variants
 
 
 def _file_name(variant_text: str) -> str:
     """Values as the name of a file: `bell.m.K=1kN_m,seed=3`."""
-    name = re.sub(r"[^\w.=+,-]", "_", variant_text.replace(", ", ","))
-    if len(name.encode()) <= _NAME_MAX:
-        return name
-    return f"{name[: _NAME_MAX // 2]}-{sha256(variant_text.encode()).hexdigest()[:16]}"
+    variant_name = re.sub(r"[^\w.=+,-]", "_", variant_text.replace(", ", ","))
+    if len(variant_name.encode()) <= _NAME_MAX:
+        return variant_name
+    return f"{variant_name[: _NAME_MAX // 2]}-{sha256(variant_text.encode()).hexdigest()[:16]}"
 
 
-def _render_options(options: SweepOptions) -> dict[str, Any]:
+def _render_options(sweep_options: SweepOptions) -> dict[str, Any]:
     """The RenderOptions of each variant; the file of a plan is made absolute."""
     names = ("method", "error", "cents", "draft", "seed", "rate", "bits")
-    options_by_name = {name: getattr(options, name) for name in names}
-    plan = None if options.plan is None else os.path.abspath(options.plan)
+    options_by_name = {name: getattr(sweep_options, name) for name in names}
+    plan = None if sweep_options.plan is None else os.path.abspath(sweep_options.plan)
     return {**options_by_name, "plan": plan, "threads": 1}
 
 
@@ -264,20 +266,22 @@ def _version() -> str:
 
 
 def _rows_by_variant(
-    table: Table, named_variants: Sequence[_NamedVariant], folder: Path
+    sweep_table: Table, named_variants: Sequence[_NamedVariant], folder: Path
 ) -> dict[int, SweepRow]:
     """Rows of an earlier run that are still valid: a sound file that is wanted is there,
     unchanged.
     """
-    earlier = table.read()
+    earlier = sweep_table.read()
     earlier_rows = {}
     for variant in named_variants:
-        row = earlier.get(variant.digest)
-        if row is None or (variant.file and row.status == "ok" and not _is_whole(folder, row)):
+        earlier_row = earlier.get(variant.digest)
+        if earlier_row is None or (
+            variant.file and earlier_row.status == "ok" and not _is_whole(folder, earlier_row)
+        ):
             continue
-        if variant.file and row.status == "ok" and row.file != variant.file:
+        if variant.file and earlier_row.status == "ok" and earlier_row.file != variant.file:
             continue
-        earlier_rows[variant.number] = replace(row, values=variant.values)
+        earlier_rows[variant.number] = replace(earlier_row, values=variant.values)
     return earlier_rows
 
 
@@ -375,15 +379,15 @@ def _wait(futures: Sequence[Future[Outcome]]) -> None:
 
 def _keep(
     pairs: Iterator[tuple[_NamedVariant, Outcome]],
-    count: int,
+    variant_count: int,
     folder: Path,
     sweep_options: SweepOptions,
     rows_by_number: dict[int, SweepRow],
-    table: Table,
+    sweep_table: Table,
     report: Report,
 ) -> None:
-    n_done, seconds = 0, 0.0
-    with report.progress("sweeping", count, 0.0) as progress:
+    n_done, done_seconds = 0, 0.0
+    with report.progress("sweeping", variant_count, 0.0) as progress:
         for variant, outcome in pairs:
             figures = {name: outcome["figures"].get(name) for name in FIGURES}
             variant_sound, variant_file = (
@@ -403,9 +407,9 @@ def _keep(
                 sha256(variant_sound).hexdigest() if variant_file else "",
                 outcome["reason"],
             )
-            seconds += outcome["figures"].get("cpu_s") or 0.0
+            done_seconds += outcome["figures"].get("cpu_s") or 0.0
             n_done += 1
-            table.keep(
+            sweep_table.keep(
                 [rows_by_number[number] for number in sorted(rows_by_number)],
                 force=sweep_options.force,
             )
@@ -435,13 +439,17 @@ def _begin() -> None:
 
 
 def _draw(
-    path: Path, title: str, targets: Sequence[str], rows: Sequence[SweepRow], force: bool
+    path: Path,
+    picture_title: str,
+    targets: Sequence[str],
+    sweep_rows: Sequence[SweepRow],
+    force: bool,
 ) -> None:
     from ergon.exchange.safe import write_text
     from ergon.view.sweep import Point, picture
 
-    points = [
+    drawn_points = [
         Point(row.values, {n: x for n, x in row.figures.items() if x is not None and isfinite(x)})
-        for row in rows
+        for row in sweep_rows
     ]
-    write_text(path, picture(title, targets, points), force=force)
+    write_text(path, picture(picture_title, targets, drawn_points), force=force)

@@ -59,15 +59,17 @@ class Table:
     def read(self) -> dict[str, SweepRow]:
         """The rows of an earlier run by their digest; none if the file is damaged or not ours."""
         try:
-            data = read_bounded(self.path, _BYTES_MAX)
+            file_bytes = read_bounded(self.path, _BYTES_MAX)
         except OSError:
             return {}
-        if MARK not in data[:1024] or len(data) > _BYTES_MAX:
+        if MARK not in file_bytes[:1024] or len(file_bytes) > _BYTES_MAX:
             return {}
-        lines = [line for line in data.decode(errors="replace").splitlines() if line[:1] != "#"]
+        csv_lines = [
+            line for line in file_bytes.decode(errors="replace").splitlines() if line[:1] != "#"
+        ]
         rows_by_digest: dict[str, SweepRow] = {}
         try:
-            for fields in csv.DictReader(lines):
+            for fields in csv.DictReader(csv_lines):
                 row = _row(fields)
                 rows_by_digest[row.digest] = row
         except (ValueError, KeyError, TypeError, csv.Error):
@@ -90,18 +92,20 @@ class Table:
         out.writelines(f"# {fact}\n" for fact in facts)
         csv_table = csv.writer(out, lineterminator="\n")
         csv_table.writerow((*self.targets, *_HEAD, *FIGURES, *_TAIL))
-        for row in rows:
-            figures = ["" if x is None else f"{x:.8g}" for x in map(row.figures.get, FIGURES)]
-            reason = " ".join(row.reason.split())
-            end = (row.digest, row.sha256, reason)
-            csv_table.writerow((*row.values, row.status, row.file, *figures, *end))
+        for sweep_row in rows:
+            figures = ["" if x is None else f"{x:.8g}" for x in map(sweep_row.figures.get, FIGURES)]
+            reason = " ".join(sweep_row.reason.split())
+            end = (sweep_row.digest, sweep_row.sha256, reason)
+            csv_table.writerow(
+                (*sweep_row.values, sweep_row.status, sweep_row.file, *figures, *end)
+            )
         write_text(self.path, out.getvalue(), force=force)
 
 
-def _row(fields: Mapping[str, str]) -> SweepRow:
-    figures = {name: float(fields[name]) if fields[name] else None for name in FIGURES}
-    name = fields["file"]
-    if name and Path(name).name != name:
-        raise ValueError(name)
-    end = (fields["score_sha256"], fields["file_sha256"], fields["reason"])
-    return SweepRow((), fields["status"], name, figures, *end)
+def _row(row_fields: Mapping[str, str]) -> SweepRow:
+    figures = {name: float(row_fields[name]) if row_fields[name] else None for name in FIGURES}
+    file_name = row_fields["file"]
+    if file_name and Path(file_name).name != file_name:
+        raise ValueError(file_name)
+    end = (row_fields["score_sha256"], row_fields["file_sha256"], row_fields["reason"])
+    return SweepRow((), row_fields["status"], file_name, figures, *end)

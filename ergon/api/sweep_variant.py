@@ -45,12 +45,12 @@ def compute(content: ScoreBundle, options: dict[str, Any], name: str) -> Outcome
     """Render a variant with `options` as RenderOptions; `name` is its sound file, "" for none."""
     with unpack(content) as path:
         try:
-            figures, sound = _computed(str(path), RenderOptions(**options), name)
+            figures, sound_data = _computed(str(path), RenderOptions(**options), name)
         except ErgonError as error:
             status = "diverged" if isinstance(error, DivergedError) else "refused"
             reason = with_local_paths(str(error), path, content)
             return Outcome(status=status, reason=reason, figures={}, sound=b"")
-    return Outcome(status="ok", reason="", figures=figures, sound=sound)
+    return Outcome(status="ok", reason="", figures=figures, sound=sound_data)
 
 
 def on_worker(
@@ -66,12 +66,12 @@ def on_worker(
         return compute(content, options, name)
 
 
-def _computed(path: str, options: RenderOptions, file_stem: str) -> tuple[Figures, bytes]:
+def _computed(path: str, render_options: RenderOptions, file_stem: str) -> tuple[Figures, bytes]:
     from ergon.rendering.measures import measures
     from ergon.rendering.render import render_array
 
-    loaded = scores.read(path, options)
-    prepared = prepare(loaded, file_stem or "-", options, Report())
+    loaded = scores.read(path, render_options)
+    prepared = prepare(loaded, file_stem or "-", render_options, Report())
     stage = prepared.stage
     job = replace(prepared.job, format=replace(prepared.job.format, bits="double"), stretches=None)
     start_time, start_cpu = time.perf_counter(), time.process_time()
@@ -102,13 +102,13 @@ def _computed(path: str, options: RenderOptions, file_stem: str) -> tuple[Figure
     return figures, _file(file_stem, prepared, mix_frames) if file_stem else b""
 
 
-def _file(name: str, prepared: PreparedRender, mix_frames: NDArray[np.float64]) -> bytes:
+def _file(file_stem: str, prepared: PreparedRender, mix_frames: NDArray[np.float64]) -> bytes:
     """The bytes of the file that `ergon render` writes."""
     from ergon import _core
     from ergon.exchange import sound
 
     job, wave_file = prepared.job, io.BytesIO()
-    writer = sound.writer(name, wave_file, job.format, len(mix_frames), job.stamp)
+    writer = sound.writer(file_stem, wave_file, job.format, len(mix_frames), job.stamp)
     bits = job.format.bits
     samples: Any = mix_frames
     if bits == "float":

@@ -78,12 +78,14 @@ def take_stats(path: str | Path, options: TakeStatsOptions | None = None) -> tup
         raise TakeError(error.strerror or str(error), Path(path)) from None
     except _core.EngineError as error:
         raise TakeError(str(error), Path(path)) from None
-    names = recording.names
+    axis_names = recording.names
     for name in options.hands:
-        if name not in names:
-            raise OptionError("hands", f"there is no hand {name!r}; there are {', '.join(names)}")
-    hand_names = options.hands or names
-    return tuple(_hand_stats(recording, names.index(name), cutoff) for name in hand_names)
+        if name not in axis_names:
+            raise OptionError(
+                "hands", f"there is no hand {name!r}; there are {', '.join(axis_names)}"
+            )
+    hand_names = options.hands or axis_names
+    return tuple(_hand_stats(recording, axis_names.index(name), cutoff) for name in hand_names)
 
 
 def _hand_stats(recording: _core.Recording, axis_index: int, cutoff: float) -> HandStats:

@@ -162,10 +162,10 @@ def tune(
         frequencies = _Search(
             TunablePart(tuned_piece, selected_name), (), target_frequencies
         ).initial_frequencies
-    numbers = tuple(target_frequencies)
+    mode_numbers = tuple(target_frequencies)
     return Tuned(
         selected_name,
-        numbers,
+        mode_numbers,
         frequencies_before,
         np.array(list(target_frequencies.values())),
         frequencies,
@@ -217,10 +217,10 @@ def _wanted(
             "targets", "no target is given; write ratios (1:2.76), frequencies or notes"
         )
     hertz_by_mode = {}
-    for number, target_text in sorted(numbered_targets):
-        if number < 1:
-            raise OptionError("targets", f"there is no mode {number}; modes count from 1")
-        hertz_by_mode[number] = hertz("targets", target_text)
+    for mode_number, target_text in sorted(numbered_targets):
+        if mode_number < 1:
+            raise OptionError("targets", f"there is no mode {mode_number}; modes count from 1")
+        hertz_by_mode[mode_number] = hertz("targets", target_text)
     if any(
         a >= b
         for a, b in zip(
@@ -254,12 +254,12 @@ def _chosen(tunable_part: TunablePart, target_names: Sequence[str]) -> list[Valu
     if not target_names:
         return part_values
     values_by_name: dict[str, list[Value]] = {}
-    for value in part_values:
-        full = tunable_part.target(value)
-        value_words = [value.field, tunable_part.listed(value), full]
+    for part_value in part_values:
+        full = tunable_part.target(part_value)
+        value_words = [part_value.field, tunable_part.listed(part_value), full]
         value_words += [word.removeprefix(f"{tunable_part.name}.") for word in value_words[1:]]
         for name in dict.fromkeys(value_words):
-            values_by_name.setdefault(name, []).append(value)
+            values_by_name.setdefault(name, []).append(part_value)
     chosen_values: dict[Value, None] = {}
     for target_word in target_names:
         matches = values_by_name.get(_WORDS.get(target_word, target_word))
@@ -276,20 +276,22 @@ def _chosen(tunable_part: TunablePart, target_names: Sequence[str]) -> list[Valu
 
 def _edited(
     score: str | Path,
-    options: TuneOptions,
+    tune_options: TuneOptions,
     loaded: Loaded,
     tunable_part: TunablePart,
-    values: Sequence[Value],
+    tuned_values: Sequence[Value],
 ) -> tuple[Texts | None, str]:
     """The texts with the values in them; or why they could not be written."""
     from ergon.notation.text.edit import EditError
     from ergon.scores.edits.texts import Texts
 
     path = str(Path(score))
-    edited_texts = Texts(path, loaded.files[path].text, bounds=scores.bounds(path, options.trust))
+    edited_texts = Texts(
+        path, loaded.files[path].text, bounds=scores.bounds(path, tune_options.trust)
+    )
     edited_texts = original_texts = edited_texts.complete()
     try:
-        edited_texts = tunable_part.edit(edited_texts, values)
+        edited_texts = tunable_part.edit(edited_texts, tuned_values)
     except EditError as error:
         return None, str(error)
     other_files = [
@@ -326,10 +328,10 @@ class _Search:
         poles, shapes, elements = self._modes({})
         self.initial_frequencies = poles.imag / (2 * np.pi)
         # Values that no mode depends on are left out.
-        for value in values:
-            slope = self._slope(poles, shapes, elements, value, value.number, {})
+        for tuned_value in values:
+            slope = self._slope(poles, shapes, elements, tuned_value, tuned_value.number, {})
             if np.abs(slope).max() > _FLAT:
-                self.values.append(value)
+                self.values.append(tuned_value)
         if values and not self.values:
             names = ", ".join(part.target(value) for value in values)
             raise OptionError("by", f"no mode depends on {names}; name others, or leave `by` out")
@@ -438,10 +440,10 @@ class _Search:
         import numpy as np
 
         numbers = self._numbers(logs)
-        columns = [
+        slope_columns = [
             self._slope(*state, value, numbers[value.field_key], numbers) for value in self.values
         ]
-        return np.column_stack(columns)
+        return np.column_stack(slope_columns)
 
     def _slope(
         self,

@@ -43,12 +43,12 @@ def build() -> str:
     from ergon import _core
     from ergon.common.compiler import feature
 
-    words = [f"commit {name}"] if (name := commit()) else []
+    build_words = [f"commit {name}"] if (name := commit()) else []
     if _core.__version__ != __version__:
-        words.append(f"core {_core.__version__}")
-    words.append(f"{platform.system()} {platform.machine()}")
-    words.append(f"{platform.python_implementation()} {platform.python_version()}")
-    return ", ".join([*words, feature()])
+        build_words.append(f"core {_core.__version__}")
+    build_words.append(f"{platform.system()} {platform.machine()}")
+    build_words.append(f"{platform.python_implementation()} {platform.python_version()}")
+    return ", ".join([*build_words, feature()])
 
 
 __version__ = _installed()

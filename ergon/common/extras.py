@@ -27,10 +27,10 @@ def _libraries(extra_name: str) -> list[str]:
     except PackageNotFoundError:  # unpacked, and never installed
         listed = []
     rows = (line.partition(";") for line in listed)
-    names = [
+    requirement_names = [
         name.strip() for name, _, marker in rows if re.search(rf"extra == .{extra_name}\b", marker)
     ]
-    return names or [f"ergon-live[{extra_name}]"]
+    return requirement_names or [f"ergon-live[{extra_name}]"]
 
 
 def _is_clone(folder: Path) -> bool:

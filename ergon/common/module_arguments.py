@@ -12,11 +12,11 @@ def module_arguments(*module_names: str, further_code: str = "") -> list[str]:
     `--help` prints the module's docstring. Both it and a word that is missing or begins with a dash
     end the program before it does anything.
     """
-    module = sys.modules["__main__"]
-    assert module.__spec__ is not None  # it was started by `python -m`
+    main_module = sys.modules["__main__"]
+    assert main_module.__spec__ is not None  # it was started by `python -m`
     parser = argparse.ArgumentParser(
-        f"python -m {module.__spec__.name.removesuffix('.__main__')}",
-        description=module.__doc__,
+        f"python -m {main_module.__spec__.name.removesuffix('.__main__')}",
+        description=main_module.__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     for name in module_names:

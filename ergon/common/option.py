@@ -108,12 +108,12 @@ def documented(option_class: type[T]) -> type[T]:
     """The class, with what its fields mean behind its docstring."""
     all_fields = fields(option_class)  # type: ignore[arg-type]
     new_fields = [field for field in all_fields if field.name in option_class.__annotations__]
-    lines = [
+    field_lines = [
         f"    {field.name}: {field.metadata['option'].help}"
         for field in new_fields
         if field.metadata
     ]
-    option_class.__doc__ = "\n".join([f"{option_class.__doc__}", *lines])
+    option_class.__doc__ = "\n".join([f"{option_class.__doc__}", *field_lines])
     return option_class
 
 

@@ -22,16 +22,16 @@ def is_from_pack(path: str | Path) -> bool:
     return any(str(path).startswith(folder + os.sep) for folder in _packs)
 
 
-def shown(text: str) -> str:
+def shown(shown_text: str) -> str:
     """The text with the names that files have for the user."""
     for folder, pack in _packs.items():
-        text = text.replace(folder + os.sep, f"{pack}:").replace(folder, pack)
-    return text
+        shown_text = shown_text.replace(folder + os.sep, f"{pack}:").replace(folder, pack)
+    return shown_text
 
 
-def shown_in_json(text: str) -> str:
+def shown_in_json(shown_text: str) -> str:
     """The same for a text of JSON."""
     for folder, pack in _packs.items():
         inside, name = json.dumps(folder + os.sep)[1:-1], json.dumps(pack)[1:-1]
-        text = text.replace(inside, f"{name}:").replace(json.dumps(folder)[1:-1], name)
-    return text
+        shown_text = shown_text.replace(inside, f"{name}:").replace(json.dumps(folder)[1:-1], name)
+    return shown_text

@@ -46,12 +46,12 @@ def _int(digits: str) -> int:
     return int(digits)
 
 
-def _loads_toml(text: str) -> dict[str, Any]:
+def _loads_toml(toml_text: str) -> dict[str, Any]:
     import tomllib
 
-    if _LONG_KEY.search(text):
+    if _LONG_KEY.search(toml_text):
         raise MalformedTextError("this is not TOML that can be read: a key has more than 32 parts")
-    return tomllib.loads(text)
+    return tomllib.loads(toml_text)
 
 
 def _parsed(format: str, loads: Callable[[str], Any], text: str | bytes) -> Any:

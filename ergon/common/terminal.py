@@ -22,11 +22,11 @@ def clean(text: str) -> str:
     return _STEERING.sub("?", shown(text))
 
 
-def printable(text: str) -> str:
+def printable(printed_text: str) -> str:
     """The text as one line: `?` replaces each character that is not printable."""
-    if text.isprintable():  # the fast path: every name of a score is passed
-        return text
-    return "".join(c if c.isprintable() else "?" for c in text)
+    if printed_text.isprintable():  # the fast path: every name of a score is passed
+        return printed_text
+    return "".join(c if c.isprintable() else "?" for c in printed_text)
 
 
 def json_text(value: Any) -> str:

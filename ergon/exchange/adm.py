@@ -69,19 +69,19 @@ def _ids(layout: ChannelLayout) -> list[str]:
 def _chna(layout: ChannelLayout) -> bytes:
     pack = f"AP_{_TYPES[_kind(layout)]}{_FIRST:04x}".encode()
     ids = _ids(layout)
-    rows = [
+    chna_rows = [
         _UID.pack(i, f"ATU_{i:08x}".encode(), f"AT_{number}_01".encode(), pack)
         for i, number in enumerate(ids, 1)
     ]
-    return struct.pack("<HH", len(ids), len(ids)) + b"".join(rows)
+    return struct.pack("<HH", len(ids), len(ids)) + b"".join(chna_rows)
 
 
-def _axml(layout: ChannelLayout, title: str) -> str:
-    kind, ids = _kind(layout), _ids(layout)
-    label = _TYPES[kind]
-    pack = f"AP_{label}{_FIRST:04x}"
-    quoted_title = quoteattr("".join(c for c in title if c.isprintable()) or "ergon")
-    typed = f'typeLabel="{label}" typeDefinition="{kind}"'
+def _axml(layout: ChannelLayout, piece_title: str) -> str:
+    layout_kind, ids = _kind(layout), _ids(layout)
+    type_label = _TYPES[layout_kind]
+    pack = f"AP_{type_label}{_FIRST:04x}"
+    quoted_title = quoteattr("".join(c for c in piece_title if c.isprintable()) or "ergon")
+    typed = f'typeLabel="{type_label}" typeDefinition="{layout_kind}"'
     farthest = max((r for *_, r in layout.speakers), default=1.0) or 1.0
     absolute = f' absoluteDistance="{farthest:.6g}"' if layout.order is None else ""
     elements = [
@@ -198,15 +198,18 @@ def _tracks(file_bytes: bytes, n_channels: int) -> list[str]:
 def _ambisonics(channels: Sequence[ElementTree.Element]) -> ChannelLayout | None:
     acn_numbers = []
     for channel in channels:
-        block = channel.find("audioBlockFormat")
-        if block is None or (block.findtext("normalization") or "SN3D").strip() != "SN3D":
+        block_format = channel.find("audioBlockFormat")
+        if (
+            block_format is None
+            or (block_format.findtext("normalization") or "SN3D").strip() != "SN3D"
+        ):
             return None
-        n, m = _number(block.findtext("order")), _number(block.findtext("degree"))
+        n, m = _number(block_format.findtext("order")), _number(block_format.findtext("degree"))
         acn_numbers.append(n * n + n + m)
-    order = next((n for n in range(8) if (n + 1) ** 2 == len(acn_numbers)), None)
+    field_order = next((n for n in range(8) if (n + 1) ** 2 == len(acn_numbers)), None)
     return (
-        ChannelLayout(order=order)
-        if order is not None and acn_numbers == [*range(len(acn_numbers))]
+        ChannelLayout(order=field_order)
+        if field_order is not None and acn_numbers == [*range(len(acn_numbers))]
         else None
     )
 
@@ -227,11 +230,13 @@ def _speakers(
             else:
                 speakers.append((*common_direction[:2], radius))
             continue
-        block = definition.find("audioBlockFormat")
-        if block is None:
+        block_format = definition.find("audioBlockFormat")
+        if block_format is None:
             return None
         coordinates = {
-            p.get("coordinate"): p.text for p in block.findall("position") if not p.get("bound")
+            p.get("coordinate"): p.text
+            for p in block_format.findall("position")
+            if not p.get("bound")
         }
         if not {"azimuth", "elevation"} <= coordinates.keys():
             return None
@@ -267,8 +272,8 @@ def _masked(info: WaveInfo) -> ChannelLayout | None:
     return _speakers(labels, ElementTree.Element("none"))
 
 
-def _number(text: str | None) -> float:
+def _number(number_text: str | None) -> float:
     try:
-        return float(text or "")
+        return float(number_text or "")
     except ValueError:
-        raise XmlError(f"{(text or '')[:40]!r} is not a number") from None
+        raise XmlError(f"{(number_text or '')[:40]!r} is not a number") from None

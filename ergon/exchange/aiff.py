@@ -77,15 +77,15 @@ def _samples(path: Path) -> Iterator[bytes]:
 
     with open_regular(path) as open_file:
         info, byte_order = _parse(open_file)
-        width = BYTES[info.format.bits]
-        frame = info.format.frame_bytes
+        sample_bytes = BYTES[info.format.bits]
+        frame_size = info.format.frame_bytes
         open_file.seek(info.offset)
         frames_left = info.size
         while frames_left:
-            frame_count = min(frames_left, max(1, _BLOCK_BYTES // frame) * frame)
+            frame_count = min(frames_left, max(1, _BLOCK_BYTES // frame_size) * frame_size)
             octets = np.frombuffer(read_exactly(open_file, frame_count, _CUT_SAMPLES), np.uint8)
             if byte_order == _BIG:
-                octets = octets.reshape(-1, width)[:, ::-1]
+                octets = octets.reshape(-1, sample_bytes)[:, ::-1]
             if info.format.bits == 8 and byte_order != "unsigned":
                 octets = octets ^ np.uint8(0x80)  # WAVE counts 8 bits from 0
             yield octets.tobytes()
@@ -94,10 +94,14 @@ def _samples(path: Path) -> Iterator[bytes]:
 
 def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
     """What the chunks say, and the order of bytes of a sample."""
-    head = open_file.read(12)
-    if len(head) < 12 or head[:4] != b"FORM" or head[8:] not in (b"AIFF", b"AIFC"):
+    header_bytes = open_file.read(12)
+    if (
+        len(header_bytes) < 12
+        or header_bytes[:4] != b"FORM"
+        or header_bytes[8:] not in (b"AIFF", b"AIFC")
+    ):
         raise NotWaveError("this is not an AIFF file")
-    is_compressed = head[8:] == b"AIFC"
+    is_compressed = header_bytes[8:] == b"AIFC"
     end_offset = open_file.seek(0, 2)
     open_file.seek(12)
     format: WaveFormat | None = None
@@ -155,16 +159,16 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
     return info, byte_order
 
 
-def _common(content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, str, int]:
+def _common(file_content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, str, int]:
     """Format, order of bytes and number of frames of a chunk COMM."""
-    if len(content) < _COMM.size + 4 * is_compressed:
+    if len(file_content) < _COMM.size + 4 * is_compressed:
         raise NotWaveError(_CUT_HEADER)
-    n_channels, n_frames, n_bits, exponent, mantissa = _COMM.unpack_from(content)
-    coding = content[_COMM.size : _COMM.size + 4] if is_compressed else b"NONE"
+    n_channels, n_frames, n_bits, exponent, mantissa = _COMM.unpack_from(file_content)
+    coding = file_content[_COMM.size : _COMM.size + 4] if is_compressed else b"NONE"
     if coding not in _CODINGS:
         name = coding.decode("latin-1").strip()
         raise NotWaveError(f"its samples are coded as {name}; save it as PCM, as WAV or FLAC")
-    order, bits = _CODINGS[coding]
+    coding_order, bits = _CODINGS[coding]
     if bits is None:
         # Samples of 12 or 20 bits are the upper bits of complete bytes.
         bits = next(
@@ -176,7 +180,7 @@ def _common(content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, str, in
         raise NotWaveError(
             f"samples of {n_bits} bits on {n_channels} channels at {rate} Hz are not supported"
         )
-    return WaveFormat(rate, n_channels, bits), order, n_frames
+    return WaveFormat(rate, n_channels, bits), coding_order, n_frames
 
 
 def _rate(exponent: int, mantissa: bytes) -> int:
@@ -190,10 +194,14 @@ def _rate(exponent: int, mantissa: bytes) -> int:
 def _marks(chunk_content: bytes) -> list[tuple[str, int]]:
     """Name and frame of each mark."""
     named_marks: list[tuple[str, int]] = []
-    start = 2
-    while start + 7 <= len(chunk_content) and len(named_marks) < _MARKS_MAX:
-        frame, length = struct.unpack_from(">IB", chunk_content, start + 2)
-        name = chunk_content[start + 7 : start + 7 + length].decode("utf-8", "replace")
+    mark_start = 2
+    while mark_start + 7 <= len(chunk_content) and len(named_marks) < _MARKS_MAX:
+        frame, name_length = struct.unpack_from(">IB", chunk_content, mark_start + 2)
+        name = chunk_content[mark_start + 7 : mark_start + 7 + name_length].decode(
+            "utf-8", "replace"
+        )
         named_marks.append((name, frame))
-        start += 7 + length + (length + 1) % 2  # with its length a name has an even size
+        mark_start += (
+            7 + name_length + (name_length + 1) % 2
+        )  # with its length a name has an even size
     return named_marks

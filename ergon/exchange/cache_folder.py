@@ -79,11 +79,11 @@ class CacheFolder:
 
     def forget(self) -> None:
         """Remove the files that were used least recently, until the rest is within the bounds."""
-        name = re.compile(f"[0-9a-f]{{64}}{re.escape(self.suffix)}")
+        name_pattern = re.compile(f"[0-9a-f]{{64}}{re.escape(self.suffix)}")
         ours = []
         with contextlib.suppress(OSError):
             for path in self.path.iterdir():
-                if name.fullmatch(path.name):
+                if name_pattern.fullmatch(path.name):
                     with contextlib.suppress(OSError):  # another run has removed it
                         stat = path.lstat()
                         ours.append((stat.st_mtime_ns, path.name, stat.st_size, path))
@@ -111,20 +111,20 @@ def _content(path: Path, n_bytes_max: int) -> memoryview | None:
         return data[: open_file.readinto(data)]
 
 
-def user_folder(name: str, environment: Mapping[str, str] = os.environ) -> Path | None:
-    """The path of `name` in the user's own cache folder; None if nothing is to be kept."""
+def user_folder(folder_name: str, environment: Mapping[str, str] = os.environ) -> Path | None:
+    """The path of `folder_name` in the user's own cache folder; None if nothing is to be kept."""
     setting = environment.get("ERGON_CACHE", "").lower()
-    if setting in ("off", "0", "no") or (setting == PLANS and name != PLANS):
+    if setting in ("off", "0", "no") or (setting == PLANS and folder_name != PLANS):
         return None
     folder = cache_folder(environment)
-    return None if folder is None else folder / name
+    return None if folder is None else folder / folder_name
 
 
-def versioned_key(key: str) -> str:
+def versioned_key(cache_key: str) -> str:
     """A key that only this version of the engine finds, since another may compute something
     else.
     """
-    return hashlib.sha256(f"{_version()} {key}".encode()).hexdigest()
+    return hashlib.sha256(f"{_version()} {cache_key}".encode()).hexdigest()
 
 
 @cache

@@ -139,11 +139,11 @@ def read_info(path: Path) -> WaveInfo:
 @contextmanager
 def _open(path: Path) -> Iterator[BinaryIO]:
     """A file that begins as FLAC does: no other decoder of libsndfile sees a stranger's bytes."""
-    with open_regular(path) as file:
-        if file.read(len(MAGIC)) != MAGIC:
+    with open_regular(path) as flac_file:
+        if flac_file.read(len(MAGIC)) != MAGIC:
             raise NotWaveError("the file is not FLAC")
-        file.seek(0)
-        yield file
+        flac_file.seek(0)
+        yield flac_file
 
 
 def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
@@ -166,10 +166,10 @@ def _integers(path: Path) -> Iterator[NDArray[np.int32]]:
 
     with _open(path) as file:
         try:
-            with soundfile.SoundFile(file) as sound:
-                frames_left = sound.frames
+            with soundfile.SoundFile(file) as flac_sound:
+                frames_left = flac_sound.frames
                 while frames_left:
-                    sample_block = sound.read(
+                    sample_block = flac_sound.read(
                         min(frames_left, _BLOCK), dtype="int32", always_2d=True
                     )
                     if not len(sample_block):

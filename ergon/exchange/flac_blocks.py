@@ -41,25 +41,25 @@ class ChannelDescription:
 
 def blocks_of(header: bytes) -> bytes:
     """The blocks for the header of a WAVE file, up to the first byte of its samples."""
-    pieces, start = [header[:12]], 12
-    while start < len(header):
-        size = int.from_bytes(header[start + 4 : start + 8], "little")
-        inside = 0 if header.startswith(_DATA, start) else size + size % 2
-        pieces.append(header[start : start + 8 + inside])
-        start += 8 + inside
+    pieces, block_start = [header[:12]], 12
+    while block_start < len(header):
+        size = int.from_bytes(header[block_start + 4 : block_start + 8], "little")
+        inside = 0 if header.startswith(_DATA, block_start) else size + size % 2
+        pieces.append(header[block_start : block_start + 8 + inside])
+        block_start += 8 + inside
     contents = [_RIFF + piece for piece in pieces]
     kind = bytes([_APPLICATION])
     return b"".join(kind + len(content).to_bytes(3, "big") + content for content in contents)
 
 
-def read_description(file: BinaryIO) -> ChannelDescription:
+def read_description(open_file: BinaryIO) -> ChannelDescription:
     """What the blocks of a FLAC file say of its channels; what is damaged says nothing."""
     chunks, mask = [], 0
-    for kind, content in _blocks(file):
-        if kind == _COMMENT and (match := _MASK.search(content)):
+    for block_kind, block_content in _blocks(open_file):
+        if block_kind == _COMMENT and (match := _MASK.search(block_content)):
             mask = int(match[1], 16)
-        elif kind == _APPLICATION and content.startswith(_RIFF):
-            chunks.append(content.removeprefix(_RIFF))
+        elif block_kind == _APPLICATION and block_content.startswith(_RIFF):
+            chunks.append(block_content.removeprefix(_RIFF))
     left_out = (*_FILE_HEADS, _DATA, b"ds64")
     body = b"".join(chunk for chunk in chunks if not chunk.startswith(left_out))
     body = b"WAVE" + body + _DATA + bytes(4)  # a file whose samples are elsewhere
@@ -78,12 +78,15 @@ def _blocks(open_file: BinaryIO) -> Iterator[tuple[int, bytes]]:
         header_bytes = open_file.read(_HEAD)
         if len(header_bytes) < _HEAD:
             return
-        kind, chunk_size = header_bytes[0] & ~_IS_LAST, int.from_bytes(header_bytes[1:], "big")
-        if kind in (_APPLICATION, _COMMENT):
+        block_kind, chunk_size = (
+            header_bytes[0] & ~_IS_LAST,
+            int.from_bytes(header_bytes[1:], "big"),
+        )
+        if block_kind in (_APPLICATION, _COMMENT):
             n_bytes += chunk_size
             if n_bytes > _BYTES_MAX:
                 return
-            yield kind, open_file.read(chunk_size)
+            yield block_kind, open_file.read(chunk_size)
         else:
             open_file.seek(chunk_size, io.SEEK_CUR)
         if header_bytes[0] & _IS_LAST:

@@ -91,12 +91,12 @@ class VerifiedStem:
         """
         import numpy as np
 
-        width = len(self.taps)
+        tap_count = len(self.taps)
         n_frames = self.n_frames - first_frame if n_frames is None else n_frames
         with self.path.open("rb") as file:
-            file.seek(self.offset + first_frame * width * 8)
-            samples = np.frombuffer(file.read(n_frames * width * 8), "<f8")
-        return samples.reshape(n_frames, width)
+            file.seek(self.offset + first_frame * tap_count * 8)
+            samples = np.frombuffer(file.read(n_frames * tap_count * 8), "<f8")
+        return samples.reshape(n_frames, tap_count)
 
     def join(self, frames: NDArray[np.float64], start_frame: int) -> None:
         """Copy its samples from frame `start_frame` on into its columns of frames (n_frames,
@@ -129,13 +129,13 @@ def read(folder: Path) -> Frozen:
     """Read the manifest of a folder. Raises NotFrozenError."""
     path = folder / MANIFEST
     try:
-        data = read_bounded(path, _SIZE_MAX)
-        if len(data) > _SIZE_MAX:
+        manifest_data = read_bounded(path, _SIZE_MAX)
+        if len(manifest_data) > _SIZE_MAX:
             raise NotFrozenError(f"{path}: the file is too large for a manifest")
-        manifest = parse_json(data)
+        manifest = parse_json(manifest_data)
         if manifest["ergon_frozen"] != VERSION:
             raise NotFrozenError(f"{path}: not a manifest of version {VERSION}")
-        source = Source(
+        frozen_source = Source(
             str(manifest["title"]),
             str(manifest["score"]),
             int(manifest["seed"]),
@@ -144,7 +144,7 @@ def read(folder: Path) -> Frozen:
             str(manifest["plan"]),
         )
         stems = tuple(_stem(folder, stem) for stem in manifest["stems"][:_PARTS_MAX])
-        return Frozen(source, int(manifest["frames"]), stems)
+        return Frozen(frozen_source, int(manifest["frames"]), stems)
     except OSError as error:
         reason = error.strerror or "cannot be read"
         raise NotFrozenError(f"{path}: {reason}; ergon render --freeze writes it") from None

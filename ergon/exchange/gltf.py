@@ -48,10 +48,12 @@ def gltf(motion: Motion, frame_instants: NDArray[np.float64], exaggeration: floa
     point_places, moved = motion.places(), motion.displacements(frame_instants.tolist())
     scene = _Scene(frame_instants)
     drawn: dict[int, tuple[int, NDArray[np.float64]]] = {}
-    for part in manifest["parts"]:
-        parent_node = scene.node({"name": part["name"]})
+    for manifest_part in manifest["parts"]:
+        parent_node = scene.node({"name": manifest_part["name"]})
         child_nodes = []
-        for point_index in range(part["first"], part["first"] + part["count"]):
+        for point_index in range(
+            manifest_part["first"], manifest_part["first"] + manifest_part["count"]
+        ):
             if point_index in other_axes:
                 continue
             if point_index in space:
@@ -83,7 +85,7 @@ def gltf(motion: Motion, frame_instants: NDArray[np.float64], exaggeration: floa
 
 
 def _automatic_exaggeration(
-    motion: Motion, parts: list[dict[str, Any]], in_space: set[int]
+    motion: Motion, manifest_parts: list[dict[str, Any]], in_space: set[int]
 ) -> float:
     """The exaggeration at which the largest displacement of all is drawn as 5 cm.
 
@@ -97,7 +99,7 @@ def _automatic_exaggeration(
     peak_values = struct.unpack(f"<{len(payload) // 4}f", payload[: len(payload) // 4 * 4])
     part_peaks = (
         peak
-        for peak, part in zip(peak_values, parts, strict=False)
+        for peak, part in zip(peak_values, manifest_parts, strict=False)
         if part["first"] not in in_space
     )
     largest = max(part_peaks, default=0.0)
@@ -179,12 +181,14 @@ class _Scene:
         if a[0] in self._moved:
             self._move(line_node, "translation", self._moved[a[0]])
         line_times = self.instants.astype(np.float32)
-        end = np.float32(until)
+        end_instant = np.float32(until)
         if self.instants[0] < until <= self.instants[-1]:
-            n = int(np.searchsorted(line_times, end))
+            n = int(np.searchsorted(line_times, end_instant))
             last_distance = [np.interp(until, self.instants, axis) for axis in apart.T]
             apart = np.vstack([apart[:n], [last_distance], np.zeros((1, 3))]).astype(np.float32)
-            line_times = np.append(line_times[:n], [end, np.nextafter(end, np.float32(np.inf))])
+            line_times = np.append(
+                line_times[:n], [end_instant, np.nextafter(end_instant, np.float32(np.inf))]
+            )
             self._move(line_node, "scale", self._sampler(self._instants(line_times), apart))
         elif (apart != apart[0]).any():
             self._move(line_node, "scale", self._sampler(self._times, apart))
@@ -202,10 +206,10 @@ class _Scene:
 
     def _instants(self, times: NDArray[np.float32]) -> int:
         """The accessor of some instants; lines with equal instants share one."""
-        key = times.tobytes()
-        if key not in self._known:
-            self._known[key] = self._array(times, "SCALAR", bounds=True)
-        return self._known[key]
+        times_key = times.tobytes()
+        if times_key not in self._known:
+            self._known[times_key] = self._array(times, "SCALAR", bounds=True)
+        return self._known[times_key]
 
     def _line_mesh(self) -> int:
         import numpy as np

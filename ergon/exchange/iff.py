@@ -46,12 +46,12 @@ def _walked(file_bytes: bytes, start_offset: int, stop_offset: int, depth: int) 
     if depth > _DEPTH_MAX:
         raise NotIffError(f"byte {start_offset:,}: groups lie in groups deeper than {_DEPTH_MAX}")
     while start_offset < stop_offset:
-        head = file_bytes[start_offset : start_offset + _HEAD]
+        header_bytes = file_bytes[start_offset : start_offset + _HEAD]
         if start_offset + _HEAD > stop_offset:
             raise NotIffError(
                 f"byte {start_offset:,}: {stop_offset - start_offset} bytes are too few for a chunk"
             )
-        identifier, chunk_size = head[:4], int.from_bytes(head[4:], "big")
+        identifier, chunk_size = header_bytes[:4], int.from_bytes(header_bytes[4:], "big")
         inside = start_offset + _HEAD
         if not all(32 <= byte < 127 for byte in identifier):
             raise NotIffError(f"byte {start_offset:,}: {identifier!r} is not the name of a chunk")

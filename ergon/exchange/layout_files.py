@@ -64,7 +64,7 @@ class Form:
 # --- IEM ----------------------------------------------------------------------------------------
 
 
-def _write_iem(speakers: Sequence[Angles], outputs: Sequence[int], piece_title: str) -> str:
+def _write_iem(speakers: Sequence[Angles], output_numbers: Sequence[int], piece_title: str) -> str:
     """An IEM layout, with the silent imaginary loudspeakers that close the hull."""
     from ergon.space.panning import imaginary_speakers
 
@@ -77,7 +77,7 @@ def _write_iem(speakers: Sequence[Angles], outputs: Sequence[int], piece_title: 
             "Channel": number,
             "Gain": 1.0,
         }
-        for number, (azimuth, elevation, distance) in zip(outputs, speakers, strict=True)
+        for number, (azimuth, elevation, distance) in zip(output_numbers, speakers, strict=True)
     ]
     array = unit_vectors(point(azimuth, elevation, 1.0) for azimuth, elevation, _ in speakers)
     for place in imaginary_speakers(array).tolist():
@@ -106,17 +106,19 @@ def _read_iem(data: bytes) -> ReadLayout:
     except MalformedTextError as error:
         raise LayoutFileError(str(error)) from None
     layout = document.get("LoudspeakerLayout") if isinstance(document, dict) else None
-    rows = layout.get("Loudspeakers") if isinstance(layout, dict) else None
-    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+    speaker_rows = layout.get("Loudspeakers") if isinstance(layout, dict) else None
+    if not isinstance(speaker_rows, list) or not all(isinstance(row, dict) for row in speaker_rows):
         raise LayoutFileError("it has no list `LoudspeakerLayout: Loudspeakers`")
-    real_rows = [row for row in rows if not row.get("IsImaginary")]
+    real_rows = [row for row in speaker_rows if not row.get("IsImaginary")]
     numbered: list[tuple[float, Angles]] = []
     left_out: list[str] = []
-    for i, row in enumerate(real_rows, 1):
-        channel = _number(row.get("Channel", i), "Channel")
-        speaker_angles = _angles(row.get("Azimuth"), row.get("Elevation"), row.get("Radius", 1.0))
+    for i, speaker_row in enumerate(real_rows, 1):
+        channel = _number(speaker_row.get("Channel", i), "Channel")
+        speaker_angles = _angles(
+            speaker_row.get("Azimuth"), speaker_row.get("Elevation"), speaker_row.get("Radius", 1.0)
+        )
         numbered.append((channel, speaker_angles))
-        if _number(row.get("Gain", 1.0), "Gain") != 1.0:
+        if _number(speaker_row.get("Gain", 1.0), "Gain") != 1.0:
             left_out.append(_dropped("gain", channel))
     return _in_order(numbered, left_out)
 
@@ -125,22 +127,24 @@ def _read_iem(data: bytes) -> ReadLayout:
 
 
 def _write_ear(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -> str:
-    lines = [f"# made by ergon: {printable(title)}\n", "speakers:\n"]
+    yaml_lines = [f"# made by ergon: {printable(title)}\n", "speakers:\n"]
     for number, (azimuth, elevation, distance) in zip(outputs, speakers, strict=True):
         position = f"{{az: {_short(azimuth)}, el: {_short(elevation)}, r: {_short(distance)}}}"
-        lines.append(f"  - {{channel: {number - 1}, names: L{number}, position: {position}}}\n")
-    return "".join(lines)
+        yaml_lines.append(
+            f"  - {{channel: {number - 1}, names: L{number}, position: {position}}}\n"
+        )
+    return "".join(yaml_lines)
 
 
 def _read_ear(data: bytes) -> ReadLayout:
     try:
         layout_text = data.decode("utf-8-sig")
         depth = 0
-        for event in yaml.parse(layout_text, Loader=yaml.SafeLoader):
-            if isinstance(event, yaml.AliasEvent):
+        for yaml_event in yaml.parse(layout_text, Loader=yaml.SafeLoader):
+            if isinstance(yaml_event, yaml.AliasEvent):
                 raise LayoutFileError("its YAML has aliases, which are not read")
-            depth += isinstance(event, yaml.CollectionStartEvent)
-            depth -= isinstance(event, yaml.CollectionEndEvent)
+            depth += isinstance(yaml_event, yaml.CollectionStartEvent)
+            depth -= isinstance(yaml_event, yaml.CollectionEndEvent)
             if depth > _DEPTH_MAX:
                 raise LayoutFileError("its YAML is nested too deeply")
         document = yaml.safe_load(layout_text)
@@ -149,11 +153,11 @@ def _read_ear(data: bytes) -> ReadLayout:
             raise
         reason = " ".join(str(error).split())
         raise LayoutFileError(f"this is not YAML: {reason}") from None
-    rows = document.get("speakers") if isinstance(document, dict) else document
-    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+    speaker_rows = document.get("speakers") if isinstance(document, dict) else document
+    if not isinstance(speaker_rows, list) or not all(isinstance(row, dict) for row in speaker_rows):
         raise LayoutFileError("it has no list `speakers`")
     numbered, left_out = [], []
-    for i, speaker_row in enumerate(rows):
+    for i, speaker_row in enumerate(speaker_rows):
         channel_number = _number(speaker_row.get("channel", i), "channel")
         names = _names(speaker_row)
         if any(map(is_effects, names)):
@@ -164,10 +168,12 @@ def _read_ear(data: bytes) -> ReadLayout:
                 "the room: it is left out"
             )
             continue
-        place = speaker_row.get("position")
-        if not isinstance(place, dict):
+        speaker_place = speaker_row.get("position")
+        if not isinstance(speaker_place, dict):
             raise LayoutFileError(f"loudspeaker {i + 1} has no position")
-        speaker_angles = _angles(place.get("az"), place.get("el", 0.0), place.get("r", 1.0))
+        speaker_angles = _angles(
+            speaker_place.get("az"), speaker_place.get("el", 0.0), speaker_place.get("r", 1.0)
+        )
         numbered.append((channel_number, speaker_angles))
         if _number(speaker_row.get("gain_linear", 1.0), "gain") != 1.0:
             left_out.append(_dropped("gain", channel_number + 1))
@@ -185,27 +191,27 @@ def _names(row: dict[str, Any]) -> list[str]:
 _SPATGRIS, _PLACE = "SPEAKER_SETUP", "CARTESIAN_POSITION"
 
 
-def _write_spatgris(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -> str:
+def _write_spatgris(speakers: Sequence[Angles], output_numbers: Sequence[int], title: str) -> str:
     """Cartesian: x to the right, y to the front; the farthest loudspeaker of a dome is 1 away."""
     farthest = max((distance for *_, distance in speakers), default=1.0) or 1.0
     text_lines = [
         '<?xml version="1.0" encoding="UTF-8"?>\n<!-- made by ergon -->\n',
         f'<{_SPATGRIS} VERSION="3.1.0" SPAT_MODE="Dome" DIFFUSION="0" GENERAL_MUTE="0">\n',
     ]
-    for number, (azimuth, elevation, distance) in zip(outputs, speakers, strict=True):
+    for output_number, (azimuth, elevation, distance) in zip(output_numbers, speakers, strict=True):
         x, y, z = point(azimuth, elevation, distance / farthest)
         text_lines.append(
-            f'  <SPEAKER_{number} STATE="normal" GAIN="0" DIRECT_OUT_ONLY="0">\n'
+            f'  <SPEAKER_{output_number} STATE="normal" GAIN="0" DIRECT_OUT_ONLY="0">\n'
             f'    <POSITION X="{_short(x)}" Y="{_short(y)}" Z="{_short(z)}"/>\n'
-            f"  </SPEAKER_{number}>\n"
+            f"  </SPEAKER_{output_number}>\n"
         )
     return "".join([*text_lines, f"</{_SPATGRIS}>\n"])
 
 
-def _read_spatgris(data: bytes) -> ReadLayout:
+def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
     """SPEAKER_n with a POSITION inside, as up to version 3, or SPEAKER in groups, as version 4."""
     try:
-        root_element = parse_xml(data)
+        root_element = parse_xml(xml_bytes)
     except XmlError as error:
         raise LayoutFileError(str(error)) from None
     if root_element.tag != _SPATGRIS:
@@ -242,10 +248,10 @@ def _read_spatgris(data: bytes) -> ReadLayout:
             left_out.append(_dropped("gain", output_number))
         if element.find("HIGHPASS") is not None:
             left_out.append(_dropped("high-pass filter", output_number))
-        state = element.get("IO_STATE", element.get("STATE", "normal"))
-        if state != "normal":
+        state_text = element.get("IO_STATE", element.get("STATE", "normal"))
+        if state_text != "normal":
             left_out.append(
-                f"output {output_number:g} is {printable(state[:20])} there; it sounds here"
+                f"output {output_number:g} is {printable(state_text[:20])} there; it sounds here"
             )
     return _in_order(numbered, left_out)
 
@@ -266,10 +272,10 @@ def _in_order(
         raise LayoutFileError(
             f"it has {len(numbered):,} loudspeakers; 1 to {SPEAKERS_MAX:,} are read"
         )
-    numbers = [number for number, _ in numbered]
-    if len(set(numbers)) < len(numbers):
+    speaker_numbers = [number for number, _ in numbered]
+    if len(set(speaker_numbers)) < len(speaker_numbers):
         raise LayoutFileError("two of its loudspeakers have one channel")
-    if not all(number.is_integer() for number in numbers):
+    if not all(number.is_integer() for number in speaker_numbers):
         raise LayoutFileError("the number of an output is not whole")
     in_order = sorted(numbered, key=lambda pair: pair[0])
     outputs = [int(number) + 1 - first_channel for number, _ in in_order]
@@ -297,14 +303,14 @@ def _number(json_value: Any, noun: str) -> float:
     try:
         if isinstance(json_value, bool) or json_value is None:
             raise ValueError
-        number = float(json_value)
-        if abs(number) > 1e9 or number != number:
+        finite_number = float(json_value)
+        if abs(finite_number) > 1e9 or finite_number != finite_number:
             raise ValueError
     except (TypeError, ValueError, OverflowError):
         raise LayoutFileError(
             f"{printable(str(json_value)[:40])!r} is not a valid {noun}"
         ) from None
-    return number
+    return finite_number
 
 
 def _short(value: float) -> float:
@@ -323,7 +329,7 @@ FORMS = {
 
 def as_yaml(
     speakers: Sequence[Angles],
-    title: str,
+    piece_title: str,
     radius: float | None = None,
     output_numbers: Sequence[int] = (),
 ) -> str:
@@ -334,14 +340,14 @@ def as_yaml(
     scale = 1.0 if radius is None or not farthest else radius / farthest
     yaml_lines = [
         "ergon: 1 # made by ergon\n",
-        f"title: {json.dumps(printable(title), ensure_ascii=False)}\n",
+        f"title: {json.dumps(printable(piece_title), ensure_ascii=False)}\n",
     ]
     yaml_lines += ["project: equidistant\n", "speakers:\n"]
     for azimuth, elevation, distance in speakers:
-        place = (
+        speaker_place = (
             f"az: {_short(azimuth)}deg, el: {_short(elevation)}deg, r: {_short(distance * scale)}m"
         )
-        yaml_lines.append(f"  - {{{place}}}\n")
+        yaml_lines.append(f"  - {{{speaker_place}}}\n")
     if [*output_numbers] != [*range(1, len(output_numbers) + 1)]:
         yaml_lines.append(f"outputs: [{', '.join(map(str, output_numbers))}]\n")
     return "".join(yaml_lines)

@@ -31,12 +31,12 @@ def read_correction(environment: Mapping[str, str] = os.environ) -> float | None
     if path is None:
         return None
     try:
-        content = parse_json(read_bounded(path, _BYTES_MAX))
+        stored_content = parse_json(read_bounded(path, _BYTES_MAX))
     except (OSError, MalformedTextError):
         return None
-    if not isinstance(content, dict) or content.get("processor") != processor_name():
+    if not isinstance(stored_content, dict) or stored_content.get("processor") != processor_name():
         return None
-    correction = content.get("correction")
+    correction = stored_content.get("correction")
     is_valid = isinstance(correction, float) and _RANGE[0] <= correction <= _RANGE[1]
     return correction if is_valid else None
 
@@ -46,13 +46,17 @@ def store_correction(correction: float, environment: Mapping[str, str] = os.envi
     path = _path(environment)
     if path is None:
         return False
-    content = {"made by ergon": "doctor", "processor": processor_name(), "correction": correction}
+    stored_content = {
+        "made by ergon": "doctor",
+        "processor": processor_name(),
+        "correction": correction,
+    }
     with contextlib.suppress(OSError, FileRefusedError):
         make_private_folder(path.parent)
         with open_for_writing(
             path, binary=False, force=True, sync=False, replaceable=False
         ) as file:
-            file.write(f"{json.dumps(content)}\n".encode())
+            file.write(f"{json.dumps(stored_content)}\n".encode())
         return True
     return False
 

@@ -15,9 +15,9 @@ def markers_csv(marks: Iterable[tuple[str, str, float]]) -> str:
     Seconds have six decimals: 1 µs is a tenth of a sample at 96 kHz, and no sequencer places a
     mark more finely than a sample.
     """
-    text = io.StringIO()
-    text.write("# marks 1, made by ergon\n")
-    rows = csv.writer(text, lineterminator="\n")
+    csv_text = io.StringIO()
+    csv_text.write("# marks 1, made by ergon\n")
+    rows = csv.writer(csv_text, lineterminator="\n")
     rows.writerow(HEADER)
     rows.writerows((name, position, f"{seconds:.6f}") for name, position, seconds in marks)
-    return text.getvalue()
+    return csv_text.getvalue()

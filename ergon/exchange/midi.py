@@ -61,7 +61,7 @@ def tempo_file(
     length_beats: float,
     meters: Sequence[Meter],
     markers: Sequence[Marker],
-    title: str,
+    piece_title: str,
     tracks: Sequence[NoteTrack] = (),
 ) -> bytes:
     """A file whose ticks count the beats 0 … `length_beats` and whose tempo events give their
@@ -79,7 +79,7 @@ def tempo_file(
         event = b"\xff" + bytes((kind,)) + _variable(len(content)) + content
         timed_events.append((ruler.tick(beat), order, event))
 
-    add(0, 0, _TRACK_NAME, title.encode())
+    add(0, 0, _TRACK_NAME, piece_title.encode())
     add(0, 1, _TEXT, b"tempo map, made by ergon")
     for meter in ruler.meters:
         add(meter.beat, 2, _METER, bytes((meter.n_beats, meter.unit.bit_length() - 1, 24, 8)))
@@ -92,10 +92,10 @@ def tempo_file(
     return b"MThd" + struct.pack(">IHHH", 6, 1, len(track_chunks), PPQ) + b"".join(track_chunks)
 
 
-def _track(events: list[tuple[int, int, bytes]]) -> bytes:
+def _track(timed_events: list[tuple[int, int, bytes]]) -> bytes:
     """A track of events: tick, order within the tick, bytes."""
     track, tick_before = bytearray(), 0
-    for tick, _, event in sorted(events, key=lambda event: event[:2]):
+    for tick, _, event in sorted(timed_events, key=lambda event: event[:2]):
         track += _variable(tick - tick_before) + event
         tick_before = tick
     return b"MTrk" + struct.pack(">I", len(track)) + bytes(track)
@@ -106,12 +106,14 @@ def _note_track(track: NoteTrack, ruler: Ruler) -> bytes:
     name_event = b"\xff" + bytes((_TRACK_NAME,)) + _variable(len(name)) + name
     timed_events: list[tuple[int, int, bytes]] = [(0, 0, name_event)]
     last_tick = 0
-    for note in track.notes:
-        begin = ruler.tick(note.begin)
-        end = max(begin + 1, ruler.tick(note.end))  # a note of no length would be none
-        timed_events.append((begin, 2, bytes((_NOTE_ON | track.channel, note.key, note.velocity))))
-        timed_events.append((end, 1, bytes((_NOTE_OFF | track.channel, note.key, 0))))
-        last_tick = max(last_tick, end)
+    for track_note in track.notes:
+        begin = ruler.tick(track_note.begin)
+        end_tick = max(begin + 1, ruler.tick(track_note.end))  # a note of no length would be none
+        timed_events.append(
+            (begin, 2, bytes((_NOTE_ON | track.channel, track_note.key, track_note.velocity)))
+        )
+        timed_events.append((end_tick, 1, bytes((_NOTE_OFF | track.channel, track_note.key, 0))))
+        last_tick = max(last_tick, end_tick)
     return _track([*timed_events, (last_tick, 3, b"\xff" + bytes((_END, 0)))])
 
 
@@ -145,14 +147,14 @@ class Ruler:
 
 
 def tempo_steps(
-    seconds_at: Callable[[float], float], length: float, ruler: Ruler
+    seconds_at: Callable[[float], float], length_beats: float, ruler: Ruler
 ) -> list[tuple[float, int]]:
     """Tempo changes (beat, microseconds per quarter note) that stay within _DRIFT of the exact
     time.
     """
     tempo_changes: list[tuple[float, int]] = []
     tempo, error = 0, 0.0  # error [us]: how late MIDI is
-    for step in range(max(1, math.ceil(length * STEPS_PER_BEAT))):
+    for step in range(max(1, math.ceil(length_beats * STEPS_PER_BEAT))):
         step_beat, end = step / STEPS_PER_BEAT, (step + 1) / STEPS_PER_BEAT
         n_quarters = (ruler.tick(end) - ruler.tick(step_beat)) / PPQ
         micros = (seconds_at(end) - seconds_at(step_beat)) * 1e6

@@ -28,10 +28,12 @@ def read_manifest(motion: Motion) -> dict[str, Any]:
     fps = manifest.get("fps")
     if not isinstance(fps, float | int) or not 0.0 < fps <= _FPS_MAX:
         raise NotMotionError(f"its frames a second must be above 0 and at most {_FPS_MAX:,}")
-    for part in manifest["parts"]:
-        part["name"] = str(part.get("name") or "")
-        part["why"] = part.get("why")
-        part["modes"] = part.get("modes") if part["kind"] == "modal" else None
+    for manifest_part in manifest["parts"]:
+        manifest_part["name"] = str(manifest_part.get("name") or "")
+        manifest_part["why"] = manifest_part.get("why")
+        manifest_part["modes"] = (
+            manifest_part.get("modes") if manifest_part["kind"] == "modal" else None
+        )
     return manifest
 
 
@@ -43,12 +45,13 @@ def instants(motion: Motion, fps: float | None) -> NDArray[np.float64]:
     import numpy as np
 
     rate = fps or float(read_manifest(motion)["fps"])
-    count = math.floor(motion.duration * rate + 1e-6) + 1
-    if count * max(1, len(motion.names)) > NUMBERS_MAX:
+    instant_count = math.floor(motion.duration * rate + 1e-6) + 1
+    if instant_count * max(1, len(motion.names)) > NUMBERS_MAX:
         raise NotMotionError(
-            f"{count:,} instants of {len(motion.names):,} points are more than fits; lower --fps"
+            f"{instant_count:,} instants of {len(motion.names):,} points are more than fits; lower "
+            "--fps"
         )
-    return np.arange(count) / rate
+    return np.arange(instant_count) / rate
 
 
 def write_npz(output_file: BinaryIO, motion: Motion, frame_instants: NDArray[np.float64]) -> None:

@@ -89,7 +89,7 @@ def points_in_space(space_table: object, point_names: Sequence[str]) -> list[Spa
     return space_points
 
 
-def points_of_parts(manifest: dict[str, Any], names: Sequence[str]) -> list[int]:
+def points_of_parts(manifest: dict[str, Any], point_names: Sequence[str]) -> list[int]:
     """How many points each part of a manifest has, (n_parts,).
 
     A point in space counts once: in the part that computes a coordinate of it, and on a surface in
@@ -98,7 +98,7 @@ def points_of_parts(manifest: dict[str, Any], names: Sequence[str]) -> list[int]
     part_tables = manifest["parts"]
     point_counts = [part["count"] for part in part_tables]
     part_ends = [part["first"] + part["count"] for part in part_tables]
-    for point in points_in_space(manifest.get("space"), names):
+    for point in points_in_space(manifest.get("space"), point_names):
         members = [bisect_right(part_ends, coordinate) for coordinate in point.axes]
         is_of_body = part_tables[members[-1]]["name"] != part_tables[members[0]]["name"]
         moved = [part for part in members if part_tables[part]["kind"] != "none"]
@@ -126,19 +126,23 @@ def links_in_space(motion: Motion, space: Sequence[SpacePoint]) -> list[SpaceLin
     tables = [offset for offset, chunk in chunks if chunk.kind == _LINKS]
     if not (tables and space):
         return []
-    table = motion.payload(tables[0])
-    if len(table) < _NUMBER or len(table) != _NUMBER + 8 * int.from_bytes(table[:4], "little"):
+    link_table = motion.payload(tables[0])
+    if len(link_table) < _NUMBER or len(link_table) != _NUMBER + 8 * int.from_bytes(
+        link_table[:4], "little"
+    ):
         raise NotMotionError("its table of links is damaged")
-    link_pairs = np.frombuffer(table, "<u4", offset=_NUMBER).reshape(-1, 2)
+    link_pairs = np.frombuffer(link_table, "<u4", offset=_NUMBER).reshape(-1, 2)
     if link_pairs.size and int(link_pairs.max()) >= len(motion.names):
         raise NotMotionError("its table of links names no such points")
     broken = np.full(len(link_pairs), np.inf)
     for offset, chunk in chunks:
         if chunk.kind == _BROKEN:
-            rows = np.frombuffer(motion.payload(offset), [("dt", "<f4"), ("link", "<u4")])
-            if rows.size and int(rows["link"].max()) >= len(link_pairs):
+            change_rows = np.frombuffer(motion.payload(offset), [("dt", "<f4"), ("link", "<u4")])
+            if change_rows.size and int(change_rows["link"].max()) >= len(link_pairs):
                 raise NotMotionError("a link that broke is not in its table")
-            np.minimum.at(broken, rows["link"], chunk.seconds + rows["dt"].astype(float))
+            np.minimum.at(
+                broken, change_rows["link"], chunk.seconds + change_rows["dt"].astype(float)
+            )
     number = np.full(len(motion.names), -1)
     number[[point.axes[0] for point in space]] = np.arange(len(space))
     end_points = number[link_pairs]

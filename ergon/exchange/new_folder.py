@@ -64,12 +64,12 @@ def _sync_files(folder: Path) -> None:
                 os.close(handle)
 
 
-def _move_up(part: Path, target: Path) -> None:
-    """Move all that is in `part` into the folder that holds it; if one cannot be moved, none is."""
+def _move_up(part_folder: Path, target_folder: Path) -> None:
+    """Move the content of `part_folder` into its parent: all of it, or nothing if a move fails."""
     moved: list[tuple[Path, Path]] = []
     try:
-        for path in sorted(part.iterdir()):
-            new_path = target / path.name
+        for path in sorted(part_folder.iterdir()):
+            new_path = target_folder / path.name
             if new_path.exists():
                 raise FileExistsError(17, "a file of this name appeared meanwhile", str(new_path))
             os.rename(path, new_path)

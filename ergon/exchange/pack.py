@@ -86,11 +86,11 @@ def pack_bytes(pack: Pack) -> bytes:
         )
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
-        for name, data in archive_entries:
-            entry = zipfile.ZipInfo(name, _TIME)
-            entry.create_system = 3  # Unix, on every machine
-            entry.external_attr = (stat.S_IFREG | 0o644) << 16
-            archive.writestr(entry, data)
+        for name, entry_data in archive_entries:
+            zip_entry = zipfile.ZipInfo(name, _TIME)
+            zip_entry.create_system = 3  # Unix, on every machine
+            zip_entry.external_attr = (stat.S_IFREG | 0o644) << 16
+            archive.writestr(zip_entry, entry_data)
     return stream.getvalue()
 
 
@@ -110,11 +110,11 @@ def read_pack(path: Path) -> Pack:
 
 def write_files(pack: Pack, folder: Path) -> Path:
     """Write the files of a pack into a new and empty folder; the path of the score in it."""
-    for name, data in pack.files.items():
+    for name, file_data in pack.files.items():
         path = folder.joinpath(*PurePosixPath(name).parts)
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("xb") as file:
-            file.write(data)
+            file.write(file_data)
     return folder / pack.score
 
 
@@ -137,10 +137,10 @@ def _parsed(pack_bytes_read: bytes) -> Pack:
     if len(manifest) > _MANIFEST_BYTES_MAX:
         raise PackError(f"{_MANIFEST} has more than {_MANIFEST_BYTES_MAX >> 20} MB")
     files_by_name = {}
-    for name, octets in content_by_name.items():
-        if not name.startswith(_FILES):
-            raise PackError(f"{_quoted(name)} is no file of a pack, which are in {_FILES}")
-        files_by_name[name.removeprefix(_FILES)] = octets
+    for entry_name, octets in content_by_name.items():
+        if not entry_name.startswith(_FILES):
+            raise PackError(f"{_quoted(entry_name)} is no file of a pack, which are in {_FILES}")
+        files_by_name[entry_name.removeprefix(_FILES)] = octets
     _check_names(files_by_name)
     return _with_manifest(parse_json(manifest), files_by_name)
 
@@ -151,7 +151,7 @@ def _check_end(pack_bytes_read: bytes) -> None:
         raise PackError(f"a pack has {BYTES_MAX // 1_000_000} MB at most, and this has more")
     if pack_bytes_read[:4] != b"PK\3\4":
         raise PackError("the file is not a pack; `ergon pack SCORE` makes one")
-    mark, *_, entry_count, size, _, comment = (
+    mark, *_, entry_count, directory_size, _, comment = (
         _END.unpack(pack_bytes_read[-_END.size :])
         if len(pack_bytes_read) >= _END.size
         else (b"", 0, 0, 0, 0)
@@ -161,7 +161,7 @@ def _check_end(pack_bytes_read: bytes) -> None:
         raise PackError("the pack is cut short, or something was added to its end")
     if pack_bytes_read[max(n_bytes_before, 0) :][:4] == _LARGE_MARK or entry_count > FILES_MAX + 1:
         raise PackError(f"a pack has {FILES_MAX:,} files at most, and this has more")
-    if size > entry_count * _RECORD_BYTES_MAX:
+    if directory_size > entry_count * _RECORD_BYTES_MAX:
         raise PackError("the pack is damaged: its list of files is too long for their number")
 
 
@@ -191,11 +191,11 @@ def _check_names(file_names: Iterable[str]) -> None:
     name_by_key: dict[str, str] = {}
     for file_name in file_names:
         _check_name(file_name)
-        key = _key(file_name)
-        if key in name_by_key:
-            both_names = f"{_quoted(name_by_key[key])} and {_quoted(file_name)}"
+        name_key = _key(file_name)
+        if name_key in name_by_key:
+            both_names = f"{_quoted(name_by_key[name_key])} and {_quoted(file_name)}"
             raise PackError(f"{both_names} are one file on some systems; rename one")
-        name_by_key[key] = file_name
+        name_by_key[name_key] = file_name
     for file_name in file_names:
         for folder in map(_key, map(str, PurePosixPath(file_name).parents)):
             if folder in name_by_key:
@@ -220,13 +220,13 @@ def _check_name(file_name: str) -> None:
         raise PackError(f"{quoted_name}: a name in a pack has {_NAME_MAX} bytes at most")
     if not file_name.isprintable() or _ODD.search(file_name):
         raise PackError(f"{quoted_name} has a character that not every system allows in a name")
-    for part in path_parts:
-        if not part or part.startswith((".", " ")) or part.endswith((".", " ")):
+    for path_part in path_parts:
+        if not path_part or path_part.startswith((".", " ")) or path_part.endswith((".", " ")):
             raise PackError(
                 f"{quoted_name}: files and folders in a pack begin and end with neither a dot nor "
                 "a space"
             )
-        if _DEVICE.fullmatch(part):
+        if _DEVICE.fullmatch(path_part):
             raise PackError(f"{quoted_name}: some systems have a device of this name; rename it")
 
 
@@ -247,12 +247,14 @@ def _with_manifest(manifest: Any, packed_files: Mapping[str, bytes]) -> Pack:
         raise PackError(f"the pack is damaged: the file {_quoted(mismatched[0])} {kind}")
     if not isinstance(score, str) or score not in packed_files:
         raise PackError(f"{_MANIFEST} does not say which of its files is the score")
-    for file_name, data in packed_files.items():
-        entry = listed[file_name] if isinstance(listed[file_name], dict) else {}
-        digest = entry.get("sha256")
+    for file_name, file_data in packed_files.items():
+        listed_entry = listed[file_name] if isinstance(listed[file_name], dict) else {}
+        digest = listed_entry.get("sha256")
         if not isinstance(digest, str) or not _HASH.fullmatch(digest):
             raise PackError(f"{_MANIFEST} has no SHA-256 of {_quoted(file_name)}")
-        if digest != hashlib.sha256(data).hexdigest() or entry.get("bytes") != len(data):
+        if digest != hashlib.sha256(file_data).hexdigest() or listed_entry.get("bytes") != len(
+            file_data
+        ):
             raise PackError(
                 f"the pack is damaged: {_quoted(file_name)} is not the file that was packed "
                 "(its SHA-256 differs)"

@@ -70,12 +70,12 @@ def write(
 def read(path: Path) -> PlanFile:
     """The plan in a file. Raises NotPlanError with a sentence."""
     try:
-        data = read_bounded(path, _SIZE_MAX)
-        if len(data) > _SIZE_MAX:
+        plan_data = read_bounded(path, _SIZE_MAX)
+        if len(plan_data) > _SIZE_MAX:
             raise NotPlanError(
                 f"the file is larger than {_SIZE_MAX // 1_000_000} MB, the maximum for a plan"
             )
-        plan_content = parse_json(data)
+        plan_content = parse_json(plan_data)
     except NotPlanError:
         raise
     except OSError as error:
@@ -95,29 +95,29 @@ def _budget(json_value: object) -> Budget | None:
     raise NotPlanError('its budget is not valid; it must be one such as {"error": -60}')
 
 
-def _is_wish(name: object, value: object) -> bool:
-    if name == "method":
-        return isinstance(value, str)
-    if not isinstance(value, int | float) or isinstance(value, bool):
+def _is_wish(wish_name: object, wish_value: object) -> bool:
+    if wish_name == "method":
+        return isinstance(wish_value, str)
+    if not isinstance(wish_value, int | float) or isinstance(wish_value, bool):
         return False
-    return name in ("error", "cents", "upto") and isfinite(value)
+    return wish_name in ("error", "cents", "upto") and isfinite(wish_value)
 
 
-def parse_choices(content: object) -> list[IslandChoice]:
+def parse_choices(choices_content: object) -> list[IslandChoice]:
     """The choices in the parsed JSON of a file. Raises NotPlanError."""
-    if not isinstance(content, dict) or content.get("ergon_plan") != VERSION:
+    if not isinstance(choices_content, dict) or choices_content.get("ergon_plan") != VERSION:
         raise NotPlanError(f"not a plan of version {VERSION}")
-    choices = content.get("choices")
+    choices = choices_content.get("choices")
     if not isinstance(choices, list):
         raise NotPlanError("the plan has no list of choices")
     return [_choice(choice) for choice in choices]
 
 
-def _choice(value: object) -> IslandChoice:
-    if isinstance(value, list) and len(value) in (5, 6):
-        module_names, step_times, contact_steps, body_methods, cost = value[:5]
+def _choice(choice_value: object) -> IslandChoice:
+    if isinstance(choice_value, list) and len(choice_value) in (5, 6):
+        module_names, step_times, contact_steps, body_methods, cost = choice_value[:5]
         # Plans that say no order were made when there was one.
-        contact_order = value[5] if len(value) == 6 else _FOURTH_ORDER
+        contact_order = choice_value[5] if len(choice_value) == 6 else _FOURTH_ORDER
         is_counts = _is_count(module_names) and _is_count(step_times) and _is_count(contact_steps)
         is_cost = (cost is None or _is_count(cost)) and _is_count(contact_order)
         if (

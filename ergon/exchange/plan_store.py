@@ -39,11 +39,11 @@ class PlanStore:
     def get(self, key: str) -> TrialRecord | None:
         """The record stored under a key; None if there is none."""
         key = versioned_key(key)
-        data = self._folder.read(key)
-        if data is None:
+        record_data = self._folder.read(key)
+        if record_data is None:
             return None
         try:
-            return _record_of(parse_json(bytes(data)), key)
+            return _record_of(parse_json(bytes(record_data)), key)
         except ValueError:
             return None
 
@@ -65,14 +65,14 @@ def user_store(environment: Mapping[str, str] = os.environ) -> PlanStore | None:
     return None if folder is None else PlanStore(folder)
 
 
-def _record_of(record_content: object, key: str) -> TrialRecord | None:
+def _record_of(record_content: object, record_key: str) -> TrialRecord | None:
     if not isinstance(record_content, dict) or record_content.get("ergon_trial") != _VERSION:
         return None
     fields: dict[str, Any] = {name: record_content.get(name) for name in TrialRecord._fields}
     trial_record = TrialRecord(**fields)
     record_reason = trial_record.reason
     is_good = (
-        record_content.get("key") == key
+        record_content.get("key") == record_key
         and record_content.get("hash") == _hash(trial_record)
         and _are(trial_record.numbers, _is_number)
         and _are(trial_record.counts, _is_row)

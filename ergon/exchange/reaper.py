@@ -37,29 +37,29 @@ class SoundFormat:
 
 def project(
     seconds_at: Callable[[float], float],
-    length: float,
+    length_beats: float,
     meters: Sequence[Meter],
     marks: Sequence[Marker],
-    title: str,
+    piece_title: str,
     tracks: Sequence[SoundTrack],
     sounds: SoundFormat,
 ) -> str:
     """The text of a project.
 
-    `seconds_at(beat)` [s] is the piece's tempo map, written up to beat `length` in the steps of a
-    MIDI file. Raises ValueError if a tempo or a meter cannot be written so.
+    `seconds_at(beat)` [s] is the piece's tempo map, written up to beat `length_beats` in the steps
+    of a MIDI file. Raises ValueError if a tempo or a meter cannot be written so.
     """
-    tempo_points = _points(seconds_at, length, Ruler(meters))
-    _, bpm, (n_beats, unit) = tempo_points[0]
+    tempo_points = _points(seconds_at, length_beats, Ruler(meters))
+    _, bpm, (n_beats, beat_unit) = tempo_points[0]
     n_channels = max(2, sounds.n_channels + sounds.n_channels % 2)  # REAPER has them in pairs
     project_lines = [
         '<REAPER_PROJECT 0.1 "6.0" 0',
         "  <NOTES 0 0",
         "    |made by ergon",
-        f"    |{_printable(title)}",
+        f"    |{_printable(piece_title)}",
         "  >",
         f"  SAMPLERATE {sounds.rate} 1 0",
-        f"  TEMPO {bpm:.10f} {n_beats} {unit}",
+        f"  TEMPO {bpm:.10f} {n_beats} {beat_unit}",
         f"  MASTER_NCH {n_channels} 2",
         "  <TEMPOENVEX",
         "    ACT 1 -1",
@@ -69,10 +69,10 @@ def project(
     ]
     meter_before = None
     for seconds, bpm, meter in tempo_points:
-        line = f"    PT {seconds:.12f} {bpm:.10f} {_SQUARE}"
+        tempo_line = f"    PT {seconds:.12f} {bpm:.10f} {_SQUARE}"
         if meter != meter_before:
-            line += f" {meter[1] << 16 | meter[0]} 0 {_SETS_METER}"
-        project_lines.append(line)
+            tempo_line += f" {meter[1] << 16 | meter[0]} 0 {_SETS_METER}"
+        project_lines.append(tempo_line)
         meter_before = meter
     project_lines.append("  >")
     for number, mark in enumerate(marks, 1):
@@ -85,22 +85,22 @@ def project(
 
 
 def _points(
-    seconds_at: Callable[[float], float], length: float, ruler: Ruler
+    seconds_at: Callable[[float], float], length_beats: float, ruler: Ruler
 ) -> list[tuple[float, float, tuple[int, int]]]:
     """Seconds, quarter notes a minute, and the meter at each change of one of them."""
-    tempos = dict(tempo_steps(seconds_at, length, ruler))
+    tempos = dict(tempo_steps(seconds_at, length_beats, ruler))
     meters = {meter.beat: (meter.n_beats, meter.unit) for meter in ruler.meters}
-    points = []
+    tempo_points = []
     micros, meter = tempos[0.0], meters[0.0]
     for beat in sorted({*tempos, *meters}):
         micros, meter = tempos.get(beat, micros), meters.get(beat, meter)
-        points.append((seconds_at(beat), 60e6 / micros, meter))
-    return points
+        tempo_points.append((seconds_at(beat), 60e6 / micros, meter))
+    return tempo_points
 
 
 def _track(track: SoundTrack, sounds: SoundFormat, n_channels: int) -> list[str]:
     """The block of a track, whose only item is the whole file."""
-    kind = "FLAC" if track.file.lower().endswith(".flac") else "WAVE"
+    source_kind = "FLAC" if track.file.lower().endswith(".flac") else "WAVE"
     return [
         "  <TRACK",
         f"    NAME {_quoted(track.name)}",
@@ -114,7 +114,7 @@ def _track(track: SoundTrack, sounds: SoundFormat, n_channels: int) -> list[str]
         "      LOOP 0",
         f"      NAME {_quoted(track.name)}",
         "      SOFFS 0",
-        f"      <SOURCE {kind}",
+        f"      <SOURCE {source_kind}",
         f"        FILE {_quoted(track.file)}",
         "      >",
         "    >",
@@ -122,13 +122,13 @@ def _track(track: SoundTrack, sounds: SoundFormat, n_channels: int) -> list[str]
     ]
 
 
-def _quoted(text: str) -> str:
+def _quoted(quoted_text: str) -> str:
     """A text as a value: within the first kind of quote that it does not hold."""
-    text = _printable(text)
-    quote = next((candidate for candidate in _QUOTES if candidate not in text), None)
+    quoted_text = _printable(quoted_text)
+    quote = next((candidate for candidate in _QUOTES if candidate not in quoted_text), None)
     if quote is None:
-        quote, text = "`", text.replace("`", "'")
-    return f"{quote}{text}{quote}"
+        quote, quoted_text = "`", quoted_text.replace("`", "'")
+    return f"{quote}{quoted_text}{quote}"
 
 
 def _printable(text: str) -> str:

@@ -76,12 +76,12 @@ def columns(recording: Recording) -> list[Column]:
     channel_names = [name.translate(_NO_NAME) for name in recording.names]
     if len(set(channel_names)) < len(channel_names) or {"t", "tick"} & set(channel_names):
         channel_names = [str(i + 1) for i in range(len(channel_names))]
-    positions, forces, sent = recording.positions(), recording.forces(), recording.sent()
+    tick_positions, forces, sent = recording.positions(), recording.forces(), recording.sent()
     flags, clocks = recording.flags(), recording.clocks()
     row_columns: list[Column] = [("t [s]", instants(recording)), ("tick [1]", recording.ticks())]
     for i, channel_name in enumerate(channel_names):
         row_columns += [
-            (f"{channel_name} [m]", positions[:, i]),
+            (f"{channel_name} [m]", tick_positions[:, i]),
             (f"{channel_name} force [N]", forces[:, i]),
             (f"{channel_name} sent [N]", sent[:, i]),
             (f"{channel_name} flags [1]", flags[:, i]),
@@ -107,15 +107,15 @@ def csv_rows(recording: Recording) -> Iterator[str]:
         yield row_buffer.getvalue()
 
 
-def write_npz(file: BinaryIO, recording: Recording) -> None:
+def write_npz(npz_file: BinaryIO, recording: Recording) -> None:
     """The columns of a CSV as arrays of an npz."""
     import numpy as np
 
     arrays: dict[str, Any] = dict(columns(recording))
-    np.savez(file, **arrays)
+    np.savez(npz_file, **arrays)
 
 
-def write_wav(file: BinaryIO, recording: Recording) -> None:
+def write_wav(wav_file: BinaryIO, recording: Recording) -> None:
     """Positions at the audio rate, a channel for each axis; 1.0 is 1 m.
 
     Between ticks the samples follow the spline that a score would play; frame 0 is the first
@@ -140,7 +140,7 @@ def write_wav(file: BinaryIO, recording: Recording) -> None:
     ticks = recording.ticks()
     n_frames = int(ticks[-1] - ticks[0]) * recording.frames + 1
     form = WaveFormat(rate, len(takes), "float")
-    writer = WaveWriter(file, form, n_frames, Stamp(", ".join(recording.names)))
+    writer = WaveWriter(wav_file, form, n_frames, Stamp(", ".join(recording.names)))
     for first_frame in range(0, n_frames, _BLOCK):
         block_instants = (
             np.arange(first_frame, min(first_frame + _BLOCK, n_frames)) / recording.rate
@@ -166,12 +166,12 @@ def recorded(
     from ergon._core import EngineError, Recording, Take
 
     begin_seconds = min(t[0] for t, _ in movements_by_name.values())
-    end = max(t[-1] for t, _ in movements_by_name.values())
+    end_seconds = max(t[-1] for t, _ in movements_by_name.values())
     # The last tick counts even if rounding puts the last sample slightly before it.
-    n_ticks = np.floor((end - begin_seconds) * rate / frames + 1e-6) + 1
+    n_ticks = np.floor((end_seconds - begin_seconds) * rate / frames + 1e-6) + 1
     if not n_ticks * len(movements_by_name) <= _MAX_TICKS:
         raise NotRecordingError(
-            f"{end - begin_seconds:g} s is longer than a recording can be at this rate"
+            f"{end_seconds - begin_seconds:g} s is longer than a recording can be at this rate"
         )
     ticks = np.arange(int(n_ticks), dtype=np.uint64)
     tick_instants = begin_seconds + ticks.astype(np.float64) * frames / rate

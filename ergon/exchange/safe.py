@@ -51,10 +51,10 @@ def _has_mark(path: Path) -> bool:
     """Whether a file says that ergon made it: a render by its originator, others by their mark."""
     try:
         with path.open("rb") as file:
-            head = file.read(_MARK_WITHIN)
+            first_bytes = file.read(_MARK_WITHIN)
     except OSError:
         return False
-    return MARK in head or is_render(path)
+    return MARK in first_bytes or is_render(path)
 
 
 def is_one_of(path: Path, other_paths: Iterable[Path]) -> bool:
@@ -181,20 +181,22 @@ class FileGroup:
         paths: list[Path] = []
         self.stack.callback(_unlink, paths)
         try:
-            file = temporary.open_temporary(path, paths)
+            temporary_file = temporary.open_temporary(path, paths)
         except OSError as error:
             raise FileRefusedError(f"{path} cannot be written: {error.strerror}") from None
-        self.stack.enter_context(file)
-        self.pending.append(_Pending(asked_path, path, paths[-1], file))
-        return file
+        self.stack.enter_context(temporary_file)
+        self.pending.append(_Pending(asked_path, path, paths[-1], temporary_file))
+        return temporary_file
 
     def write(self, target: str | Path, data: bytes) -> None:
         """A whole file of the group, on the disk but for its name."""
-        file = self.open(target, binary=False)
-        file.write(data)
-        file.flush()
-        if self.sync and self.pending and self.pending[-1].file is file:
-            os.fsync(file.fileno())  # some file systems say only now that the disk is full
+        temporary_file = self.open(target, binary=False)
+        temporary_file.write(data)
+        temporary_file.flush()
+        if self.sync and self.pending and self.pending[-1].file is temporary_file:
+            os.fsync(
+                temporary_file.fileno()
+            )  # some file systems say only now that the disk is full
 
     def note_samples(self, file: BinaryIO, hashed: str) -> None:
         """Note the hash of the samples of a file, which need not be computed again."""
@@ -285,8 +287,8 @@ def file_group(
 ) -> contextlib.AbstractContextManager[FileGroup]:
     """Files that appear under their names together when the block ends well, or not at all.
 
-    `force`, `inputs` and `replaceable` are those of `check_target`. Without `sync`, a failing power
-    supply may lose what was written.
+    `force`, `inputs` and `replaceable` are those of `check_target`. Without `sync`, a failing
+    power supply may lose what was written.
     """
     check = partial(check_target, force=force, inputs=tuple(inputs), replaceable=replaceable)
     return _grouped(FileGroup(check, replaceable, sync))
@@ -294,7 +296,7 @@ def file_group(
 
 @contextlib.contextmanager
 def open_for_writing(
-    target: str | Path,
+    target_path: str | Path,
     *,
     binary: bool,
     force: bool = False,
@@ -308,12 +310,12 @@ def open_for_writing(
     """
     grouped = file_group(force=force, inputs=inputs, sync=sync, replaceable=replaceable)
     with grouped as group:
-        yield group.open(target, binary=binary)
+        yield group.open(target_path, binary=binary)
 
 
 def write_text(
-    target: str | Path,
-    text: str,
+    target_path: str | Path,
+    file_text: str,
     *,
     force: bool = False,
     inputs: Iterable[Path] = (),
@@ -321,7 +323,7 @@ def write_text(
 ) -> None:
     """Write a whole text; see `file_group`."""
     with file_group(force=force, inputs=inputs, replaceable=replaceable) as group:
-        group.write(target, text.encode())
+        group.write(target_path, file_text.encode())
 
 
 def write_all(files: Mapping[Path, bytes], check: Callable[[Path], None]) -> None:
@@ -347,14 +349,14 @@ def make_folder(folder: Path) -> None:
         raise FileRefusedError(f"{existing} is a file, and no folder to write into") from None
 
 
-def keep_mode(path: Path, part: Path) -> None:
+def keep_mode(path: Path, part_path: Path) -> None:
     """Give a file the rights of the one that it replaces, or those of a new file.
 
     Until then its owner alone may open it: it can hold what a replaced file kept from others.
     """
     umask = os.umask(0o077)
     os.umask(umask)
-    part.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~umask)
+    part_path.chmod(path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~umask)
 
 
 def remove_folders(folders: Iterable[Path]) -> None:

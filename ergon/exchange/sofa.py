@@ -54,17 +54,17 @@ def read(path: Path) -> HeadResponses:
     """Responses of a SimpleFreeFieldHRIR file. Raises SofaError and OSError."""
     if importlib.util.find_spec("h5py") is None:
         raise SofaError(f"SOFA files are read by h5py; {install_command('head')}")
-    with open_regular(path) as file:
-        if os.fstat(file.fileno()).st_size > _BYTES_MAX:
+    with open_regular(path) as sofa_file:
+        if os.fstat(sofa_file.fileno()).st_size > _BYTES_MAX:
             raise SofaError(f"{path} is larger than {_BYTES_MAX >> 20} MB")
-        return _read(file, path)
+        return _read(sofa_file, path)
 
 
-def _read(file: IO[bytes], path: Path) -> HeadResponses:
+def _read(sofa_file: IO[bytes], path: Path) -> HeadResponses:
     """The answer of a reader with the open file as its stdin."""
     process = subprocess.Popen(
         [sys.executable, "-P", str(_READER)],
-        stdin=file,
+        stdin=sofa_file,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         # No plug-in for a filter is looked for (H5PLpublic.h), and one thread needs less memory.
@@ -157,11 +157,11 @@ def _check(header: dict[str, Any], path: Path) -> None:
         raise SofaError(f"{path}: it has no rate, or more responses than are read")
 
 
-def _array(answer: IO[bytes], array_shape: list[int], path: Path) -> NDArray[np.float64]:
+def _array(reader_answer: IO[bytes], array_shape: list[int], path: Path) -> NDArray[np.float64]:
     import numpy as np
 
     size = 8 * math.prod(array_shape)
-    data = answer.read(size)
-    if len(data) < size:
+    array_data = reader_answer.read(size)
+    if len(array_data) < size:
         raise SofaError(f"{path}: reading it broke off; it is damaged")
-    return np.frombuffer(data, "<f8").reshape(array_shape)
+    return np.frombuffer(array_data, "<f8").reshape(array_shape)

@@ -43,10 +43,10 @@ def rehearse() -> None:
     import h5py
 
     buffer = io.BytesIO()
-    with h5py.File(buffer, "w") as file:
-        file.attrs["SOFAConventions"] = np.bytes_("none")
+    with h5py.File(buffer, "w") as sofa_file:
+        sofa_file.attrs["SOFAConventions"] = np.bytes_("none")
         for name in ARRAYS:
-            file.create_dataset(name, data=[[1.0]], compression="gzip", shuffle=True)
+            sofa_file.create_dataset(name, data=[[1.0]], compression="gzip", shuffle=True)
     _read(buffer)
 
 
@@ -69,10 +69,10 @@ def limit() -> None:
                 resource.setrlimit(resource_id, (soft, soft))
 
 
-def answer(source: BinaryIO, answer_target: BinaryIO) -> None:
+def answer(sofa_source: BinaryIO, answer_target: BinaryIO) -> None:
     """Read a file and write the answer."""
     try:
-        arrays, header = _read(source)
+        arrays, header = _read(sofa_source)
     except _RefusedError as error:
         arrays, header = [], {"error": str(error)}
     except MemoryError:
@@ -86,13 +86,15 @@ def answer(source: BinaryIO, answer_target: BinaryIO) -> None:
     answer_target.flush()
 
 
-def _read(source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, Any]]:
+def _read(sofa_source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, Any]]:
     import h5py
 
-    with h5py.File(source, "r") as file, np.errstate(all="ignore"):
-        datasets = [_checked(file, name) for name in ARRAYS if name != _DELAYS or name in file]
+    with h5py.File(sofa_source, "r") as sofa_file, np.errstate(all="ignore"):
+        datasets = [
+            _checked(sofa_file, name) for name in ARRAYS if name != _DELAYS or name in sofa_file
+        ]
         header = {
-            "convention": _text(file.attrs.get("SOFAConventions")),
+            "convention": _text(sofa_file.attrs.get("SOFAConventions")),
             "type": _text(datasets[0].attrs.get("Type", b"spherical")),
             "units": _text(datasets[0].attrs.get("Units", b"degree")),
         }
@@ -105,10 +107,10 @@ def _checked(sofa_file: h5py.File, data_name: str) -> h5py.Dataset:
     """A data set whose numbers lie in this file, and are packed by nothing but the library."""
     import h5py
 
-    links, encoded_name = sofa_file.id.links, data_name.encode()
-    if not links.exists(encoded_name):
+    file_links, encoded_name = sofa_file.id.links, data_name.encode()
+    if not file_links.exists(encoded_name):
         raise _RefusedError(f"it has no {data_name}")
-    if links.get_info(encoded_name).type != h5py.h5l.TYPE_HARD:
+    if file_links.get_info(encoded_name).type != h5py.h5l.TYPE_HARD:
         raise _RefusedError(f"its {data_name} is a link to another place, which is not followed")
     dataset = sofa_file[data_name]
     if not isinstance(dataset, h5py.Dataset):

@@ -41,11 +41,11 @@ def check_ending(target: str) -> None:
         raise FileRefusedError(f"{ending_mistake}; write {with_ending(target)}")
 
 
-def check_format(target: str, format: WaveFormat) -> None:
+def check_format(target_path: str, format: WaveFormat) -> None:
     """Raise FileRefusedError if the kind of file that a name asks for cannot hold the samples."""
-    check_ending(target)
-    if _is_flac(Path(target)) and (reason := flac.refusal(format)):
-        raise FileRefusedError(f"{target}: {reason}")
+    check_ending(target_path)
+    if _is_flac(Path(target_path)) and (reason := flac.refusal(format)):
+        raise FileRefusedError(f"{target_path}: {reason}")
 
 
 def suffix_of(target: str) -> str:
@@ -54,11 +54,11 @@ def suffix_of(target: str) -> str:
 
 
 def writer(
-    target: str, file: BinaryIO, format: WaveFormat, n_frames: int, stamp: Stamp
+    target_path: str, sound_file: BinaryIO, format: WaveFormat, n_frames: int, stamp: Stamp
 ) -> wave.WaveWriter | flac.FlacWriter:
     """A writer of the kind that a name asks for; `check_format` must have accepted it."""
-    sound_writer = flac.FlacWriter if _is_flac(Path(target)) else wave.WaveWriter
-    return sound_writer(file, format, n_frames, stamp)
+    sound_writer = flac.FlacWriter if _is_flac(Path(target_path)) else wave.WaveWriter
+    return sound_writer(sound_file, format, n_frames, stamp)
 
 
 def read_info(path: Path) -> WaveInfo:

@@ -72,11 +72,11 @@ def is_effects(label: str) -> bool:
 def common_label(channel_format: str) -> str | None:
     """The label of a common definition, such as AC_00010005; None for another."""
     try:
-        number = int(channel_format.removeprefix("AC_0001"), 16)
+        label_number = int(channel_format.removeprefix("AC_0001"), 16)
     except ValueError:
         return None
-    is_known = channel_format.startswith("AC_0001") and 1 <= number <= len(_COMMON)
-    return _COMMON[number - 1] if is_known else None
+    is_known = channel_format.startswith("AC_0001") and 1 <= label_number <= len(_COMMON)
+    return _COMMON[label_number - 1] if is_known else None
 
 
 def masked_labels(mask: int) -> list[str]:
@@ -93,9 +93,9 @@ def place_of(speaker_label: str) -> Angles | None:
     """Where a loudspeaker is, at the distance 1; None for low-frequency effects."""
     if is_effects(speaker_label):
         return None
-    match = _LABEL.fullmatch(speaker_label)
-    if match is None:
+    label_match = _LABEL.fullmatch(speaker_label)
+    if label_match is None:
         raise ValueError(speaker_label)
-    layer, sign, turn = match.groups()
+    layer, sign, turn = label_match.groups()
     azimuth = _AZIMUTHS.get(turn) or float(turn)
     return (-azimuth if sign == "-" else azimuth), _ELEVATIONS[layer], 1.0

@@ -61,10 +61,10 @@ def header(form: Form, *, title: str, rate: float, score: str) -> str:
     return f"# ergon stream {VERSION}, {', '.join(filter(None, facts))}\n" + rows.getvalue()
 
 
-def rows(form: Form, ergons: Ergons, ergon_names: Names) -> str:
+def rows(row_form: Form, ergons: Ergons, ergon_names: Names) -> str:
     """Rows of one block; numbers are the shortest decimals that read back to the same bits."""
     row_buffer = io.StringIO()
-    if form == "json":
+    if row_form == "json":
         for row in _rows(ergons, ergon_names):
             row_buffer.write(json_text(dict(zip(_KEYS, row, strict=True))) + "\n")
     else:
@@ -85,11 +85,19 @@ def _rows(ergons: Ergons, ergon_names: Names) -> Iterator[Sequence[object]]:
             source_by_mat[ergon_place] = ergon_names.source(int(ergon_place))
         # As in the paper, the sign has a column of its own: the direction in which the ergon
         # strikes.
-        sign = "-" if impulse < 0 else "+"
+        impulse_sign = "-" if impulse < 0 else "+"
         struck_name, reach = struck_by_mat[mat]
         struck_mass, speed, impulse = (
             struck_mass * reach * reach,
             abs(speed) / reach,
             abs(impulse) * reach,
         )
-        yield time, struck_name, sign, struck_mass, speed, impulse, source_by_mat[ergon_place]
+        yield (
+            time,
+            struck_name,
+            impulse_sign,
+            struck_mass,
+            speed,
+            impulse,
+            source_by_mat[ergon_place],
+        )

@@ -47,19 +47,19 @@ class StretchStore:
         """The stretch stored under a key; None if there is none."""
         import numpy as np
 
-        data = self._folder.read(versioned_key(key))
-        if data is None or len(data) < _HEAD.size + _LENGTH.size:
+        stored_data = self._folder.read(versioned_key(key))
+        if stored_data is None or len(stored_data) < _HEAD.size + _LENGTH.size:
             return None
-        magic, checksum = _HEAD.unpack_from(data)
-        checked_bytes = data[_HEAD.size :]
+        magic, checksum = _HEAD.unpack_from(stored_data)
+        checked_bytes = stored_data[_HEAD.size :]
         if magic != _MAGIC or checksum != _core.crc32(np.frombuffer(checked_bytes, np.uint8)):
             return None
         (n_samples,) = _LENGTH.unpack_from(checked_bytes)
-        stop = _LENGTH.size + 8 * n_samples
-        if stop > len(checked_bytes):
+        sound_stop = _LENGTH.size + 8 * n_samples
+        if sound_stop > len(checked_bytes):
             return None
-        sound = np.frombuffer(checked_bytes[_LENGTH.size : stop], dtype="<f8")
-        return Stretch(sound.astype(np.float64, copy=False), bytes(checked_bytes[stop:]))
+        sound = np.frombuffer(checked_bytes[_LENGTH.size : sound_stop], dtype="<f8")
+        return Stretch(sound.astype(np.float64, copy=False), bytes(checked_bytes[sound_stop:]))
 
     def has(self, key: str) -> bool:
         """Whether there is a stretch under a key, which may still be damaged."""
@@ -76,11 +76,11 @@ class StretchStore:
         pieces = [sound] if isinstance(sound, np.ndarray) else sound
         samples = [np.ascontiguousarray(piece, dtype="<f8").data for piece in pieces]
         n_samples = sum(piece.size for piece in pieces)
-        parts: list[bytes | memoryview] = [_LENGTH.pack(n_samples), *samples, state]
+        stored_parts: list[bytes | memoryview] = [_LENGTH.pack(n_samples), *samples, state]
         checksum = 0
-        for part in parts:
+        for part in stored_parts:
             checksum = _core.crc32(np.frombuffer(part, np.uint8), checksum)
-        return self._folder.write(versioned_key(key), _HEAD.pack(_MAGIC, checksum), *parts)
+        return self._folder.write(versioned_key(key), _HEAD.pack(_MAGIC, checksum), *stored_parts)
 
     def forget(self) -> None:
         """Remove the stretches that were used least recently, until the rest is within bounds."""

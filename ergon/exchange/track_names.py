@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from html import escape
 
 
-def ixml(channel_names: Sequence[str], title: str) -> bytes:
+def ixml(channel_names: Sequence[str], piece_title: str) -> bytes:
     """The content of an `iXML` chunk: the title of the piece, and a name for each channel."""
     tracks = "".join(
         f"<TRACK><CHANNEL_INDEX>{number}</CHANNEL_INDEX>"
@@ -18,19 +18,19 @@ def ixml(channel_names: Sequence[str], title: str) -> bytes:
     )
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<BWFXML><IXML_VERSION>3.01</IXML_VERSION>'
-        f"<PROJECT>{_escaped(title)}</PROJECT><TRACK_LIST>"
+        f"<PROJECT>{_escaped(piece_title)}</PROJECT><TRACK_LIST>"
         f"<TRACK_COUNT>{len(channel_names)}</TRACK_COUNT>{tracks}</TRACK_LIST></BWFXML>\n"
     ).encode()
 
 
-def track_names(content: bytes, n_channels: int) -> tuple[str, ...]:
+def track_names(ixml_content: bytes, n_channels: int) -> tuple[str, ...]:
     """The names that an `iXML` chunk gives to the channels, "" where it has none; nothing where no
     channel has one, or where the chunk cannot be read.
     """
     from ergon.common.xml_text import XmlError, parse_xml
 
     try:
-        root = parse_xml(content.rstrip(b"\0"))
+        root = parse_xml(ixml_content.rstrip(b"\0"))
     except XmlError:
         return ()
     channel_names = [""] * n_channels

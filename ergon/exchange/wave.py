@@ -147,21 +147,21 @@ def _samples(path: Path, info: WaveInfo, n_bytes: int) -> Iterator[bytes]:
     """The bytes of the samples, at most `n_bytes` at a time."""
     with open_regular(path) as open_file:
         open_file.seek(info.offset)
-        width = BYTES[info.format.bits]
+        sample_bytes = BYTES[info.format.bits]
         n_bytes -= n_bytes % info.format.frame_bytes
         n_bytes = max(n_bytes, info.format.frame_bytes)
         n_bytes_left = info.n_frames * info.format.frame_bytes
         while n_bytes_left:
             data = read_exactly(open_file, min(n_bytes_left, n_bytes), _CUT_SAMPLES)
-            yield _reversed(data, width) if info.container == "RIFX" else data
+            yield _reversed(data, sample_bytes) if info.container == "RIFX" else data
             n_bytes_left -= len(data)
 
 
-def _reversed(data: bytes, width: int) -> bytes:
+def _reversed(sample_data: bytes, sample_bytes: int) -> bytes:
     """Samples with their bytes in the other order."""
     import numpy as np
 
-    return np.frombuffer(data, np.uint8).reshape(-1, width)[:, ::-1].tobytes()
+    return np.frombuffer(sample_data, np.uint8).reshape(-1, sample_bytes)[:, ::-1].tobytes()
 
 
 def is_render(path: Path) -> bool:

@@ -81,10 +81,10 @@ class Stamp:
 
     def description(self) -> bytes:
         """The 256 bytes of the bext description; a long title is cut, a hash never."""
-        tail = f" plan {self.plan}".encode() if self.plan else b""
-        tail += f" score {self.score}".encode() if self.score else b""
-        title = self.title.encode()[: 256 - len(tail)]
-        return title.decode("utf-8", "ignore").encode() + tail
+        plan_tail = f" plan {self.plan}".encode() if self.plan else b""
+        plan_tail += f" score {self.score}".encode() if self.score else b""
+        title = self.title.encode()[: 256 - len(plan_tail)]
+        return title.decode("utf-8", "ignore").encode() + plan_tail
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +184,7 @@ def _cue_chunks(marks: Sequence[tuple[str, int]]) -> bytes:
     placed = [(name, frame) for name, frame in marks if frame <= 0xFFFFFFFF]
     if not placed:
         return b""
-    points = (
+    cue_points = (
         _CUE.pack(number, frame, b"data", 0, 0, frame)
         for number, (_, frame) in enumerate(placed, 1)
     )
@@ -192,7 +192,7 @@ def _cue_chunks(marks: Sequence[tuple[str, int]]) -> bytes:
         _chunk(b"labl", struct.pack("<I", number) + name.encode() + b"\0")
         for number, (name, _) in enumerate(placed, 1)
     )
-    cue = struct.pack("<I", len(placed)) + b"".join(points)
+    cue = struct.pack("<I", len(placed)) + b"".join(cue_points)
     return _chunk(b"cue ", cue) + _chunk(b"LIST", b"adtl" + b"".join(labels))
 
 
@@ -259,10 +259,10 @@ def parse(open_file: BinaryIO) -> WaveInfo:
         elif chunk_name == b"ds64":
             long_riff_size, long_size, *_ = _DS64.unpack(read_exactly(open_file, _DS64.size))
         elif chunk_name == b"fmt ":
-            content = read_exactly(open_file, min(chunk_size, 40))
-            format = _parse_format(content, byte_order)
-            if int.from_bytes(content[:2], byte_order) == _TAG_EXTENSIBLE:
-                mask = int.from_bytes(content[20:24], byte_order)
+            chunk_content = read_exactly(open_file, min(chunk_size, 40))
+            format = _parse_format(chunk_content, byte_order)
+            if int.from_bytes(chunk_content[:2], byte_order) == _TAG_EXTENSIBLE:
+                mask = int.from_bytes(chunk_content[20:24], byte_order)
         elif chunk_name == b"bext" and chunk_size >= _BEXT.size:
             text, origin, *_ = _BEXT.unpack(read_exactly(open_file, _BEXT.size))
             description, originator = _text(text), _text(origin)
@@ -279,7 +279,7 @@ def parse(open_file: BinaryIO) -> WaveInfo:
         open_file.seek(_next_chunk(open_file, start_offset + chunk_size))
     if sample_span is None or format is None:
         raise NotWaveError("this WAVE file holds no samples")
-    offset, chunk_size, missing_bytes = sample_span
+    sample_offset, chunk_size, missing_bytes = sample_span
     channel_names = track_names(descriptions[b"iXML"], format.n_channels)
     if descriptions[b"iXML"] and not channel_names:  # nothing of it is understood
         other_chunks.append(("iXML", len(descriptions[b"iXML"])))
@@ -287,7 +287,7 @@ def parse(open_file: BinaryIO) -> WaveInfo:
         container,
         format,
         chunk_size // format.frame_bytes,
-        offset,
+        sample_offset,
         chunk_size,
         originator,
         description,
@@ -313,23 +313,25 @@ def _next_chunk(open_file: BinaryIO, end_offset: int) -> int:
     return end_offset if is_bare else end_offset + 1
 
 
-def _cues(content: bytes, order: _Order) -> dict[int, int]:
+def _cues(cue_content: bytes, order: _Order) -> dict[int, int]:
     """The frames of cue points, by their numbers."""
     cue = struct.Struct(_CUE.format.replace("<", _ORDER_SIGNS[order]))
-    starts = range(4, len(content) - cue.size + 1, cue.size)
-    points = (cue.unpack_from(content, start) for start in starts)
+    starts = range(4, len(cue_content) - cue.size + 1, cue.size)
+    points = (cue.unpack_from(cue_content, start) for start in starts)
     return {number: frame for number, *_, frame in points}
 
 
-def _labels(chunk_content: bytes, order: _Order) -> dict[int, str]:
+def _labels(chunk_content: bytes, byte_order: _Order) -> dict[int, str]:
     """The names of cue points, by their numbers."""
     names_by_number: dict[int, str] = {}
-    start, form = 0, f"{_ORDER_SIGNS[order]}4sII"
-    while start + 12 <= len(chunk_content):
-        kind, size, number = struct.unpack_from(form, chunk_content, start)
-        if kind == b"labl" and size >= 4:
-            names_by_number[number] = _text(chunk_content[start + 12 : start + 8 + size])
-        start += 8 + size + (size & 1)
+    label_start, form = 0, f"{_ORDER_SIGNS[byte_order]}4sII"
+    while label_start + 12 <= len(chunk_content):
+        kind, label_size, number = struct.unpack_from(form, chunk_content, label_start)
+        if kind == b"labl" and label_size >= 4:
+            names_by_number[number] = _text(
+                chunk_content[label_start + 12 : label_start + 8 + label_size]
+            )
+        label_start += 8 + label_size + (label_size & 1)
     return names_by_number
 
 
@@ -352,10 +354,10 @@ def _sizes(
 
 def read_exactly(file: BinaryIO, n_bytes: int, refusal: str = _CUT_HEADER) -> bytes:
     """So many bytes of a file. Raises NotWaveError, saying `refusal`, if there are fewer."""
-    data = file.read(n_bytes)
-    if len(data) < n_bytes:
+    read_data = file.read(n_bytes)
+    if len(read_data) < n_bytes:
         raise NotWaveError(refusal)
-    return data
+    return read_data
 
 
 def _text(field: bytes) -> str:

@@ -62,11 +62,11 @@ def digest(hashed_file: BinaryIO, samples_hash: str | None = None) -> str:
     return hashed.hexdigest()
 
 
-def _plain_digest(file: BinaryIO) -> str:
+def _plain_digest(hashed_file: BinaryIO) -> str:
     """The hash of all bytes of a file."""
-    file.seek(0)
+    hashed_file.seek(0)
     hashed = hashlib.sha256()
-    _hash(hashed, file)
+    _hash(hashed, hashed_file)
     return hashed.hexdigest()
 
 

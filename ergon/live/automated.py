@@ -49,22 +49,22 @@ def tangible_paths(stage: Stage, mat: int, held_mats: Sequence[int]) -> dict[Mod
         return reached.key()
 
     paths_by_module = {}
-    for module_key, points in stage.paths.items():
-        first_numbers = points[0][1:]
+    for module_key, path_points in stage.paths.items():
+        first_numbers = path_points[0][1:]
         if key(module_key, first_numbers) != key(
             module_key, [_PROBE_FACTOR * x + 1.0 for x in first_numbers]
         ):
-            paths_by_module[module_key] = points
+            paths_by_module[module_key] = path_points
     return paths_by_module
 
 
 def _engine_values(
-    stage: Stage, modules: Sequence[ModuleKey], numbers: Sequence[Sequence[float]]
+    stage: Stage, module_keys: Sequence[ModuleKey], number_rows: Sequence[Sequence[float]]
 ) -> AutomatedValues:
     """Values of modules as the engine takes them. No hand feels the automation of a BANK."""
     assembly = stage.built.assembly
     ties, link_factors = [], []
-    for module_key, module_numbers in zip(modules, numbers, strict=True):
+    for module_key, module_numbers in zip(module_keys, number_rows, strict=True):
         if len(module_numbers) == 3:
             k, z, m = module_numbers
             ties.append((assembly.mats[module_key], k, z, m))
@@ -97,19 +97,19 @@ def value_sets(
     They include every combination that is held; along a change, enough of them that any other
     lies within a ratio of 1.2 of one of them.
     """
-    modules = list(paths)
-    rows = list(paths.values())
-    instants = sorted({since, *(p[0] for points in rows for p in points if p[0] > since)})
+    module_keys = list(paths)
+    path_rows = list(paths.values())
+    instants = sorted({since, *(p[0] for points in path_rows for p in points if p[0] > since)})
     known_keys: set[object] = set()
-    for value_set, stays in _values_along(rows, instants):
-        key = (
+    for value_set, stays in _values_along(path_rows, instants):
+        value_key = (
             tuple(value_set)
             if stays
             else tuple(_ratio_step(x) for numbers in value_set for x in numbers)
         )
-        if key not in known_keys:
-            known_keys.add(key)
-            yield _engine_values(stage, modules, value_set)
+        if value_key not in known_keys:
+            known_keys.add(value_key)
+            yield _engine_values(stage, module_keys, value_set)
 
 
 def _values_along(

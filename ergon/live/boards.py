@@ -102,12 +102,14 @@ def config_bytes() -> bytes:
 
 def device_urls() -> dict[str, str]:
     """The URL of each named device; empty where there is no such file. Raises BoardError."""
-    table = read_config().get("devices", {})
-    if not isinstance(table, dict) or not all(isinstance(url, str) for url in table.values()):
+    urls_by_name = read_config().get("devices", {})
+    if not isinstance(urls_by_name, dict) or not all(
+        isinstance(url, str) for url in urls_by_name.values()
+    ):
         raise BoardError(
             f'{config_path()}: [devices] holds lines such as tgr0 = "frame:/dev/ttyACM0"'
         )
-    return table
+    return urls_by_name
 
 
 def boards(devices_by_player: Mapping[str, str], urls_by_name: Mapping[str, str]) -> list[Board]:
@@ -116,12 +118,12 @@ def boards(devices_by_player: Mapping[str, str], urls_by_name: Mapping[str, str]
     """
     axes_by_device: dict[str, list[tuple[int, str]]] = {}
     names_by_url: dict[str, str] = {}
-    for player, text in devices_by_player.items():
-        url, axis_number = resolve(text, urls_by_name)
+    for player, device_text in devices_by_player.items():
+        url, axis_number = resolve(device_text, urls_by_name)
         kind, _, address = url.partition("?")[0].partition(":")
         if kind in PAGE_KINDS and not address:  # each player has a key of the page
             url = url.replace(":", f":{player}", 1)
-        if ":" not in text and (name_match := _DEVICE_NAME.match(text)):
+        if ":" not in device_text and (name_match := _DEVICE_NAME.match(device_text)):
             names_by_url.setdefault(url, name_match["name"])
         device_axes = axes_by_device.setdefault(url, [])
         if any(axis_number == taken_axis for taken_axis, _ in device_axes):
@@ -142,10 +144,10 @@ def resolve(device_text: str, urls_by_name: Mapping[str, str]) -> tuple[str, int
     if ":" in device_text:
         url, _, axis_text = device_text.partition("#")
         # The options of a URL come after its axis.
-        number, mark, options = axis_text.partition("?")
-        if axis_text and not number.isdecimal():
+        number_text, mark, url_options = axis_text.partition("?")
+        if axis_text and not number_text.isdecimal():
             raise BoardError(f"{device_text}: the axis is a number from 0 on, as in {url}#0")
-        return url + mark + options, int(number or 0)
+        return url + mark + url_options, int(number_text or 0)
     name_match = _DEVICE_NAME.match(device_text)
     if name_match is None:
         raise BoardError(

@@ -48,13 +48,20 @@ def uncalibrated_axis(device: Device, sign: int) -> Axis:
     return Axis(sign, 0.0, 1.0, device.range, device.force_max)
 
 
-def axis_between_ends(axis: Axis, low: float, high: float, apart: float) -> Axis:
-    """The axis with its ends at the device's positions `low` and `high`, which are truly `apart`.
+def axis_between_ends(axis: Axis, low_end: float, high_end: float, apart: float) -> Axis:
+    """The axis with its ends at the device's positions `low_end` and `high_end`, which are truly
+    `apart`.
 
     Zero is midway.
     """
     half = 0.5 * abs(apart)
-    return Axis(axis.sign, 0.5 * (low + high), apart / (high - low), (-half, half), axis.force_max)
+    return Axis(
+        axis.sign,
+        0.5 * (low_end + high_end),
+        apart / (high_end - low_end),
+        (-half, half),
+        axis.force_max,
+    )
 
 
 def board_identity(url: str) -> str | None:
@@ -63,12 +70,12 @@ def board_identity(url: str) -> str | None:
     For a board on a serial port it is the serial number that USB reports, for a Haply device its
     `?id=`. A network address does not tell which device answers there.
     """
-    target, _, options = url.partition("?")
-    kind, _, address = target.partition(":")
-    if kind in ("firefader", "frame"):
+    target, _, url_options = url.partition("?")
+    address_kind, _, address = target.partition(":")
+    if address_kind in ("firefader", "frame"):
         return _core.serial_identity(address)
-    ids = [option[3:] for option in options.split("&") if option.startswith("id=")]
-    return f"haply:{ids[-1]}" if kind == "haply" and ids and ids[-1] else None
+    ids = [option[3:] for option in url_options.split("&") if option.startswith("id=")]
+    return f"haply:{ids[-1]}" if address_kind == "haply" and ids and ids[-1] else None
 
 
 def axis_key(url: str, number: int) -> str:
@@ -77,11 +84,11 @@ def axis_key(url: str, number: int) -> str:
 
 
 def _address(url: str) -> str:
-    target, _, options = url.partition("?")
+    url_target, _, options = url.partition("?")
     target_options = [
         option for option in options.split("&") if option and option not in _PROTOCOL_OPTIONS
     ]
-    return target + ("?" + "&".join(target_options) if target_options else "")
+    return url_target + ("?" + "&".join(target_options) if target_options else "")
 
 
 def known_axes(url: str) -> dict[int, Axis]:
@@ -102,33 +109,36 @@ def _axes_in_list(url: str) -> dict[int, tuple[Axis, bool]]:
     identity, address = board_identity(url), _address(url)
     axes_by_number = {}
     for axis_number in range(16):
-        for name, is_own in (
+        for device_name, is_own in (
             (f"{identity}#{axis_number}", identity is not None),
             (f"{address}#{axis_number}", False),
         ):
-            if name in axis_table:
-                axes_by_number[axis_number] = _parse_axis(name, axis_table[name]), is_own
+            if device_name in axis_table:
+                axes_by_number[axis_number] = (
+                    _parse_axis(device_name, axis_table[device_name]),
+                    is_own,
+                )
                 break
     return axes_by_number
 
 
 def _table(config: dict[str, Any]) -> dict[str, Any]:
-    table = config.get(_TABLE, {})
-    if not isinstance(table, dict):
+    axis_table = config.get(_TABLE, {})
+    if not isinstance(axis_table, dict):
         raise BoardError(f"{config_path()}: [{_TABLE}] is not a table")
-    return table
+    return axis_table
 
 
-def axis_header(board: Board, number: int) -> dict[str, object]:
+def axis_header(board: Board, axis_number: int) -> dict[str, object]:
     """An axis, as the header of a recording describes it."""
-    axis_calibration = board.calibrations.get(number)
+    axis_calibration = board.calibrations.get(axis_number)
     return {
-        "device": f"{board.url}#{number}",
+        "device": f"{board.url}#{axis_number}",
         "calibration": None if axis_calibration is None else asdict(axis_calibration),
     }
 
 
-def _parse_axis(name: str, axis_row: Any) -> Axis:
+def _parse_axis(axis_name: str, axis_row: Any) -> Axis:
     try:
         low_end, high_end = axis_row["range"]
         written_numbers = (
@@ -154,7 +164,8 @@ def _parse_axis(name: str, axis_row: Any) -> Axis:
             raise ValueError
     except (KeyError, OverflowError, TypeError, ValueError):
         raise BoardError(
-            f'{config_path()}: [{_TABLE}."{name}"] is not what `ergon devices calibrate` writes'
+            f'{config_path()}: [{_TABLE}."{axis_name}"] is not what '
+            "`ergon devices calibrate` writes"
         ) from None
     return parsed_axis
 
@@ -168,12 +179,12 @@ def find_direction(url: str, axis_number: int, axis_before: Axis | None = None) 
     """
     device = _core.Device(url, [] if axis_before is None else [axis_before.for_core(axis_number)])
     try:
-        sign = int(device.direction(axis_number, 1e-3))
+        motor_sign = int(device.direction(axis_number, 1e-3))
         if axis_before is None:
-            return uncalibrated_axis(device, sign)
+            return uncalibrated_axis(device, motor_sign)
     finally:
         device.close()
-    if sign > 0:
+    if motor_sign > 0:
         return axis_before
     # Another motor is connected: nothing of the old calibration holds for it.
     device = _core.Device(url)
@@ -203,14 +214,14 @@ def axes_as_known(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int,
         device.close()
 
 
-def store_axis(url: str, number: int, stored_axis: Axis) -> Path:
+def store_axis(url: str, axis_number: int, stored_axis: Axis) -> Path:
     """Write an axis into the user's list of devices; every other line stays. Raises BoardError."""
     from ergon.exchange.safe import open_for_writing
 
     path = config_path()
     config_before = read_config()
-    text = config_bytes().decode()
-    axis_name = axis_key(url, number)
+    config_text = config_bytes().decode()
+    axis_name = axis_key(url, axis_number)
     axis_row: dict[str, Any] = {
         "sign": stored_axis.sign,
         "zero": stored_axis.zero,
@@ -220,7 +231,7 @@ def store_axis(url: str, number: int, stored_axis: Axis) -> Path:
     }
     table_lines = [f"[{_TABLE}.{json.dumps(axis_name)}]"]
     table_lines += [f"{field} = {json.dumps(value)}" for field, value in axis_row.items()]
-    text_after = _with_table(text, table_lines)
+    text_after = _with_table(config_text, table_lines)
     # However the user's file is formatted, everything else in it must stay the same.
     try:
         expected_config = {**config_before, _TABLE: {**_table(config_before), axis_name: axis_row}}
@@ -236,14 +247,20 @@ def store_axis(url: str, number: int, stored_axis: Axis) -> Path:
     return path
 
 
-def _with_table(config_text: str, lines: list[str]) -> str:
+def _with_table(config_text: str, table_lines: list[str]) -> str:
     """The text with a table in place of the one with the same header, or else at its end."""
-    end = "\r\n" if "\r\n" in config_text else "\n"
-    table_text = end.join(lines) + end
+    line_end = "\r\n" if "\r\n" in config_text else "\n"
+    table_text = line_end.join(table_lines) + line_end
     text_rows = config_text.splitlines(keepends=True)
-    row_index = next((i for i, row in enumerate(text_rows) if row.strip() == lines[0]), None)
+    row_index = next((i for i, row in enumerate(text_rows) if row.strip() == table_lines[0]), None)
     if row_index is None:
-        gap = "" if not config_text else end if config_text.endswith("\n") else end + end
+        gap = (
+            ""
+            if not config_text
+            else line_end
+            if config_text.endswith("\n")
+            else line_end + line_end
+        )
         return config_text + gap + table_text
     stop_index = row_index + 1
     while stop_index < len(text_rows) and not text_rows[stop_index].lstrip().startswith("["):

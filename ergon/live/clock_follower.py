@@ -138,11 +138,11 @@ def _fit_line(clocks: list[tuple[int, float]]) -> BeatEstimate:
     """The least-squares line through clocks: (number, instant [s])."""
     n = len(clocks)
     first_number, first_instant = clocks[0]
-    numbers = [number - first_number for number, _ in clocks]
+    clock_numbers = [number - first_number for number, _ in clocks]
     instants = [instant - first_instant for _, instant in clocks]
-    mean_number, mean_instant = sum(numbers) / n, sum(instants) / n
-    number_variation = sum((number - mean_number) ** 2 for number in numbers)
-    pairs = zip(numbers, instants, strict=True)
+    mean_number, mean_instant = sum(clock_numbers) / n, sum(instants) / n
+    number_variation = sum((number - mean_number) ** 2 for number in clock_numbers)
+    pairs = zip(clock_numbers, instants, strict=True)
     clock_length = (
         sum((number - mean_number) * (instant - mean_instant) for number, instant in pairs)
         / number_variation

@@ -41,12 +41,12 @@ def parse_messages(datagram: bytes) -> list[tuple[str, list[object]]]:
     from pythonosc.osc_message import OscMessage
 
     messages = []
-    for part in _unbundled(datagram, _BUNDLE_DEPTH_MAX):
+    for message_part in _unbundled(datagram, _BUNDLE_DEPTH_MAX):
         # python-osc writes to the terminal what it does not know; strangers must not cause that.
-        if not part.startswith(b"/") or not _TYPES.match(_type_tags(part)):
+        if not message_part.startswith(b"/") or not _TYPES.match(_type_tags(message_part)):
             raise MalformedDatagramError
         try:
-            message = OscMessage(part)
+            message = OscMessage(message_part)
             messages.append((message.address, list(message.params)))
         except Exception:  # whatever strange bytes make of a parser
             raise MalformedDatagramError from None
@@ -62,12 +62,12 @@ def _unbundled(datagram: bytes, deepest: int) -> Iterator[bytes]:
         raise MalformedDatagramError
     message_offset = _BUNDLE_HEADER_BYTES
     while message_offset < len(datagram):
-        size = int.from_bytes(datagram[message_offset : message_offset + 4], "big")
+        message_size = int.from_bytes(datagram[message_offset : message_offset + 4], "big")
         message_offset += 4
-        if size == 0 or size % 4 or message_offset + size > len(datagram):
+        if message_size == 0 or message_size % 4 or message_offset + message_size > len(datagram):
             raise MalformedDatagramError
-        yield from _unbundled(datagram[message_offset : message_offset + size], deepest - 1)
-        message_offset += size
+        yield from _unbundled(datagram[message_offset : message_offset + message_size], deepest - 1)
+        message_offset += message_size
 
 
 def _type_tags(message: bytes) -> bytes:
@@ -77,7 +77,7 @@ def _type_tags(message: bytes) -> bytes:
 
 
 def encode_message(
-    address: str, arguments: Sequence[object], time_tag: float | None = None
+    address: str, message_arguments: Sequence[object], time_tag: float | None = None
 ) -> bytes:
     """A message as bytes; with an instant [s since 1970], in a bundle with that time tag.
 
@@ -87,7 +87,7 @@ def encode_message(
     from pythonosc.osc_message_builder import OscMessageBuilder
 
     builder = OscMessageBuilder(address)
-    for argument in arguments:
+    for argument in message_arguments:
         builder.add_arg(argument)  # type: ignore[arg-type]
     message = builder.build()
     if time_tag is None:

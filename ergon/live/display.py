@@ -111,29 +111,33 @@ def decibels_of(peak: float) -> float:
     return 20.0 * math.log10(peak) if peak > SILENT_PEAK else -math.inf
 
 
-def view_lines(view: PerformanceView, width: int) -> list[str]:
-    """The view as lines of at most `width` characters, without colours."""
+def view_lines(view: PerformanceView, line_width: int) -> list[str]:
+    """The view as lines of at most `line_width` characters, without colours."""
     playing = " · ".join(f"{player} {gesture}" for player, gesture in view.playing) or "—"
-    level = f"{view.peak_db:.1f} dB" if math.isfinite(view.peak_db) else "silent"
+    level_text = f"{view.peak_db:.1f} dB" if math.isfinite(view.peak_db) else "silent"
     counts = " · ".join([f"late {view.late}", *view.troubles])
     if view.panicked:
         playing = f"PANIC  {playing}"
-    shown = [f"{view.where:>9}  {playing}", f"{'':9}  load {view.load:4.0%} · {level} · {counts}"]
+    shown = [
+        f"{view.where:>9}  {playing}",
+        f"{'':9}  load {view.load:4.0%} · {level_text} · {counts}",
+    ]
     shown += [_key_line(key) for key in view.keys]
-    return [line[:width] for line in shown]
+    return [line[:line_width] for line in shown]
 
 
 def _key_line(hand_view: HandView) -> str:
     player_and_key = f"{hand_view.player} on {hand_view.key}"
     hand = "tripped" if hand_view.tripped else "hand" if hand_view.real else "stand-in"
     meter = meter_of(hand_view.position, *hand_view.travel)
-    force = f"{hand_view.force:+7.3f} N"
+    force_text = f"{hand_view.force:+7.3f} N"
     if hand_view.real:
-        force += f", sent {hand_view.sent:+7.3f} N"
+        force_text += f", sent {hand_view.sent:+7.3f} N"
         if hand_view.scale < 1.0:
-            force += f" ({_percent(hand_view.scale)})"
+            force_text += f" ({_percent(hand_view.scale)})"
     return (
-        f"{'':9}  {player_and_key:16} {meter} {1e3 * hand_view.position:+7.2f} mm {force}  {hand}"
+        f"{'':9}  {player_and_key:16} {meter} {1e3 * hand_view.position:+7.2f} mm {force_text}  "
+        f"{hand}"
     )
 
 
@@ -148,10 +152,10 @@ def meter_of(x: float, low: float, high: float) -> str:
     return "[" + "".join(cells) + "]"
 
 
-def view_record(view: PerformanceView, frame: int) -> dict[str, object]:
+def view_record(view: PerformanceView, status_frame: int) -> dict[str, object]:
     """The view as fields of a JSON line."""
     return {
-        "frame": frame,
+        "frame": status_frame,
         "where": view.where,
         "playing": {player: gesture for player, gesture in view.playing},
         "load": round(view.load, 4),
@@ -209,10 +213,10 @@ _THIRD = "after the third time within a minute none until `release`"
 
 
 def event_sentence(
-    event: _core.PerformanceEvent, players: Sequence[str], boards: Sequence[str]
+    piece_event: _core.PerformanceEvent, players: Sequence[str], boards: Sequence[str]
 ) -> str:
     """An event as a sentence; empty where a player need not know of it."""
-    _, event_kind, event_number = event
+    _, event_kind, event_number = piece_event
     board = boards[int(event_number)] if int(event_number) < len(boards) else "a device"
     player = players[int(event_number)] if int(event_number) < len(players) else "a hand"
     return {

@@ -59,20 +59,20 @@ def describe_machine() -> Finding:
 
 def describe_laws() -> Finding:
     """Whether laws that are computed often become machine code."""
-    numba, reason = load_numba()
+    numba, missing_reason = load_numba()
     if numba is None:
         todo = "`pip install numba` where scores of a hundred laws are slow; all else is the same"
-        return Finding("laws", f"computed step by step: {reason}", todo, {"numba": None})
+        return Finding("laws", f"computed step by step: {missing_reason}", todo, {"numba": None})
     version = str(numba.__version__)
     law_text = f"compiled by numba {version} where that is faster"
     return Finding("laws", law_text, numbers={"numba": version})
 
 
-def measure_speed(seconds: float) -> Finding:
+def measure_speed(test_seconds: float) -> Finding:
     """The time that work takes on this machine over that in the table of costs; runs for about
-    `seconds`.
+    `test_seconds`.
     """
-    ratios = [_cost_ratio(*work, seconds / 3.0) for work in _speed_tests()]
+    ratios = [_cost_ratio(*work, test_seconds / 3.0) for work in _speed_tests()]
     correction = math.prod(ratios) ** (1.0 / len(ratios))
     speed_text = f"work takes {correction:.2g} times as long as the table of costs says"
     if max(ratios) > 2.0 * min(ratios):
@@ -96,7 +96,7 @@ def _speed_tests() -> Iterator[tuple[_core.Network, range, Literal["ca", "modal"
 
 
 def _cost_ratio(
-    network: _core.Network, struck: range, method: Literal["ca", "modal"], seconds: float
+    network: _core.Network, struck_mats: range, method: Literal["ca", "modal"], test_seconds: float
 ) -> float:
     """The measured time of a network's work over that of the table of costs: the least of several
     blocks.
@@ -105,14 +105,14 @@ def _cost_ratio(
 
     rate = 44100.0
     timeline = _core.Timeline(network, rate)
-    for mat in struck:
+    for mat in struck_mats:
         timeline.strike(mat, 0.0, impulse=1e-3)
     plan = _core.Plan(network, timeline, method=method)
     cost = sum(row.cost for row in plan.rows()) / rate
     simulation = _core.Simulation(network, timeline, plan=plan)
     frame_block = np.empty((max(64, min(20_000, round(1e-2 / cost))), simulation.n_out))
     best_time = math.inf
-    end = time.perf_counter() + seconds
+    end = time.perf_counter() + test_seconds
     while best_time == math.inf or time.perf_counter() < end:
         start_time = time.thread_time()
         simulation.process(frame_block)
@@ -139,7 +139,7 @@ def measure_wakeups(checkup: Checkup, noun: str = "wake-up") -> Finding:
     """How late a thread wakes that sleeps from tick to tick."""
     lateness = checkup.lateness()
     late = int((lateness > _LATE_SHARE * TICK_SECONDS).sum())
-    sentence = f"{quantiles_text(lateness)}; {late:,} of {len(lateness):,} ticks late"
+    wakeup_sentence = f"{quantiles_text(lateness)}; {late:,} of {len(lateness):,} ticks late"
     todo = ""
     if late > _LATE_TICKS_MAX * len(lateness):
         todo = (
@@ -147,7 +147,7 @@ def measure_wakeups(checkup: Checkup, noun: str = "wake-up") -> Finding:
             "performance, and keep more ready for the card (--ahead 4096)"
         )
     numbers = {"ticks": len(lateness), "late_ticks": late, **histogram(lateness)}
-    return Finding(noun, sentence, todo, numbers)
+    return Finding(noun, wakeup_sentence, todo, numbers)
 
 
 def measure_sound(spec: str) -> Finding:
@@ -169,7 +169,7 @@ def measure_sound(spec: str) -> Finding:
         )
         return Finding("sound", str(error), todo, {"backend": None})
     total_latency = FRAMES_AHEAD / rate + info.latency
-    sentence = f"{info.sentence}; heard {1e3 * total_latency:.0f} ms after it is computed"
+    sound_sentence = f"{info.sentence}; heard {1e3 * total_latency:.0f} ms after it is computed"
     todo = ""
     if info.backend == "null":
         todo = "no server answers: start PipeWire, PulseAudio or JACK to hear anything"
@@ -177,7 +177,7 @@ def measure_sound(spec: str) -> Finding:
         todo = "half a second of silence had gaps: ask for a larger --block, or --ahead 4096"
     elif info.block > 1024:
         todo = "the server takes large blocks: --block 256 asks for smaller ones"
-    numbers: dict[str, object] = {
+    sound_figures: dict[str, object] = {
         "backend": info.backend,
         "device": info.device,
         "rate_hz": info.rate,
@@ -186,19 +186,21 @@ def measure_sound(spec: str) -> Finding:
         "total_s": total_latency,
         "gaps": gaps,
     }
-    return Finding("sound", sentence, todo, numbers)
+    return Finding("sound", sound_sentence, todo, sound_figures)
 
 
-def measure_device(url: str, seconds: float) -> list[Finding]:
+def measure_device(url: str, test_seconds: float) -> list[Finding]:
     """How long a device takes to answer. Raises EngineError where it is not there."""
     device = _core.Device(url)
     try:
-        checkup, lockstep = device.checkup(seconds, TICK_SECONDS), device.lockstep
+        checkup, lockstep = device.checkup(test_seconds, TICK_SECONDS), device.lockstep
     finally:
         device.close()
     trips = checkup.round_trips()
     n_requests = len(trips) + checkup.unanswered
-    sentence = f"{quantiles_text(trips)}; {checkup.unanswered:,} of {n_requests:,} unanswered"
+    device_sentence = (
+        f"{quantiles_text(trips)}; {checkup.unanswered:,} of {n_requests:,} unanswered"
+    )
     todo = []
     timer = latency_timer(url)
     if timer is not None and timer > 1:
@@ -212,7 +214,7 @@ def measure_device(url: str, seconds: float) -> list[Finding]:
     slow = quantile(trips, 0.99)
     if not lockstep and slow > _LATE_SHARE * TICK_SECONDS:
         todo.append("it needs most of a tick; `tick: 500Hz` in a score gives it more time")
-    numbers: dict[str, object] = {
+    device_figures: dict[str, object] = {
         "url": url,
         "asked": n_requests,
         "unanswered": checkup.unanswered,
@@ -223,7 +225,7 @@ def measure_device(url: str, seconds: float) -> list[Finding]:
         **histogram(trips),
     }
     return [
-        Finding("device", f"{url}: {sentence}", "; ".join(todo), numbers),
+        Finding("device", f"{url}: {device_sentence}", "; ".join(todo), device_figures),
         _force_delay(url, trips, lockstep=lockstep),
     ]
 
@@ -233,39 +235,41 @@ def _force_delay(url: str, trips: NDArray[np.float64], *, lockstep: bool) -> Fin
     structural = STRUCTURAL_TICKS * TICK_SECONDS
     usual, mostly = (structural + quantile(trips, part) for part in (0.5, 0.99))
     delay_text = "in emulated time (lockstep)" if lockstep else f"p99 {duration_text(mostly)}"
-    sentence = (
+    delay_sentence = (
         f"{url}: {duration_text(usual)} from a position to its force, which is {STRUCTURAL_TICKS} "
         f"tick of {duration_text(TICK_SECONDS)} and a round trip of "
         f"{duration_text(usual - structural)}; {delay_text}"
     )
-    numbers: dict[str, object] = {
+    delay_figures: dict[str, object] = {
         "url": url,
         "structural_ticks": STRUCTURAL_TICKS,
         "tick_s": TICK_SECONDS,
         "felt_p50_s": usual,
         "felt_p99_s": mostly,
     }
-    return Finding("felt", sentence, "", numbers)
+    return Finding("felt", delay_sentence, "", delay_figures)
 
 
 # --- durations ------------------------------------------------------------------------------------
 
 
-def quantile(seconds: NDArray[np.float64], part: float) -> float:
-    """The quantile `part` of durations [s]; NaN where there are none."""
+def quantile(sorted_seconds: NDArray[np.float64], quantile_part: float) -> float:
+    """The quantile `quantile_part` of durations [s]; NaN where there are none."""
     import numpy as np
 
-    if not len(seconds):
+    if not len(sorted_seconds):
         return float("nan")
-    return float(np.quantile(seconds, part, method="higher"))
+    return float(np.quantile(sorted_seconds, quantile_part, method="higher"))
 
 
-def quantiles_text(seconds: NDArray[np.float64]) -> str:
+def quantiles_text(sorted_seconds: NDArray[np.float64]) -> str:
     """Median, 99 %, 99.9 % and the longest, in words."""
-    if not len(seconds):
+    if not len(sorted_seconds):
         return "nothing to measure"
     parts = (("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999), ("longest", 1.0))
-    return ", ".join(f"{name} {duration_text(quantile(seconds, part))}" for name, part in parts)
+    return ", ".join(
+        f"{name} {duration_text(quantile(sorted_seconds, part))}" for name, part in parts
+    )
 
 
 def histogram(wake_seconds: NDArray[np.float64]) -> dict[str, object]:
@@ -284,8 +288,8 @@ def histogram(wake_seconds: NDArray[np.float64]) -> dict[str, object]:
     return {**quantiles, "histogram_us": bins.tolist()}
 
 
-def duration_text(seconds: float) -> str:
+def duration_text(shown_seconds: float) -> str:
     """A duration in µs below 1 ms, else in ms."""
-    if seconds < 1e-3:
-        return f"{1e6 * seconds:.0f} µs"
-    return f"{1e3 * seconds:.2f} ms"
+    if shown_seconds < 1e-3:
+        return f"{1e6 * shown_seconds:.0f} µs"
+    return f"{1e3 * shown_seconds:.2f} ms"

@@ -179,18 +179,18 @@ class ForceBoundsFinder:
         start_frame = moments[0][0]
         bounds: list[tuple[int, float]] = []
         scales: list[ForceScale] = []
-        for moment_index, (frame, first_values, last_values) in enumerate(moments):
+        for moment_index, (moment_frame, first_values, last_values) in enumerate(moments):
             is_short = (
                 len(moments) == 2 and moments[1][0] - start_frame <= SHORT_CHANGE * stage.rate
             )
-            end = self._least_scale(stage, hand, hands, last_values)
+            end_scale = self._least_scale(stage, hand, hands, last_values)
             # During a short glide, the limit of the stage before still counts at the beginning.
             from_old = scale_before if moment_index == 0 and is_short else None
             begin = from_old or self._least_scale(stage, hand, hands, first_values)
-            worst = min(begin, end, key=lambda borne: borne.scale)
+            worst = min(begin, end_scale, key=lambda borne: borne.scale)
             scales.append(worst)
             is_rise = bool(bounds) and worst.scale > bounds[-1][1]
-            ticks = (frame - start_frame) / hand.tick_frames
+            ticks = (moment_frame - start_frame) / hand.tick_frames
             bounds.append((math.ceil(ticks) if is_rise else math.floor(ticks), worst.scale))
         least = min(scales, key=lambda borne: borne.scale)
         return HandForceBounds(hand.player, tuple(bounds), least, scales[-1])
@@ -233,7 +233,7 @@ class ForceBoundsFinder:
 
 
 def _automation_sets(
-    stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], start: int
+    stage: Stage, hand: LiveHand, hands: Sequence[LiveHand], start_frame: int
 ) -> tuple[AutomatedValues, ...]:
     """The values of automation that a hand may feel; a single empty set if it feels none."""
     paths = (
@@ -243,7 +243,7 @@ def _automation_sets(
     )
     if not paths:
         return (AutomatedValues(),)
-    sets = tuple(islice(value_sets(stage, paths, start / stage.rate), MAX_SETS + 1))
+    sets = tuple(islice(value_sets(stage, paths, start_frame / stage.rate), MAX_SETS + 1))
     if len(sets) > MAX_SETS:
         names = ", ".join(".".join(filter(None, module_key)) for module_key in paths)
         raise _core.EngineError(
@@ -287,12 +287,12 @@ def _moments(
         for link, (_, until) in zip(stage.built.couplings, acting(stage.piece), strict=True)
     ]
     moving = [glide for glide in glides if _on_grid(stage, glide.stop) > start_frame]
-    frames = {start_frame, *(_on_grid(stage, glide.stop) for glide in moving)}
-    frames |= {max(start_frame, _on_grid(stage, glide.start)) for glide in moving}
-    frames |= {int(end) for _, end in couplings if start_frame < end < math.inf}
+    moment_frames = {start_frame, *(_on_grid(stage, glide.stop) for glide in moving)}
+    moment_frames |= {max(start_frame, _on_grid(stage, glide.start)) for glide in moving}
+    moment_frames |= {int(end) for _, end in couplings if start_frame < end < math.inf}
     for glide in moving:
-        frames |= set(_glide_frames(stage, glide, start_frame))
-    rising = sorted(frames)
+        moment_frames |= set(_glide_frames(stage, glide, start_frame))
+    rising = sorted(moment_frames)
     if rising[-1] - start_frame <= SHORT_CHANGE * stage.rate:
         rising = sorted({start_frame, rising[-1]})
 
@@ -304,13 +304,13 @@ def _moments(
     return *stretches, (rising[-1], moment(rising[-1], rising[-1]), moment(rising[-1], rising[-1]))
 
 
-def _coupling_end(stage: Stage, until: float | None) -> float:
+def _coupling_end(stage: Stage, until_beat: float | None) -> float:
     """The frame from which a coupling no longer acts; infinite if it has no end."""
-    if until is None:
+    if until_beat is None:
         return math.inf
-    if until == COUPLING_ENDED:
+    if until_beat == COUPLING_ENDED:
         return COUPLING_ENDED
-    return _on_grid(stage, until) + -(-int(_core.FADE * stage.rate) // _core.GRID) * _core.GRID
+    return _on_grid(stage, until_beat) + -(-int(_core.FADE * stage.rate) // _core.GRID) * _core.GRID
 
 
 def _on_grid(stage: Stage, instant: float) -> int:
@@ -325,34 +325,42 @@ def _glide_frames(stage: Stage, glide: Glide, start_frame: int) -> Iterator[int]
     if last_frame - max(first_frame, start_frame) <= SHORT_CHANGE * stage.rate:
         return
     pairs = [(a, b) for a, b in zip(glide.before, glide.after, strict=True) if a > 0 and b > 0]
-    a, b = max(pairs, key=lambda pair: abs(math.log(pair[1] / pair[0])), default=(1.0, 1.0))
-    n = min(_GLIDE_FRAMES_MAX, math.ceil(abs(math.log(b / a)) / math.log(CHECK_RATIO)))
+    first_number, second_number = max(
+        pairs, key=lambda pair: abs(math.log(pair[1] / pair[0])), default=(1.0, 1.0)
+    )
+    n = min(
+        _GLIDE_FRAMES_MAX,
+        math.ceil(abs(math.log(second_number / first_number)) / math.log(CHECK_RATIO)),
+    )
     for place in range(1, n):
-        share = ((b / a) ** (place / n) - 1.0) / (b / a - 1.0)
+        share = ((second_number / first_number) ** (place / n) - 1.0) / (
+            second_number / first_number - 1.0
+        )
         frame = first_frame + round(share * (last_frame - first_frame))
         if frame > start_frame:
             yield frame
 
 
 def _glide_values(
-    stage: Stage, glides: Sequence[Glide], frame: int
+    stage: Stage, glides: Sequence[Glide], glide_frame: int
 ) -> tuple[tuple[tuple[int, float, float, float], ...], tuple[tuple[int, float], ...]]:
     """Values of CELs and links at a frame of a glide, as the engine computes them."""
     ties, link_factors = [], []
     for glide in glides:
         first_frame, last_frame = _on_grid(stage, glide.start), _on_grid(stage, glide.stop)
-        glide_share = min(1.0, max(0.0, (frame - first_frame) / (last_frame - first_frame)))
+        glide_share = min(1.0, max(0.0, (glide_frame - first_frame) / (last_frame - first_frame)))
         if glide_share == 1.0 and glide.value_alone is None:
             continue
         module_key = glide.part, glide.module
         if len(glide.before) == 3:
             # 1/M, K/M and Z/M glide linearly, because a frame uses K and Z per mass.
             (k, z, m), (to_k, to_z, to_m) = glide.before, glide.after
-            mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * glide_share)
+            glide_mass = 1.0 / (1.0 / m + (1.0 / to_m - 1.0 / m) * glide_share)
             k, z = (
-                mass * (a / m + (b / to_m - a / m) * glide_share) for a, b in ((k, to_k), (z, to_z))
+                glide_mass * (a / m + (b / to_m - a / m) * glide_share)
+                for a, b in ((k, to_k), (z, to_z))
             )
-            ties.append((stage.built.assembly.mats[module_key], k, z, mass))
+            ties.append((stage.built.assembly.mats[module_key], k, z, glide_mass))
         elif len(glide.before) == 2:
             stiffest = max(of + (1.0 - of) * glide_share for of in glide.body_factors)
             link_factors += [(link, stiffest) for link in stage.built.assembly.bodies[module_key]]

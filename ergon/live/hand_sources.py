@@ -49,8 +49,8 @@ def hand_sources() -> list[HandSource]:
         name = f"{path.name}, which rumbles by the force"
         listed_sources.append(HandSource("gamepad", f"gamepad:ly?in={path}", name))
     try:
-        names = input_names()
+        midi_names = input_names()
     except MidiError as error:
         return [*listed_sources, HandSource("midi", "midi:cc2", str(error))]
-    urls = [(f"midi:cc2?in={name}", name) for name in names]
+    urls = [(f"midi:cc2?in={name}", name) for name in midi_names]
     return [*listed_sources, *(HandSource("midi", url, name) for url, name in urls)]

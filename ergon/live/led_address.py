@@ -93,12 +93,12 @@ def is_led(url: str) -> bool:
 
 def parse_led_address(url: str) -> LedAddress:
     """The source at a URL `KIND:WHAT?OPTION&OPTION=VALUE`. Raises BoardError."""
-    target, _, options = url.partition("?")
+    target, _, url_options = url.partition("?")
     source_kind, _, address = target.partition(":")
     _check_what(url, source_kind, address)
     numbers_by_name: dict[str, float] = {}
     other_options: dict[str, int | str | bool] = {}
-    for url_option in filter(None, options.split("&")):
+    for url_option in filter(None, url_options.split("&")):
         option_name, has_value, option_text = url_option.partition("=")
         if url_option == "lockstep":
             other_options["lockstep"] = True
@@ -128,17 +128,17 @@ def parse_led_address(url: str) -> LedAddress:
 _FINGER = ("stiffness", "damping", "mass")
 
 
-def _check_what(url: str, kind: str, address: str) -> None:
-    if kind == "osc" and not _OSC_ADDRESS.match(address):
+def _check_what(url: str, source_kind: str, address: str) -> None:
+    if source_kind == "osc" and not _OSC_ADDRESS.match(address):
         raise BoardError(f"{url}: after osc: comes the address of its messages, such as osc:/x")
-    if kind == "gamepad" and address not in GAMEPAD_AXES:
+    if source_kind == "gamepad" and address not in GAMEPAD_AXES:
         raise BoardError(f"{url}: after gamepad: comes one of {', '.join(GAMEPAD_AXES)}")
-    if kind != "midi":
+    if source_kind != "midi":
         return
-    match = _CONTROLLER.match(address)
-    if match and int(match[1]) not in _CONTROLLERS:
+    controller_match = _CONTROLLER.match(address)
+    if controller_match and int(controller_match[1]) not in _CONTROLLERS:
         raise BoardError(f"{url}: controllers have the numbers 0 to 119")
-    if not match and address not in ("bend", "pressure"):
+    if not controller_match and address not in ("bend", "pressure"):
         raise BoardError(f"{url}: after midi: comes cc and a number (cc2), bend or pressure")
 
 
@@ -148,7 +148,7 @@ def _known_options(kind: str) -> str:
     return f"the options are {', '.join(names)}"
 
 
-def _quantity(url: str, option_name: str, text: str) -> float:
+def _quantity(url: str, option_name: str, value_text: str) -> float:
     from ergon.notation.tables import quantities
     from ergon.notation.text.errors import TextError
 
@@ -161,7 +161,7 @@ def _quantity(url: str, option_name: str, text: str) -> float:
         _TRACE: quantities.DURATION,
     }
     try:
-        option_value = quantities.quantity(text, dimensions[option_name])
+        option_value = quantities.quantity(value_text, dimensions[option_name])
     except TextError as error:
         raise BoardError(f"{url}: {option_name}: {error.message}") from None
     if option_name == "K" and option_value == 0.0:
@@ -171,10 +171,10 @@ def _quantity(url: str, option_name: str, text: str) -> float:
     return option_value
 
 
-def _number_between(low: int, high: int) -> Callable[[str, str], int]:
+def _number_between(low_bound: int, high_bound: int) -> Callable[[str, str], int]:
     def read(url: str, text: str) -> int:
-        if not text.isascii() or not text.isdecimal() or not low <= int(text) <= high:
-            raise BoardError(f"{url}: '{text}' is not a number from {low} to {high}")
+        if not text.isascii() or not text.isdecimal() or not low_bound <= int(text) <= high_bound:
+            raise BoardError(f"{url}: '{text}' is not a number from {low_bound} to {high_bound}")
         return int(text)
 
     return read

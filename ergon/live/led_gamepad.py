@@ -116,12 +116,12 @@ class GamepadPort:
 
         with contextlib.suppress(OSError):  # a file or a pipe of events
             fcntl.ioctl(self._file, _SET_CLOCK, struct.pack("i", time.CLOCK_MONOTONIC))
-        for value in self._values:
+        for axis_value in self._values:
             with contextlib.suppress(OSError):
-                raw = fcntl.ioctl(self._file, _GET_RANGE + value.code, bytes(_ABS_INFO.size))
+                raw = fcntl.ioctl(self._file, _GET_RANGE + axis_value.code, bytes(_ABS_INFO.size))
                 _, low, high, *_ = _ABS_INFO.unpack(raw)
                 if low < high:
-                    value.range = (low, high)
+                    axis_value.range = (low, high)
 
     def _run(self) -> None:
         while not self._over.is_set():
@@ -138,12 +138,12 @@ class GamepadPort:
                 for axis_value in self._values:
                     axis_value.leave()
                 return
-            for code, number, instant in events(
+            for code, axis_number, event_instant in events(
                 event_bytes[: len(event_bytes) // _EVENT.size * _EVENT.size]
             ):
                 for axis_value in self._values:
                     if axis_value.code == code:
-                        axis_value.receive(number, instant)
+                        axis_value.receive(axis_number, event_instant)
 
     @property
     def rumbles(self) -> bool:

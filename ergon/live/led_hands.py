@@ -85,12 +85,12 @@ def open_led_hands(
             osc.begin()
             paths = ", ".join(value.path for value in osc_values)
             sentences.append(f"positions of {paths} are taken from OSC at 127.0.0.1:{osc.port}")
-        for name, listeners in _midi_values(addresses, leads).items():
-            midi = open_midi_input(name or VIRTUAL, listeners, make_midi)
+        for input_name, listeners in _midi_values(addresses, leads).items():
+            midi = open_midi_input(input_name or VIRTUAL, listeners, make_midi)
             led_sources.append(midi)
             sentences.append(f"positions are taken from the MIDI input {midi.name}")
-        for name, axes in _gamepad_values(addresses, leads).items():
-            path = pad_path(name)
+        for input_name, axes in _gamepad_values(addresses, leads).items():
+            path = pad_path(input_name)
             pad = GamepadPort(path, axes)
             led_sources.append(pad)
             motors = ", which rumbles with the force" if pad.rumbles else ""

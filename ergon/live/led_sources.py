@@ -166,14 +166,14 @@ class OscPort:
                 continue
             except OSError:
                 return
-            instant = time.monotonic()
+            message_instant = time.monotonic()
             try:
                 messages = parse_messages(datagram)
             except MalformedDatagramError:
                 continue
             for path, arguments in messages:
                 if path in self._handlers:
-                    self._handlers[path].receive(arguments, instant)
+                    self._handlers[path].receive(arguments, message_instant)
 
     def close(self) -> None:
         """Receive nothing any more."""
@@ -184,11 +184,11 @@ class OscPort:
 
 
 def open_midi_input(
-    name: str, listeners: Sequence[MidiValues], make: Callable[[str], InputPort] = SystemInput
+    port_name: str, listeners: Sequence[MidiValues], make: Callable[[str], InputPort] = SystemInput
 ) -> InputPort:
     """An open MIDI input that passes its messages to all listeners. Raises BoardError."""
     try:
-        port = make(name)
+        port = make(port_name)
     except MidiError as error:
         raise BoardError(str(error)) from None
 

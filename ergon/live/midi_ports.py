@@ -61,11 +61,11 @@ class ProcessPort:
         """Keep a message, and pass it to the listener."""
         self.deliver(data, self._clock())
 
-    def deliver(self, data: bytes, instant: float) -> None:
-        """Like `send`, with the message stamped by the instant `instant` [s]."""
-        self.sent.append((instant, data))
+    def deliver(self, message_bytes: bytes, message_instant: float) -> None:
+        """Like `send`, with the message stamped by the instant `message_instant` [s]."""
+        self.sent.append((message_instant, message_bytes))
         if self._receive is not None:
-            self._receive(data, instant)
+            self._receive(message_bytes, message_instant)
 
     def close(self) -> None:
         """Pass on nothing any more."""
@@ -206,11 +206,11 @@ def _open_port(rtmidi: Any, make: Any, port_name: str, direction: str) -> tuple[
             trouble = str(error)
     if port_name == VIRTUAL:
         raise MidiError(f"no MIDI {direction} of ergon's own can be opened: {trouble}")
-    port, number, opened_name = numbered_ports[
+    port, port_number, opened_name = numbered_ports[
         choose_port(port_name, [name for *_, name in numbered_ports], direction)
     ]
     try:
-        port.open_port(number, CLIENT_NAME)
+        port.open_port(port_number, CLIENT_NAME)
     except _failures(rtmidi) as error:
         raise MidiError(f"the MIDI {direction} {opened_name} cannot be opened: {error}") from None
     return port, opened_name

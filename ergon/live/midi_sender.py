@@ -43,11 +43,13 @@ class TimedSender:
         assert self._process.stdout is not None
         self._to: IO[bytes] = self._process.stdin
         self._echoes: IO[bytes] = self._process.stdout
-        word, _, answer = self._echoes.readline().decode(errors="replace").strip().partition(" ")
+        word, _, echo_answer = (
+            self._echoes.readline().decode(errors="replace").strip().partition(" ")
+        )
         if word != "ready":
             self.close()
-            raise MidiError(answer or f"the process that sends MIDI to '{port}' did not start")
-        self.name = answer
+            raise MidiError(echo_answer or f"the process that sends MIDI to '{port}' did not start")
+        self.name = echo_answer
 
     def send_at(self, data: bytes, instant: float) -> None:
         """Send a message at an instant [s, time.monotonic]; at once if that is past."""
@@ -77,7 +79,7 @@ def _run(come: int, send: Callable[[bytes], None]) -> None:
     ends.
     """
     waiting: list[tuple[int, int, bytes]] = []
-    numbers = itertools.count()
+    message_numbers = itertools.count()
     unfinished_line = b""
     while True:
         seconds_left = (waiting[0][0] - time.monotonic_ns()) / 1e9 if waiting else 1.0
@@ -88,7 +90,9 @@ def _run(come: int, send: Callable[[bytes], None]) -> None:
             *lines, unfinished_line = (unfinished_line + bytes_read).split(b"\n")
             for line in lines:
                 instant, _, data = line.partition(b" ")
-                heapq.heappush(waiting, (int(instant), next(numbers), bytes.fromhex(data.decode())))
+                heapq.heappush(
+                    waiting, (int(instant), next(message_numbers), bytes.fromhex(data.decode()))
+                )
         while waiting and waiting[0][0] <= time.monotonic_ns():
             send(heapq.heappop(waiting)[2])
 

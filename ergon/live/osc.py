@@ -53,11 +53,13 @@ class OscError(ErgonError):
     """An address that OSC cannot use, or a socket that does not open."""
 
 
-def parse_address(text: str) -> Place:
+def parse_address(address_text: str) -> Place:
     """`[HOST:]PORT` as (host, port); without a host, only this machine. Raises OscError."""
-    host, _, port = text.rpartition(":")
+    host, _, port = address_text.rpartition(":")
     if not port.isascii() or not port.isdigit() or int(port) > 65535:
-        raise OscError(f"{text}: an OSC address is PORT or HOST:PORT, such as {LOOPBACK}:9000")
+        raise OscError(
+            f"{address_text}: an OSC address is PORT or HOST:PORT, such as {LOOPBACK}:9000"
+        )
     return host.removeprefix("[").removesuffix("]") or LOOPBACK, int(port)
 
 
@@ -231,7 +233,7 @@ class OscServer:
             return
         self._sender = sender
         verdict = self._senders.verdict(sender)
-        for written_address, arguments in messages:
+        for written_address, message_arguments in messages:
             address = self._without_key(written_address)
             if address is None:
                 address = written_address
@@ -243,7 +245,7 @@ class OscServer:
                 if ask is None:
                     self._report_unknown(address)
                 else:
-                    ask(arguments)
+                    ask(message_arguments)
             except OscRequestError as error:
                 self._answer(sender, "/ergon/error", str(error))
             except _core.EngineError:
@@ -316,10 +318,10 @@ def _open_socket(osc_address: Place, *, bound: bool) -> tuple[socket.socket, tup
     """A datagram socket, and the address that `osc_address` names."""
     opened = None
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(
+        family, socket_kind, protocol, _, address = socket.getaddrinfo(
             *osc_address, type=socket.SOCK_DGRAM
         )[0]
-        opened = socket.socket(family, kind, protocol)
+        opened = socket.socket(family, socket_kind, protocol)
         opened.setblocking(False)
         if bound:
             opened.bind(address)

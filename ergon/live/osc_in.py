@@ -49,7 +49,7 @@ def request_handlers(
     performance: _core.Performance,
     stage: Stage,
     gain: float,
-    stop: Callable[[], None],
+    stop_playing: Callable[[], None],
     handler_of: Callable[[str], Handler],
     command: Command = refuse_command,
 ) -> dict[str, Handler]:
@@ -57,21 +57,21 @@ def request_handlers(
     gives the handler of an input by its name.
     """
     part_names = stage.listening.parts()
-    groups = {name: group for group, name in enumerate(part_names)}
+    groups_by_name = {name: group for group, name in enumerate(part_names)}
 
     def setter_for(names: Iterable[str]) -> Callable[[float], None]:
-        mine = [groups[name] for name in names]
+        mine = [groups_by_name[name] for name in names]
         return lambda ratio: _check_accepted(
             [performance.part_gain(group, ratio) for group in mine]
         )
 
     owned = exclusive_instruments(stage.piece, part_names)
-    inputs = (name for name, take in stage.piece.takes.items() if take.is_from_osc)
+    input_names = (name for name, take in stage.piece.takes.items() if take.is_from_osc)
     return {
         "/ergon/cmd": text_handler(command),
         "/ergon/panic": button_handler(performance.panic),
         "/ergon/release": button_handler(performance.release),
-        "/ergon/stop": button_handler(stop),
+        "/ergon/stop": button_handler(stop_playing),
         "/ergon/gain": gain_handler(
             lambda ratio: _check_accepted([performance.gain(gain * ratio)])
         ),
@@ -85,12 +85,12 @@ def request_handlers(
             else _shared_key_handler(player)
             for player, mine in owned.items()
         },
-        **{f"/ergon/input/{name}": handler_of(name) for name in inputs},
+        **{f"/ergon/input/{name}": handler_of(name) for name in input_names},
     }
 
 
-def exclusive_instruments(piece: Piece, parts: Sequence[str]) -> dict[str, list[str]]:
-    """Player → those instruments of `parts` that links connect with the player's key and no
+def exclusive_instruments(piece: Piece, part_names: Sequence[str]) -> dict[str, list[str]]:
+    """Player → those instruments of `part_names` that links connect with the player's key and no
     other.
     """
     reached = {key: _reachable_instruments(piece, key) for key in piece.keys}
@@ -100,19 +100,19 @@ def exclusive_instruments(piece: Piece, parts: Sequence[str]) -> dict[str, list[
             *(names for key, names in reached.items() if key != player.key)
         )
         parts_by_player[player.name] = [
-            part for part in parts if part in reached[player.key] - reached_by_others
+            part for part in part_names if part in reached[player.key] - reached_by_others
         ]
     return parts_by_player
 
 
-def _reachable_instruments(piece: Piece, key: str) -> set[str]:
+def _reachable_instruments(piece: Piece, key_name: str) -> set[str]:
     """Instruments that links connect with a key, without passing through another key."""
     neighbours: dict[str, set[str]] = {}
     for joined_parts in _joined_parts(piece):
         for end in joined_parts:
             neighbours.setdefault(end, set()).update(joined_parts)
     instruments: set[str] = set()
-    visited = [key]
+    visited = [key_name]
     while visited:
         for part in neighbours.get(visited.pop(), set()) - instruments - piece.keys.keys():
             instruments.add(part)
@@ -124,14 +124,14 @@ def _joined_parts(piece: Piece) -> Iterator[set[str]]:
     """For each link, the parts that it joins: those of its two ends, and the one in which it is
     written.
     """
-    parts: list[tuple[str, Sequence[Module]]] = [
+    module_parts: list[tuple[str, Sequence[Module]]] = [
         *((name, key.modules) for name, key in piece.keys.items()),
         *((name, instrument.modules) for name, instrument in piece.instruments.items()),
     ]
-    for name, modules in parts:
+    for part_name, modules in module_parts:
         for module in modules:
             if module.ends:
-                yield {name, *(end.part for end in module.ends)}
+                yield {part_name, *(end.part for end in module.ends)}
 
 
 def _check_accepted(all_heeded: Sequence[bool]) -> None:
@@ -163,12 +163,18 @@ def level_handler(action: Callable[[float], object]) -> Handler:
     """Handle a level in dB: pass it to `action`."""
 
     def ask(arguments: Sequence[object]) -> None:
-        level = arguments[0] if len(arguments) == 1 else None
-        if isinstance(level, bool) or not isinstance(level, int | float) or math.isnan(level):
+        level_asked = arguments[0] if len(arguments) == 1 else None
+        if (
+            isinstance(level_asked, bool)
+            or not isinstance(level_asked, int | float)
+            or math.isnan(level_asked)
+        ):
             raise OscRequestError("the argument has to be one number, a level in dB")
-        if level > LOUDEST_DB:
-            raise OscRequestError(f"{level:.4g} dB is above the highest level, {LOUDEST_DB:g} dB")
-        action(float(level))
+        if level_asked > LOUDEST_DB:
+            raise OscRequestError(
+                f"{level_asked:.4g} dB is above the highest level, {LOUDEST_DB:g} dB"
+            )
+        action(float(level_asked))
 
     return ask
 
@@ -177,14 +183,14 @@ def number_handler(action: Callable[[float], object]) -> Handler:
     """Handle a finite number: pass it to `action`."""
 
     def ask(arguments: Sequence[object]) -> None:
-        value = arguments[0] if len(arguments) == 1 else None
+        value_asked = arguments[0] if len(arguments) == 1 else None
         try:
-            number = float(value) if isinstance(value, int | float) else math.nan
+            number_asked = float(value_asked) if isinstance(value_asked, int | float) else math.nan
         except OverflowError:
-            number = math.nan
-        if isinstance(value, bool) or not math.isfinite(number):
+            number_asked = math.nan
+        if isinstance(value_asked, bool) or not math.isfinite(number_asked):
             raise OscRequestError("the argument has to be one finite number; 1 is full scale")
-        action(number)
+        action(number_asked)
 
     return ask
 
@@ -193,12 +199,12 @@ def text_handler(action: Callable[[str], object]) -> Handler:
     """Handle a text: pass it to `action`."""
 
     def ask(arguments: Sequence[object]) -> None:
-        line = arguments[0] if len(arguments) == 1 else None
-        if not isinstance(line, str) or len(line) > _MAX_COMMAND:
+        line_asked = arguments[0] if len(arguments) == 1 else None
+        if not isinstance(line_asked, str) or len(line_asked) > _MAX_COMMAND:
             raise OscRequestError(
                 f"the argument has to be one string of at most {_MAX_COMMAND} characters"
             )
-        action(line)
+        action(line_asked)
 
     return ask
 

@@ -40,10 +40,12 @@ class HearingClock:
         if status.sounding is None or not status.paced:
             return
         zero = instant_now - status.sounding + status.latency
-        line = (status.underruns, status.dropped, status.alive)
-        if line != self._line or (self._reports and abs(zero - self._reports[-1][1]) > _JUMP_MIN):
+        status_line = (status.underruns, status.dropped, status.alive)
+        if status_line != self._line or (
+            self._reports and abs(zero - self._reports[-1][1]) > _JUMP_MIN
+        ):
             self._reports.clear()
-        self._line, self._dropped = line, status.dropped
+        self._line, self._dropped = status_line, status.dropped
         self._reports.append((instant_now, zero))
         while self._reports[0][0] < instant_now - _REPORTS_KEPT:
             self._reports.popleft()
@@ -156,20 +158,20 @@ class _EventsFrom:
 
 def _piece_beats(stage: Stage) -> Iterator[OscEvent]:
     """Every beat of every bar of a piece that ends."""
-    for event in beat_events(stage.piece.tempo_map, stage.rate, 1):
-        if event[0] >= stage.n_frames:
+    for beat_event in beat_events(stage.piece.tempo_map, stage.rate, 1):
+        if beat_event[0] >= stage.n_frames:
             return
-        yield event
+        yield beat_event
 
 
 def beat_events(tempo: TempoMap, rate: float, first_bar: int) -> Iterator[OscEvent]:
     """Every beat from a bar on, without end, with (bar, beat, bpm)."""
     while True:
         start, length = tempo.bars.bar(first_bar)
-        for beat in range(math.ceil(length)):
-            position = start + beat
+        for bar_beat in range(math.ceil(length)):
+            position = start + bar_beat
             frame = frame_of(tempo.seconds(position), rate)
-            yield frame, "/ergon/beat", (first_bar, beat + 1, float(tempo.bpm(position)))
+            yield frame, "/ergon/beat", (first_bar, bar_beat + 1, float(tempo.bpm(position)))
         first_bar += 1
 
 

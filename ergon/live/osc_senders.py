@@ -148,16 +148,18 @@ def _sockets(tables: Sequence[Path], ports: set[int]) -> list[_Socket] | None:
     sockets, is_told = [], False
     for table in tables:
         try:
-            rows = table.read_text(encoding="ascii").splitlines()[1:]
+            table_rows = table.read_text(encoding="ascii").splitlines()[1:]
         except OSError:
             continue
         is_told = True
-        for row in rows:
-            words = row.split()
-            if words[1].endswith(port_suffixes):
-                number, _, port = words[1].partition(":")
+        for row in table_rows:
+            row_words = row.split()
+            if row_words[1].endswith(port_suffixes):
+                number, _, port = row_words[1].partition(":")
                 address = _address(number)
-                sockets.append(_Socket(address, int(port, 16), int(words[7]), int(words[9])))
+                sockets.append(
+                    _Socket(address, int(port, 16), int(row_words[7]), int(row_words[9]))
+                )
     return sockets if is_told else None
 
 

@@ -47,8 +47,8 @@ class InputValues:
         )
         self._counted_until = instant_now
         while self._waiting_values and self._n_allowed >= 1.0:
-            name = next(iter(self._waiting_values))
-            if not self._tell(name, self._waiting_values[name]):
+            input_name = next(iter(self._waiting_values))
+            if not self._tell(input_name, self._waiting_values[input_name]):
                 return
-            del self._waiting_values[name]
+            del self._waiting_values[input_name]
             self._n_allowed -= 1.0

@@ -81,12 +81,12 @@ def perform(
 
     tick = tick_frames(stage)
     simulation = stage.simulation
-    start = simulation.snapshot()
+    start_snapshot = simulation.snapshot()
     mixer = stage.mixer(highpass=config.highpass, reference=config.reference)
     _compute_unheard(
         simulation, mixer, stage.n_channels, config, config.start // tick * tick, progress
     )
-    numbers = {hand.player: hand.index for hand in stage.live}
+    hand_numbers = {hand.player: hand.index for hand in stage.live}
     played = {player for board in config.boards for _, player in board.axes}
     mine = [hand for hand in stage.live if hand.player in played]
     hands = [
@@ -105,7 +105,7 @@ def perform(
     boards = [
         _core.LiveBoard(
             board.url,
-            [(axis, numbers[player]) for axis, player in board.axes],
+            [(axis, hand_numbers[player]) for axis, player in board.axes],
             config.force_max,
             [axis.for_core(number) for number, axis in board.calibrations.items()],
         )
@@ -148,20 +148,20 @@ def perform(
             config.pages.server.show(window, performance)
         return performance
     finally:
-        simulation.restore(start)
+        simulation.restore(start_snapshot)
 
 
-def bar_frames(stage: Stage, start_frame: int, stop: int) -> list[int]:
-    """Frames from `start_frame` to before `stop` at which a bar begins."""
+def bar_frames(stage: Stage, start_frame: int, stop_frame: int) -> list[int]:
+    """Frames from `start_frame` to before `stop_frame` at which a bar begins."""
     tempo = stage.piece.tempo_map
     first_bar, _ = tempo.bars.bar_beat(max(0.0, tempo.beats(start_frame / stage.rate)))
     bar_starts: list[int] = []
     for bar in range(first_bar, first_bar + _BARS_MAX):
-        frame = int(tempo.seconds(tempo.bars.start(bar)) * stage.rate + 0.5)
-        if frame >= stop:
+        bar_frame = int(tempo.seconds(tempo.bars.start(bar)) * stage.rate + 0.5)
+        if bar_frame >= stop_frame:
             break
-        if frame >= start_frame:
-            bar_starts.append(frame)
+        if bar_frame >= start_frame:
+            bar_starts.append(bar_frame)
     return bar_starts
 
 
@@ -181,12 +181,14 @@ def _written_forces(
     return written_forces(piece, piece.players[hand.player], tick, hand.standin)
 
 
-def _guidance_spring(config: PlaybackConfig, player: str, key: Key) -> _core.GuidanceSpring | None:
+def _guidance_spring(
+    config: PlaybackConfig, player: str, guided_key: Key
+) -> _core.GuidanceSpring | None:
     if player in config.driven:
         from ergon.scores.staging.driving import moving_mass
 
         # Critically damped: it brings back what drifts, and a hand wins against it.
-        mass, omega = moving_mass(key), 2.0 * math.pi * DRIFT_RETURN
+        mass, omega = moving_mass(guided_key), 2.0 * math.pi * DRIFT_RETURN
         return _core.GuidanceSpring(mass * omega * omega, 2.0 * mass * omega, config.loose)
     if config.loose:
         return _core.GuidanceSpring(*GUIDANCE_MAX, True)
@@ -206,9 +208,9 @@ def _compute_unheard(
     import numpy as np
 
     frame_count = 0
-    for frames in frames_of(simulation, n_frames, BLOCK):
+    for mixed_frames in frames_of(simulation, n_frames, BLOCK):
         for stem in config.frozen:
-            stem.join(frames, frame_count)
-        mixer.process(frames, np.zeros((len(frames), n_channels)))
-        frame_count += len(frames)
+            stem.join(mixed_frames, frame_count)
+        mixer.process(mixed_frames, np.zeros((len(mixed_frames), n_channels)))
+        frame_count += len(mixed_frames)
         progress(frame_count)

@@ -46,10 +46,10 @@ def _port(path: str, usb: _core.UsbBoard | None) -> Port:
 def _by_id(path: str) -> str:
     """A path that does not depend on the order in which boards are plugged in."""
     try:
-        links = sorted(BY_ID.iterdir())
+        device_links = sorted(BY_ID.iterdir())
     except OSError:
         return path
-    matching_links = (str(link) for link in links if link.resolve() == Path(path).resolve())
+    matching_links = (str(link) for link in device_links if link.resolve() == Path(path).resolve())
     return next(matching_links, path)
 
 

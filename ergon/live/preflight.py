@@ -58,7 +58,7 @@ def find_gain(
     mixer = stage.mixer(highpass=wanted_level.highpass, reference=wanted_level.reference)
     measured = MeasuredLevel(wanted_level, stage.rate, stage.n_channels)
     simulation = stage.simulation
-    start = simulation.snapshot()
+    start_snapshot = simulation.snapshot()
     frame_count = 0
     for mixed_frames in frames_of(simulation, n_frames, BLOCK):
         for stem in frozen:
@@ -68,7 +68,7 @@ def find_gain(
         measured.take(mixed)
         frame_count += len(mixed_frames)
         progress(frame_count)
-    simulation.restore(start)
+    simulation.restore(start_snapshot)
     if n_frames == stage.n_frames:
         return PreflightGain(measured.gain(), None)
     return PreflightGain(measured.gain() * _core.decibels(_HEADROOM_DB), n_frames / stage.rate)

@@ -61,17 +61,17 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
         raise RecordingMismatchError(f"{path}: {error}") from None
     tick_positions[: int(recording.ticks()[0])] = np.nan
     hands = {}
-    for index, (player, key) in enumerate(recording.axes):
-        if player not in piece.players or piece.players[player].key != key:
+    for axis_index, (player, key_name) in enumerate(recording.axes):
+        if player not in piece.players or piece.players[player].key != key_name:
             raise RecordingMismatchError(
-                f"{path}: it records {player} on {key}, which this score does not have"
+                f"{path}: it records {player} on {key_name}, which this score does not have"
             )
         ticks = round(piece.rate / (piece.players[player].tick or TICK))
         if ticks != recording.frames:
             raise RecordingMismatchError(
                 f"{path}: its ticks last {recording.frames} frames, the score's {ticks}"
             )
-        hands[player] = np.ascontiguousarray(tick_positions[:, index])
+        hands[player] = np.ascontiguousarray(tick_positions[:, axis_index])
     description = read_description(recording)
     return HandRecording(
         hands, _recorded_level(description), tuple(_warnings(recording, description, piece))
@@ -80,14 +80,14 @@ def read_hand_recording(path: Path, piece: Piece) -> HandRecording:
 
 def _recorded_level(description: dict[str, Any]) -> Level:
     """The level that was heard; fields that the recording lacks have no effect."""
-    level = description.get("level")
-    level = level if isinstance(level, dict) else {}
+    level_fields = description.get("level")
+    level_fields = level_fields if isinstance(level_fields, dict) else {}
 
     def number(name: str) -> float | None:
-        value = level.get(name)
+        level_value = level_fields.get(name)
         return (
-            float(value)
-            if isinstance(value, int | float) and 0.0 < value < _LEVEL_NUMBER_MAX
+            float(level_value)
+            if isinstance(level_value, int | float) and 0.0 < level_value < _LEVEL_NUMBER_MAX
             else None
         )
 

@@ -25,11 +25,11 @@ class _Counted:
         """What came since the last line, which begins anew."""
         if self.seconds:
             words = f"{self.count} times more, for {self.seconds:.3f} s in all"
-            sentence = f"the physics thread was stopped {words}"
+            notice_sentence = f"the physics thread was stopped {words}"
         else:
-            sentence = f"{self.sentence} ({self.count} times more)"
+            notice_sentence = f"{self.sentence} ({self.count} times more)"
         self.line_frame, self.count, self.seconds = self.frame, 0, 0.0
-        return self.frame, sentence
+        return self.frame, notice_sentence
 
 
 class RepeatedNotices:
@@ -49,10 +49,10 @@ class RepeatedNotices:
         """
         if kind not in REPEATING:
             return [(frame, sentence)]
-        name = kind if seconds else sentence
-        counted = self._counted.get(name)
+        notice_name = kind if seconds else sentence
+        counted = self._counted.get(notice_name)
         if counted is None or (not counted.count and frame >= counted.line_frame + self._pause):
-            self._counted[name] = _Counted(frame)
+            self._counted[notice_name] = _Counted(frame)
             return [(frame, sentence)]
         counted.count += 1
         counted.seconds += seconds

@@ -32,10 +32,10 @@ class RumbleEnvelope:
 
     def step(self, force: float) -> tuple[float, float]:
         """Strong and weak motor, 0 to 1: the force [N], and how much it differs from before."""
-        size = abs(force)
-        change = abs(size - self._smoothed_force)
-        self._smoothed_force += _SMOOTHED * (size - self._smoothed_force)
-        return min(1.0, size / FULL), min(1.0, _BUZZ * change / FULL)
+        force_size = abs(force)
+        change = abs(force_size - self._smoothed_force)
+        self._smoothed_force += _SMOOTHED * (force_size - self._smoothed_force)
+        return min(1.0, force_size / FULL), min(1.0, _BUZZ * change / FULL)
 
 
 class Rumble:
@@ -47,11 +47,11 @@ class Rumble:
         self._envelope = RumbleEnvelope()
         self.is_there = self._upload(0, 0)
 
-    def feel(self, force: float) -> None:
+    def feel(self, key_force: float) -> None:
         """Let the motors tell of a force [N]; to be called some 20 times a second."""
         if not self.is_there:
             return
-        strong, weak = (round(_MOTOR_MAX * part) for part in self._envelope.step(force))
+        strong, weak = (round(_MOTOR_MAX * part) for part in self._envelope.step(key_force))
         if (strong, weak) == (0, 0) == self._last_motors:
             return
         self._last_motors = (strong, weak)
@@ -64,8 +64,8 @@ class Rumble:
 
         effect = _EFFECT.pack(_RUMBLE_TYPE, self._effect_id, 0, 0, 0, _LENGTH_MS, 0, strong, weak)
         try:
-            answer = fcntl.ioctl(self._descriptor, _UPLOAD_REQUEST, effect)
+            upload_answer = fcntl.ioctl(self._descriptor, _UPLOAD_REQUEST, effect)
         except OSError:  # no motors, or opened for reading alone
             return False
-        self._effect_id = _EFFECT.unpack(answer)[1]
+        self._effect_id = _EFFECT.unpack(upload_answer)[1]
         return True

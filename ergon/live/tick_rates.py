@@ -20,8 +20,9 @@ _LATE_SHARE = 0.5  # of its length: a tick or a reply that comes later than this
 _LATE_MAX = 1e-3  # of all ticks and replies
 
 
-def measure_tick_rates(url: str, seconds: float) -> Iterator[Finding]:
-    """A finding for each length of a tick, each measured for `seconds` [s]; then one that advises.
+def measure_tick_rates(url: str, test_seconds: float) -> Iterator[Finding]:
+    """A finding for each length of a tick, each measured for `test_seconds` [s]; then one that
+    advises.
 
     The device gets no force. Raises EngineError where it is not there.
     """
@@ -31,7 +32,7 @@ def measure_tick_rates(url: str, seconds: float) -> Iterator[Finding]:
         device = _core.Device(url)
         try:
             cpu_start = time.process_time()
-            checkup = device.checkup(seconds, 1.0 / rate)
+            checkup = device.checkup(test_seconds, 1.0 / rate)
             busy = time.process_time() - cpu_start
         finally:
             device.close()
@@ -51,12 +52,12 @@ def _tick_finding(url: str, rate: float, checkup: Checkup, busy: float) -> Findi
     load = busy / checkup.seconds if checkup.seconds else 0.0
     usual, mostly = (period + quantile(trips, part) for part in (0.5, 0.99))
     fits = n_requests > 0 and max(late, slow) <= _LATE_MAX * n_requests
-    sentence = (
+    tick_sentence = (
         f"{url}: {rate:,.0f} Hz: {duration_text(usual)} from a position to its force, p99 "
         f"{duration_text(mostly)}; {100 * load:.0f}% of a processor; {late:,} ticks and {slow:,} "
         f"replies late of {n_requests:,}"
     )
-    numbers = {
+    tick_figures = {
         "url": url,
         "tick_hz": rate,
         "asked": n_requests,
@@ -67,7 +68,7 @@ def _tick_finding(url: str, rate: float, checkup: Checkup, busy: float) -> Findi
         "felt_p99_s": mostly,
         "fits": fits,
     }
-    return Finding("tick", sentence, "", numbers)
+    return Finding("tick", tick_sentence, "", tick_figures)
 
 
 def _advice(url: str, best_finding: tuple[float, Finding] | None) -> Finding:

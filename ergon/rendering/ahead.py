@@ -14,8 +14,8 @@ _QUEUE_BLOCKS = 4  # blocks that may wait: enough to even out the two, little me
 _PATIENCE = 0.1  # [s] between checks whether the consumer is gone
 
 
-def ahead(source: Iterator[T]) -> Generator[T, None, None]:
-    """The items of `source`, computed in a thread of their own up to four items ahead.
+def ahead(item_source: Iterator[T]) -> Generator[T, None, None]:
+    """The items of `item_source`, computed in a thread of their own up to four items ahead.
 
     An exception in the source is raised here. When the consumer stops early, so does the thread.
     """
@@ -37,7 +37,7 @@ def ahead(source: Iterator[T]) -> Generator[T, None, None]:
     def work() -> None:
         try:
             with computing:
-                for item in source:
+                for item in item_source:
                     if not put([item]):
                         return
             put([])
@@ -47,10 +47,10 @@ def ahead(source: Iterator[T]) -> Generator[T, None, None]:
     thread = threading.Thread(target=work, name="ergon-simulation", daemon=True)
     thread.start()
     try:
-        while entry := waiting.get():
-            if isinstance(entry, BaseException):
-                raise entry
-            yield from entry
+        while queued_entry := waiting.get():
+            if isinstance(queued_entry, BaseException):
+                raise queued_entry
+            yield from queued_entry
     finally:
         has_ended.set()
         computing.cancel()  # a block may take minutes

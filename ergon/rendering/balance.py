@@ -117,12 +117,14 @@ class Balance:
 
         gain *= self._unit
         stop = self._stop if stop is None else stop
-        step, measured = self._loudness.step, self.measured
+        loudness_step, measured = self._loudness.step, self.measured
         self._loudness.blocks = measured[:, 0].tolist()
-        loudness = self._loudness.loudness(gain, -(-self._start // step), stop // step)
+        loudness = self._loudness.loudness(
+            gain, -(-self._start // loudness_step), stop // loudness_step
+        )
         cells = np.arange(len(measured) * _PEAKS)
-        begins = cells // _PEAKS * step + cells % _PEAKS * step // _PEAKS
-        inside = (begins >= self._start) & (begins + step // _PEAKS < stop)
+        begins = cells // _PEAKS * loudness_step + cells % _PEAKS * loudness_step // _PEAKS
+        inside = (begins >= self._start) & (begins + loudness_step // _PEAKS < stop)
         peaks = measured[:, 1:].reshape(-1)[inside]
         return InstrumentLevel(self._name, float(np.max(peaks, initial=0.0)) * gain, loudness)
 

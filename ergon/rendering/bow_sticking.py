@@ -73,11 +73,15 @@ def friction_extremes(law_fields: Any) -> tuple[float, float] | None:
     law.forces(np.zeros(_STEPS), speeds, friction_forces)
     if not np.isfinite(friction_forces).all():
         return None
-    low, high = int(np.argmin(friction_forces)), int(np.argmax(friction_forces))
+    lowest_index, highest_index = int(np.argmin(friction_forces)), int(np.argmax(friction_forces))
     falls = (
-        friction_forces[-1] < _FALLING_RATIO * friction_forces[high]
-        and friction_forces[0] > _FALLING_RATIO * friction_forces[low]
+        friction_forces[-1] < _FALLING_RATIO * friction_forces[highest_index]
+        and friction_forces[0] > _FALLING_RATIO * friction_forces[lowest_index]
     )
-    if not (low < high and friction_forces[high] > 0.0 > friction_forces[low] and falls):
+    if not (
+        lowest_index < highest_index
+        and friction_forces[highest_index] > 0.0 > friction_forces[lowest_index]
+        and falls
+    ):
         return None
-    return float(speeds[low]), float(speeds[high])
+    return float(speeds[lowest_index]), float(speeds[highest_index])

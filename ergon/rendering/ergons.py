@@ -12,7 +12,11 @@ if TYPE_CHECKING:
 
 
 def stream(
-    simulation: Simulation, n_frames: int, form: Form, names: Names, block_frames: int = 4096
+    simulation: Simulation,
+    n_frames: int,
+    row_form: Form,
+    ergon_names: Names,
+    block_frames: int = 4096,
 ) -> Iterator[tuple[str, int]]:
     """Run a recording simulation to frame `n_frames`; gives (rows of a block, frames done)."""
     import numpy as np
@@ -20,4 +24,4 @@ def stream(
     for first_frame in range(0, n_frames, block_frames):
         count = min(block_frames, n_frames - first_frame)
         simulation.process(np.zeros((count, simulation.n_out)))
-        yield rows(form, simulation.ergons(), names), first_frame + count
+        yield rows(row_form, simulation.ergons(), ergon_names), first_frame + count

@@ -51,17 +51,17 @@ class FilmedSimulation:
         import numpy as np
 
         while len(out):
-            frame, stop = self._simulation.frame, self._film.stop
+            film_frame, film_stop = self._simulation.frame, self._film.stop
             self._look()
-            if frame >= stop:
+            if film_frame >= film_stop:
                 self._simulation.process(out)
                 return
-            count = min(len(out), min(self._recorder.next, stop) - frame)
-            self._simulation.process(out[:count])
-            mixed = np.zeros((count, self._film.n_channels))
-            self._mixer.process(out[:count], mixed)
+            frame_count = min(len(out), min(self._recorder.next, film_stop) - film_frame)
+            self._simulation.process(out[:frame_count])
+            mixed = np.zeros((frame_count, self._film.n_channels))
+            self._mixer.process(out[:frame_count], mixed)
             self._recorder.hear(mixed)
-            out = out[count:]
+            out = out[frame_count:]
 
     def finish(self) -> None:
         """Run to the last frame at which motion is sampled, and end the file."""

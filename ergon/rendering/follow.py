@@ -52,7 +52,7 @@ def gesture_fidelities(stage: Any) -> list[GestureFidelity]:
 
 
 def _merged_fidelity(
-    player: str, name: str, key: str, reports: list[Report], lever_ratio: float
+    player: str, gesture_name: str, key_name: str, reports: list[Report], lever_ratio: float
 ) -> GestureFidelity:
     # The engine moves a key as the piece sees it, `lever_ratio` times as far; results are those of
     # the key.
@@ -62,8 +62,8 @@ def _merged_fidelity(
     n_ergons = sum(report.n_ergons for report in reports)
     return GestureFidelity(
         player=player,
-        name=name,
-        key=key,
+        name=gesture_name,
+        key=key_name,
         times=len(reports),
         is_layer=not compared and n_ergons > 0,
         n_ergons=n_ergons,

@@ -58,10 +58,10 @@ def write(
         frames_done = 0
         blocks = frames_of(stage.simulation, n_frames, BLOCK)
         with contextlib.closing(ahead(blocks) if threads > 1 else blocks) as frame_blocks:
-            for frames in frame_blocks:
+            for tap_frames in frame_blocks:
                 for writer, (_, tap_columns) in zip(writers, stem_columns, strict=True):
-                    writer.write(np.ascontiguousarray(frames[:, list(tap_columns)]))
-                frames_done += len(frames)
+                    writer.write(np.ascontiguousarray(tap_frames[:, list(tap_columns)]))
+                frames_done += len(tap_frames)
                 progress(frames_done)
         for writer in writers:
             writer.close()

@@ -28,21 +28,23 @@ class KnownLevels:
 
     def recall(self, balances: Sequence[Balance], stop: int) -> list[int]:
         """Give balances what is known of them up to frame `stop`; the numbers of the others."""
-        index = (stop - 1) // stretches.STRETCH_FRAMES
+        stretch_index = (stop - 1) // stretches.STRETCH_FRAMES
         return [
             number
             for number, balance in enumerate(balances)
-            if not any(self._give(balance, keys[number], stop) for keys in self._keys[index:])
+            if not any(
+                self._give(balance, keys[number], stop) for keys in self._keys[stretch_index:]
+            )
         ]
 
     def put(self, balances: Sequence[Balance], numbers: Sequence[int], stop: int) -> None:
         """Store what was measured of some balances up to frame `stop`."""
         index = (stop - 1) // stretches.STRETCH_FRAMES
         for number in numbers:
-            measured, key = balances[number].measured, self._keys[index][number]
-            known_level = self._store.get(key)
+            measured, stretch_key = balances[number].measured, self._keys[index][number]
+            known_level = self._store.get(stretch_key)
             if known_level is None or len(known_level.sound) < measured.size:
-                self._store.put(key, measured.reshape(-1), b"")
+                self._store.put(stretch_key, measured.reshape(-1), b"")
 
     def put_states(
         self, balances: Sequence[Balance], numbers: Sequence[int], n_stretches: int
@@ -51,11 +53,13 @@ class KnownLevels:
         if not numbers:
             return
         keys = self._state_keys(n_stretches - 1)
-        for number in numbers:
-            if not self._store.has(keys[number]):
-                state = balances[number].state()
+        for balance_number in numbers:
+            if not self._store.has(keys[balance_number]):
+                state = balances[balance_number].state()
                 if state is not None:
-                    self._store.put(keys[number], balances[number].measured.reshape(-1), state)
+                    self._store.put(
+                        keys[balance_number], balances[balance_number].measured.reshape(-1), state
+                    )
 
     def has_states(self, numbers: Sequence[int], n_stretches: int) -> bool:
         """Whether the states of some balances after the first stretches are stored."""
@@ -71,8 +75,8 @@ class KnownLevels:
         known_states = [state for state in stored if state is not None]
         return known_states if len(known_states) == len(balance_numbers) else None
 
-    def _give(self, balance: Balance, key: str, stop: int) -> bool:
+    def _give(self, balance: Balance, key: str, stop_frame: int) -> bool:
         known_level = self._store.get(key)
         if known_level is None or len(known_level.sound) % balance.n_measures:
             return False
-        return balance.recall(known_level.sound.reshape(-1, balance.n_measures), stop)
+        return balance.recall(known_level.sound.reshape(-1, balance.n_measures), stop_frame)

@@ -39,10 +39,10 @@ class GatedLoudness:
         import numpy as np
 
         while len(frames):
-            count = min(self.step - self._measured % self.step, len(frames))
-            self._meter.process(np.ascontiguousarray(frames[:count]))
-            frames = frames[count:]
-            self._measured += count
+            frame_count = min(self.step - self._measured % self.step, len(frames))
+            self._meter.process(np.ascontiguousarray(frames[:frame_count]))
+            frames = frames[frame_count:]
+            self._measured += frame_count
             if self._measured % self.step == 0:
                 self.blocks.append(self._meter.momentary)
 

@@ -52,10 +52,10 @@ class ContactClosings:
         import numpy as np
 
         contact = self.contact
-        fields = contact.module.fields
+        contact_fields = contact.module.fields
         apart = frames[:, contact.b.output] - frames[:, contact.a.output]
-        gap = fields["gap"]
-        depth = -apart - gap if fields["side"] == "below" else apart - gap
+        gap = contact_fields["gap"]
+        depth = -apart - gap if contact_fields["side"] == "below" else apart - gap
         self.deepest_swapped = max(self.deepest_swapped, -float(depth.min()) - 2.0 * gap)
         closed = depth > 0
         begins = np.flatnonzero(closed & ~np.concatenate(([self.is_closed], closed[:-1])))
@@ -79,10 +79,13 @@ def measure_excursions(
     bows = [bow for bow in map(sticking_detector, probed.rubbings) if bow is not None]
     first_frame = 0
     for block_frames in frames_of(stage.simulation, stage.n_analysed_frames, _BLOCK):
-        for swing, low, high in zip(
+        for swing, low_excursion, high_excursion in zip(
             moved, block_frames.min(axis=0), block_frames.max(axis=0), strict=True
         ):
-            swing.low, swing.high = min(swing.low, float(low)), max(swing.high, float(high))
+            swing.low, swing.high = (
+                min(swing.low, float(low_excursion)),
+                max(swing.high, float(high_excursion)),
+            )
         for closing in closed:
             closing.take(block_frames, first_frame)
         for bow in bows:

@@ -82,18 +82,18 @@ def _pitch(x: NDArray[np.float64], power: NDArray[np.float64], rate: float) -> f
     if len(x) < span_frames + longest:
         return None
     sums = np.concatenate([[0.0], np.cumsum(power)])
-    start = int(
+    segment_start = int(
         np.argmax(
             sums[span_frames : len(x) - longest + 1] - sums[: len(x) - longest - span_frames + 1]
         )
     )
-    segment = x[start : start + span_frames + longest]
+    segment = x[segment_start : segment_start + span_frames + longest]
     size = 1 << (2 * len(segment)).bit_length()
     transform = np.fft.rfft(segment[:span_frames], size)
-    match = np.fft.irfft(np.conj(transform) * np.fft.rfft(segment, size), size)[:longest]
+    segment_match = np.fft.irfft(np.conj(transform) * np.fft.rfft(segment, size), size)[:longest]
     squares = np.concatenate([[0.0], np.cumsum(segment * segment)])
     energy = squares[span_frames : span_frames + longest] - squares[:longest]
-    difference = np.maximum(energy[0] + energy - 2.0 * match, 0.0)
+    difference = np.maximum(energy[0] + energy - 2.0 * segment_match, 0.0)
     total = np.cumsum(difference[1:])
     normal = np.ones(longest)
     np.divide(difference[1:] * np.arange(1, longest), total, out=normal[1:], where=total > 0.0)
@@ -113,10 +113,10 @@ def _partial(x: NDArray[np.float64], rate: float) -> float | None:
 
     transform_size = 2 * len(x)
     magnitude = np.abs(np.fft.rfft(x * np.hanning(len(x) + 1)[:-1], transform_size))
-    low = max(1, math.ceil(_LOWEST * transform_size / rate))
-    if len(magnitude) < low + 2 or not magnitude[low:-1].any():
+    lowest_bin = max(1, math.ceil(_LOWEST * transform_size / rate))
+    if len(magnitude) < lowest_bin + 2 or not magnitude[lowest_bin:-1].any():
         return None
-    peak_bin = low + int(magnitude[low:-1].argmax())
+    peak_bin = lowest_bin + int(magnitude[lowest_bin:-1].argmax())
     return (
         _parabola_peak(np.log(np.maximum(magnitude[peak_bin - 1 : peak_bin + 2], 1e-300)), peak_bin)
         * rate

@@ -70,11 +70,11 @@ class ComputedRender:
         if self.recorder is not None:
             self.recorder.take(mixed)
 
-    def end_block(self, frame: int, mixer: Mixer) -> None:
-        """Store states where a stretch ends: `mixer` and balances have got all before `frame`."""
-        if self.recorder is not None and frame % stretches.STRETCH_FRAMES == 0:
+    def end_block(self, done_frame: int, mixer: Mixer) -> None:
+        """Store states where a stretch ends: `mixer` and balances have all before `done_frame`."""
+        if self.recorder is not None and done_frame % stretches.STRETCH_FRAMES == 0:
             self._memory.put_states(
-                frame // stretches.STRETCH_FRAMES, mixer, self._all_balances, self._numbers
+                done_frame // stretches.STRETCH_FRAMES, mixer, self._all_balances, self._numbers
             )
 
     def finish(self, job: RenderJob, n_simulated: int) -> None:
@@ -99,23 +99,23 @@ class RenderMemory:
         highpass, reference = job.level.highpass, job.level.reference
         mixes, stretch_levels = [], []
         all_taps = simulation.output_keys(stops)
-        for stop, taps in zip(stops, all_taps, strict=True):
+        for stop_frame, taps in zip(stops, all_taps, strict=True):
             mix = stage.mix_key(taps, highpass=highpass, reference=reference)
             stems = stage.stem_keys(taps, highpass=highpass, reference=reference)
-            mixes.append(key_of("mix", stop, mix))
-            stretch_levels.append([key_of("levels", stop, stem) for stem in stems])
+            mixes.append(key_of("mix", stop_frame, mix))
+            stretch_levels.append([key_of("levels", stop_frame, stem) for stem in stems])
 
-        def mixer_key(index: int) -> str:
+        def mixer_key(stretch_index: int) -> str:
             mix = stage.mix_key(
-                all_taps[index], highpass=highpass, reference=reference, with_silent=True
+                all_taps[stretch_index], highpass=highpass, reference=reference, with_silent=True
             )
-            return key_of("mixer", stops[index], mix)
+            return key_of("mixer", stops[stretch_index], mix)
 
-        def balance_keys(index: int) -> list[str]:
+        def balance_keys(stretch_index: int) -> list[str]:
             stems = stage.stem_keys(
-                all_taps[index], highpass=highpass, reference=reference, with_silent=True
+                all_taps[stretch_index], highpass=highpass, reference=reference, with_silent=True
             )
-            return [key_of("balance", stops[index], stem) for stem in stems]
+            return [key_of("balance", stops[stretch_index], stem) for stem in stems]
 
         self._mixed = MixedStretches(
             store,
@@ -142,11 +142,14 @@ class RenderMemory:
         master = self.masters.get(job)
         if master is None:
             return None
-        start, stop = job.start, min(job.stop, master.piece_end)
+        start_frame, stop_frame = job.start, min(job.stop, master.piece_end)
         if job.level.limit is not None:
             # What a limiter does depends on all that came before.
-            start, stop = 0, min(self._n_frames, stop + ceil(_LOOK_AHEAD * self._rate))
-        return self._mixed.known_with(master, start, stop)
+            start_frame, stop_frame = (
+                0,
+                min(self._n_frames, stop_frame + ceil(_LOOK_AHEAD * self._rate)),
+            )
+        return self._mixed.known_with(master, start_frame, stop_frame)
 
     def _followed_mix(self, job: RenderJob) -> KnownMix | None:
         """The frames that a job follows to find the end and the gain of the piece, or its own."""
@@ -201,21 +204,21 @@ class RenderMemory:
         simulation: ResumedSimulation,
         mixer: Mixer,
         balances: Sequence[Balance],
-        numbers: Sequence[int],
+        balance_numbers: Sequence[int],
     ) -> Sequence[NDArray[np.float64]]:
         """Bring everything to the end of the first stretches; their frames, or none if any part of
         that cannot be read.
         """
-        known_frames, state = self._mixed.leading(n_stretches), self._mixed.state(n_stretches)
-        levels = self.levels.states(numbers, n_stretches)
+        known_frames, mix_state = self._mixed.leading(n_stretches), self._mixed.state(n_stretches)
+        levels = self.levels.states(balance_numbers, n_stretches)
         if (
             known_frames is None
-            or state is None
+            or mix_state is None
             or levels is None
             or not simulation.resume(n_stretches)
         ):
             return ()
-        mixer.set_state(state)
+        mixer.set_state(mix_state)
         for balance, known_level in zip(balances, levels, strict=True):
             balance.resume(known_level.sound, known_level.state)
         return known_frames

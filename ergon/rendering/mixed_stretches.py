@@ -58,11 +58,11 @@ class Outcome:
         return [list(self.parts_finer), list(self.energy_gains), "" if self.is_empty else score]
 
     @classmethod
-    def from_fields(cls, fields: Sequence[Any], score: str) -> Outcome | None:
-        """The outcome in `fields`; None if it names modules of another score, whose names may
-        differ. Raises ValueError, TypeError or LookupError where it is no outcome.
+    def from_fields(cls, outcome_fields: Sequence[Any], score: str) -> Outcome | None:
+        """The outcome in `outcome_fields`; None if it names modules of another score, whose names
+        may differ. Raises ValueError, TypeError or LookupError where it is no outcome.
         """
-        finer, gains, score_then = fields
+        finer, gains, score_then = outcome_fields
         outcome = cls(
             tuple(_core.FinerPart(*part_fields) for part_fields in finer),
             tuple(_core.EnergyGain(*part_fields) for part_fields in gains),
@@ -177,17 +177,17 @@ class MixedStretches:
                 outcome_before = None if earlier_stretch is None else earlier_stretch.outcome
             if outcome_before != last_stretch.outcome:
                 return None
-        frames = [stretch.frames for stretch in known_stretches]
+        known_frames = [stretch.frames for stretch in known_stretches]
         if ending is None:
-            frames[-1] = frames[-1][: stop - known_stop + len(frames[-1])]
-        return KnownMix(first_index * stretch_frames, tuple(frames), last_stretch.outcome)
+            known_frames[-1] = known_frames[-1][: stop - known_stop + len(known_frames[-1])]
+        return KnownMix(first_index * stretch_frames, tuple(known_frames), last_stretch.outcome)
 
-    def known_with(self, master: KnownMaster, start: int, stop_frame: int) -> KnownMix | None:
-        """The mix from the stretch of frame `start` on up to frame `stop_frame`, of a piece whose
-        end, gain and outcome are known; None if any of it is not.
+    def known_with(self, master: KnownMaster, start_frame: int, stop_frame: int) -> KnownMix | None:
+        """The mix from the stretch of frame `start_frame` on up to frame `stop_frame`, of a piece
+        whose end, gain and outcome are known; None if any of it is not.
         """
         stretch_frames = stretches.STRETCH_FRAMES
-        first_index, known_frames = start // stretch_frames, []
+        first_index, known_frames = start_frame // stretch_frames, []
         for index in range(first_index, (stop_frame - 1) // stretch_frames + 1):
             stretch = self._read(index)
             n_needed = min(stop_frame - index * stretch_frames, stretch_frames)
@@ -227,10 +227,10 @@ class MixedStretches:
         """Store the state of a mixer after the first stretches."""
         import numpy as np
 
-        key = self._state_key(n_stretches - 1)
-        state = None if self._store.has(key) else mixer.state()
+        state_key = self._state_key(n_stretches - 1)
+        state = None if self._store.has(state_key) else mixer.state()
         if state is not None:
-            self._store.put(key, np.empty(0), state)
+            self._store.put(state_key, np.empty(0), state)
 
     def put(
         self,
@@ -289,11 +289,11 @@ class MixRecorder:
         """Take the next mixed frames (n_frames, n_channels)."""
         while len(mixed) and self._store_accepts:
             start = self._frame - self._n_pending
-            stop = min(start + stretches.STRETCH_FRAMES, self._n_frames)
-            if self._frame == stop:
-                self._put(self.outcomes.pop(stop, None), None)
+            stop_frame = min(start + stretches.STRETCH_FRAMES, self._n_frames)
+            if self._frame == stop_frame:
+                self._put(self.outcomes.pop(stop_frame, None), None)
                 continue
-            frames_now = mixed[: stop - self._frame]
+            frames_now = mixed[: stop_frame - self._frame]
             self._blocks.append(frames_now)
             self._frame += len(frames_now)
             mixed = mixed[len(frames_now) :]
@@ -318,16 +318,16 @@ class MixRecorder:
 
 
 def blocks_of(
-    frames: Sequence[NDArray[np.float64]], n_frames: int
+    mixed_frames: Sequence[NDArray[np.float64]], n_frames: int
 ) -> Iterator[NDArray[np.float64]]:
     """All frames of arrays (n_frames, n_channels), at most `n_frames` at a time."""
-    for stretch in frames:
+    for stretch in mixed_frames:
         for first_frame in range(0, len(stretch), n_frames):
             yield stretch[first_frame : first_frame + n_frames]
 
 
-def key_of(noun: str, stop: int, depends: str) -> str:
-    """The key of what is stored of a stretch that ends at frame `stop`, from the hash of all else
-    that it depends on.
+def key_of(noun: str, stop_frame: int, depends: str) -> str:
+    """The key of what is stored of a stretch that ends at frame `stop_frame`, from the hash of all
+    else that it depends on.
     """
-    return hashlib.sha256(f"{noun} {stop} {depends}".encode()).hexdigest()
+    return hashlib.sha256(f"{noun} {stop_frame} {depends}".encode()).hexdigest()

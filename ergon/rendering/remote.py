@@ -121,25 +121,25 @@ class _Chain:
         return sum(part.island.cost for part in self.parts)
 
 
-def group_by_cost(costs: Sequence[float], count: int) -> list[list[int]]:
-    """Indices of costs in at most `count` groups: each cost, largest first, goes to the cheapest
-    group.
+def group_by_cost(costs: Sequence[float], group_count: int) -> list[list[int]]:
+    """Indices of costs in at most `group_count` groups: each cost, largest first, goes to the
+    cheapest group.
     """
-    groups: list[tuple[float, list[int]]] = [(0.0, []) for _ in range(max(1, count))]
-    for number in sorted(range(len(costs)), key=lambda i: (-costs[i], i)):
-        least = min(range(len(groups)), key=lambda i: groups[i][0])
-        group_cost, numbers = groups[least]
-        groups[least] = group_cost + costs[number], [*numbers, number]
-    return [sorted(numbers) for _, numbers in groups if numbers]
+    cost_groups: list[tuple[float, list[int]]] = [(0.0, []) for _ in range(max(1, group_count))]
+    for cost_index in sorted(range(len(costs)), key=lambda i: (-costs[i], i)):
+        least = min(range(len(cost_groups)), key=lambda i: cost_groups[i][0])
+        group_cost, numbers = cost_groups[least]
+        cost_groups[least] = group_cost + costs[cost_index], [*numbers, cost_index]
+    return [sorted(numbers) for _, numbers in cost_groups if numbers]
 
 
-def chain_count(count: int, simulation: Simulation | None = None) -> int:
-    """The largest number of chains for `count` workers; with a simulation, the number of its
-    chains, at least 1.
+def chain_count(process_count: int, simulation: Simulation | None = None) -> int:
+    """The largest number of chains for `process_count` workers; with a simulation, the number of
+    its chains, at least 1.
 
     If no island is expensive enough, this process does the work.
     """
-    count_max = _GROUPS_EACH * count
+    count_max = _GROUPS_EACH * process_count
     if simulation is None:
         return count_max
     return max(1, min(count_max, sum(map(is_expensive, simulation.storable()))))
@@ -169,12 +169,12 @@ class RemoteSimulation(StretchedSimulation):
         groups = group_by_cost([island.cost for _, island in costly], _GROUPS_EACH * workers.count)
         self._chains = []
         for group in groups:
-            parts = []
+            chain_parts = []
             for number in group:
                 index, island = costly[number]
                 simulation.record(island)
-                parts.append(_Part(island, index, simulation.recorded(island).state))
-            self._chains.append(_Chain(parts))
+                chain_parts.append(_Part(island, index, simulation.recorded(island).state))
+            self._chains.append(_Chain(chain_parts))
 
     def _begin(self) -> None:
         """Get the sounds of the stretch that begins; wait for those that are missing."""
@@ -215,12 +215,12 @@ class RemoteSimulation(StretchedSimulation):
     def _is_wanted(self, chain: _Chain) -> bool:
         return chain.frame < min(self._n_frames, self._frame + _LEAD * stretches.STRETCH_FRAMES)
 
-    def _request(self, chain: _Chain, stop: int) -> Request:
+    def _request(self, chain: _Chain, stop_frame: int) -> Request:
         islands = [
             IslandRequest(number=part.number, before=part.key, key=key, state=part.state)
             for part, key in zip(chain.parts, chain.keys, strict=True)
         ]
-        return Request(at=chain.frame, stop=stop, islands=islands)
+        return Request(at=chain.frame, stop=stop_frame, islands=islands)
 
     def _recall(self, chain: _Chain, stop_frame: int) -> bool:
         """Take the stretch from the store, if all of it is there."""

@@ -64,7 +64,7 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
     Raises FileRefusedError before any work when a file may not be written, DivergedError from
     the engine when a part goes non-finite; neither leaves a file.
     """
-    start = time.perf_counter()
+    start_time = time.perf_counter()
     highpass, reference = job.level.highpass, job.level.reference
     stems = []
     if job.stems is not None:
@@ -89,15 +89,15 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
 
             def written_to(
                 job: RenderJob,
-                first: int,
-                name: str = output_name,
-                file: BinaryIO = open_file,
+                first_frame: int,
+                output_name: str = output_name,
+                output_file: BinaryIO = open_file,
                 limits: Limiting | None = limits,
                 channel_names: tuple[str, ...] = channel_names,
             ) -> MasterChain:
                 stamp = replace(job.stamp, tracks=channel_names)
-                writer = sound.writer(name, file, job.format, job.n_frames, stamp)
-                return chain_of(writer, stage, job, limits, first)
+                writer = sound.writer(output_name, output_file, job.format, job.n_frames, stamp)
+                return chain_of(writer, stage, job, limits, first_frame)
 
             tracks.append(track_of(stack, job, output_name, mixer, written_to))
         balances = _balances(stage, job)
@@ -109,7 +109,7 @@ def render(stage: Staged, job: RenderJob, progress: Callable[[int], None]) -> Re
             filled = _recalled_or_computed(stage, job, tracks, progress, balances)
         for open_file, rendered in zip(opened_files, filled.files, strict=True):
             output_files.note_samples(open_file, rendered.sha256)
-    wall = time.perf_counter() - start
+    wall = time.perf_counter() - start_time
     mix, *other_files = filled.files
     levels = tuple(balance.level(mix.gain, filled.job.stop) for balance in balances)
     return RenderedFiles(
@@ -220,10 +220,10 @@ def render_array(
 
     mixed_blocks: list[NDArray[np.float64]] = []
 
-    def written_to(of: RenderJob, first: int) -> MasterChain:
+    def written_to(of: RenderJob, first_frame: int) -> MasterChain:
         mixed_blocks.append(np.zeros((of.n_frames, of.format.n_channels)))
         return chain_of(
-            ArrayWriter(of.format, mixed_blocks[0]), stage, of, limiter_of(stage, of), first
+            ArrayWriter(of.format, mixed_blocks[0]), stage, of, limiter_of(stage, of), first_frame
         )
 
     mixer = stage.mixer(highpass=job.level.highpass, reference=job.level.reference)
@@ -296,12 +296,12 @@ def _fill_with_master(
     ended_job = _ended(job, master.piece_end)
     track.finish = track.begin(ended_job, known_mix.first)
     track.finish.gain = master.gain
-    frame = known_mix.first
+    mixed_frame = known_mix.first
     for mixed in known_mix.blocks(job.block):
         track.take(_fold(mixed, job.format.n_channels))
-        frame += len(mixed)
-        progress(frame)
-    n_frames = frame - known_mix.first
+        mixed_frame += len(mixed)
+        progress(mixed_frame)
+    n_frames = mixed_frame - known_mix.first
     filled = _finished(stage, ended_job, [track], known_mix.first, master.piece_end, n_frames)
     return replace(filled, recalled=1.0, outcome=known_mix.outcome)
 
@@ -317,14 +317,14 @@ def _finished(
     stage: Staged,
     job: RenderJob,
     tracks: Sequence[Track],
-    first: int,
+    first_frame: int,
     piece_end: int,
     n_simulated: int,
 ) -> _Filled:
-    """The files, once all of `n_simulated` frames from frame `first` on are mixed."""
+    """The files, once all of `n_simulated` frames from frame `first_frame` on are mixed."""
     job = _ended(job, piece_end)
     for track in tracks:
-        track.finish = track.finish or track.begin(job, first)
+        track.finish = track.finish or track.begin(job, first_frame)
     release(stage, job, tracks, piece_end)
     return _Filled(job, [close(track) for track in tracks], n_simulated, piece_end)
 

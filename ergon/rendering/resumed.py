@@ -83,10 +83,12 @@ class ResumedSimulation(StretchedSimulation):
         keys = self._keys(n_stretches)
         known_stretches = [self._store.get(key) for key in keys]
         n_frames = stretches.STRETCH_FRAMES
-        for part, stretch, key in zip(self._parts, known_stretches, keys, strict=True):
-            if stretch is None or len(stretch.sound) != n_frames * part.island.n_out:
+        for island_part, stretch, stretch_key in zip(
+            self._parts, known_stretches, keys, strict=True
+        ):
+            if stretch is None or len(stretch.sound) != n_frames * island_part.island.n_out:
                 return False
-            part.key = key
+            island_part.key = stretch_key
         self._stretches_before = [stretch for stretch in known_stretches if stretch is not None]
         self._frame = n_stretches * n_frames
         self._n_skipped = self._frame
@@ -100,13 +102,15 @@ class ResumedSimulation(StretchedSimulation):
 
     def _keys(self, n_stretches: int) -> list[str]:
         """The keys of the last of the first stretches of each island."""
-        step = stretches.STRETCH_FRAMES
+        stretch_frames = stretches.STRETCH_FRAMES
         stretch_keys = []
-        for part in self._parts:
-            key = ""
-            for start in range(0, n_stretches * step, step):
-                key = self._simulation.island_key(part.island, start, start + step, key)
-            stretch_keys.append(key)
+        for island_part in self._parts:
+            stretch_key = ""
+            for start in range(0, n_stretches * stretch_frames, stretch_frames):
+                stretch_key = self._simulation.island_key(
+                    island_part.island, start, start + stretch_frames, stretch_key
+                )
+            stretch_keys.append(stretch_key)
         return stretch_keys
 
     def _skip(self) -> None:
@@ -117,12 +121,12 @@ class ResumedSimulation(StretchedSimulation):
         """
         import numpy as np
 
-        step, n_skipped, self._n_skipped = stretches.STRETCH_FRAMES, self._n_skipped, 0
+        stretch_frames, n_skipped, self._n_skipped = stretches.STRETCH_FRAMES, self._n_skipped, 0
         for island_part in self._parts:
             self._simulation.silence(island_part.island)
-        unheard = np.empty((min(step, _UNHEARD_FRAMES), self.n_out))
+        unheard = np.empty((min(stretch_frames, _UNHEARD_FRAMES), self.n_out))
         for first_frame in range(0, n_skipped, len(unheard)):
-            if first_frame == n_skipped - step:
+            if first_frame == n_skipped - stretch_frames:
                 for island_part, stretch in zip(self._parts, self._stretches_before, strict=True):
                     self._simulation.recall(island_part.island, stretch.sound)
             self._simulation.process(unheard)

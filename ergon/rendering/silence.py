@@ -34,12 +34,12 @@ def apply_silences(
     import numpy as np
 
     fall, rise = (max(1, int(rate * seconds + 0.5)) for seconds in (_FALL, _RISE))
-    end = first_frame + len(silenced_frames)
+    end_frame = first_frame + len(silenced_frames)
     for silence in silences:
-        stop_frame = end if silence.stop is None else silence.stop
-        if silence.start >= end or stop_frame + rise <= first_frame:
+        stop_frame = end_frame if silence.stop is None else silence.stop
+        if silence.start >= end_frame or stop_frame + rise <= first_frame:
             continue
-        frame_numbers = np.arange(first_frame, end)
+        frame_numbers = np.arange(first_frame, end_frame)
         frame_gains = np.ones(len(frame_numbers), np.float32)
         frames_until_silent = np.clip(silence.start + fall - 1 - frame_numbers, 0, fall).astype(
             np.float32

@@ -64,9 +64,9 @@ class StretchedSimulation(ABC):
         """Keep what was computed of the stretch that ended."""
 
 
-def is_expensive(island: StorableIsland, share: float = 1.0) -> bool:
+def is_expensive(island: StorableIsland, cost_share: float = 1.0) -> bool:
     """Whether computing an island takes longer than this share of what another process needs to
     send its sound.
     """
-    least = share * _NS_PER_SAMPLE * max(1, island.n_out)
+    least = cost_share * _NS_PER_SAMPLE * max(1, island.n_out)
     return island.n_out <= _OUTPUTS_MAX and island.cost >= least

@@ -44,11 +44,11 @@ def limiter_of(stage: Staged, job: RenderJob) -> MixLimiter | None:
 
 
 def chain_of(
-    writer: Writer, stage: Staged, job: RenderJob, limiter: Limiting | None, first: int
+    writer: Writer, stage: Staged, job: RenderJob, limiter: Limiting | None, first_frame: int
 ) -> MasterChain:
-    """What is done before a writer to frames of the piece from `first` on."""
+    """What is done before a writer to frames of the piece from `first_frame` on."""
     chain = MasterChain(
-        writer, stage.rate, job.start, job.stop, limiter, job.silences, first, job.edges
+        writer, stage.rate, job.start, job.stop, limiter, job.silences, first_frame, job.edges
     )
     chain.gain = job.level.gain
     return chain
@@ -59,7 +59,7 @@ def track_of(
     job: RenderJob,
     path: str,
     mixer: Mixer,
-    begin: Callable[[RenderJob, int], MasterChain],
+    begin_chain: Callable[[RenderJob, int], MasterChain],
 ) -> Track:
     """A file at `path`, whose frames are held until `stack` closes, if it has to wait for its gain
     or its length.
@@ -68,7 +68,7 @@ def track_of(
     if job.level.is_levelled or job.has_open_end:
         folder = None if path == "-" else Path(path).resolve().parent
         spool = stack.enter_context(FrameSpool(folder, job.format.n_channels))
-    return Track(path, mixer, begin, spool)
+    return Track(path, mixer, begin_chain, spool)
 
 
 def release(stage: Staged, job: RenderJob, tracks: Sequence[Track], piece_end: int) -> None:

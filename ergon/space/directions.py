@@ -44,11 +44,11 @@ def point(azimuth: float, elevation: float, distance: float) -> Point:
 def angles(place: Point) -> Angles:
     """Azimuth and elevation [degrees] and distance [m] of a point; (0, 0, 0) for the middle."""
     x, y, z = place
-    level = sqrt(x * x + y * y)
+    horizontal_length = sqrt(x * x + y * y)
     degrees = 180.0 / pi
-    azimuth = _core.atan2(-x, y) * degrees if level else 0.0
-    elevation = _core.atan2(z, level) * degrees if level or z else 0.0
-    return azimuth + 0.0, elevation, sqrt(level * level + z * z)
+    azimuth = _core.atan2(-x, y) * degrees if horizontal_length else 0.0
+    elevation = _core.atan2(z, horizontal_length) * degrees if horizontal_length or z else 0.0
+    return azimuth + 0.0, elevation, sqrt(horizontal_length * horizontal_length + z * z)
 
 
 def equidistant(plan_point: Point) -> tuple[float, float]:
@@ -58,11 +58,11 @@ def equidistant(plan_point: Point) -> tuple[float, float]:
     The zenith is the middle; a point at the horizon is drawn at its own distance.
     """
     x, y, _ = plan_point
-    level = sqrt(x * x + y * y)
-    if not level:
+    horizontal_length = sqrt(x * x + y * y)
+    if not horizontal_length:
         return 0.0, 0.0
     _, elevation, distance = angles(plan_point)
-    scale = distance * (1.0 - elevation / 90.0) / level
+    scale = distance * (1.0 - elevation / 90.0) / horizontal_length
     return x * scale, y * scale
 
 

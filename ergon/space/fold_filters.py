@@ -67,10 +67,10 @@ def to_stereo(source_field: Field) -> NDArray[np.float64]:
     A stereo pair stays as it is, whatever its angle.
     """
     array, decoder = _directions(source_field)
-    right = array[:, 0]
+    rightwards = array[:, 0]
     if source_field.order is None and len(array) == 2 and _are_mirrored(array):
-        return np.eye(2)[np.argsort(right)][:, :, None]
-    sides = np.stack([np.sqrt((1.0 - right) / 2.0), np.sqrt((1.0 + right) / 2.0)], 1)
+        return np.eye(2)[np.argsort(rightwards)][:, :, None]
+    sides = np.stack([np.sqrt((1.0 - rightwards) / 2.0), np.sqrt((1.0 + rightwards) / 2.0)], 1)
     return _through(decoder, sides[:, :, None])
 
 

@@ -76,10 +76,10 @@ class Head:
         latest = float(self.delays.max(initial=0.0)) * self.rate
         n = ceil((n_taps + latest + 2.0 * kernel_reach) / rate_ratio)
         resampled = np.zeros((*self.filters.shape[:2], n))
-        for index, delay in np.ndenumerate(self.delays):
+        for delay_index, delay in np.ndenumerate(self.delays):
             kernel = _kernel(n, n_taps, rate_ratio, kernel_reach + delay * self.rate, band)
-            for tap, h in enumerate(self.filters[index]):
-                resampled[index] += h * kernel[:, tap]
+            for tap, h in enumerate(self.filters[delay_index]):
+                resampled[delay_index] += h * kernel[:, tap]
         return resampled * rate_ratio
 
 
@@ -92,10 +92,10 @@ def _kernel(
     for sample_index in range(n):
         first_tap = max(0, ceil(sample_index * rate_ratio - late - kernel_reach))
         for tap in range(first_tap, n_taps):
-            position = sample_index * rate_ratio - late - tap
-            if position < -kernel_reach:
+            tap_position = sample_index * rate_ratio - late - tap
+            if tap_position < -kernel_reach:
                 break
-            kernel[sample_index, tap] = _windowed_sinc(position, band, kernel_reach)
+            kernel[sample_index, tap] = _windowed_sinc(tap_position, band, kernel_reach)
     return kernel
 
 
@@ -174,21 +174,21 @@ def _diffuse(
     return np.sqrt(_smooth(power))
 
 
-def _retained_shares(size: int, rate: float) -> NDArray[np.float64]:
+def _retained_shares(transform_size: int, rate: float) -> NDArray[np.float64]:
     """The share of a level in dB that is kept, by frequency: a head does not affect long waves, and
     what is measured there is the loudspeaker and the room.
     """
-    frequency = np.fft.rfftfreq(size, 1.0 / rate)
+    frequency = np.fft.rfftfreq(transform_size, 1.0 / rate)
     return np.clip((frequency - _LONG_WAVES[0]) / (_LONG_WAVES[1] - _LONG_WAVES[0]), 0.0, 1.0)
 
 
 def _smooth(power: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean over a third of an octave."""
-    total = np.concatenate([[0.0], np.cumsum(power)])
+    power_sums = np.concatenate([[0.0], np.cumsum(power)])
     indices = np.arange(len(power))
     low = np.floor(indices / 2 ** (1 / 6)).astype(np.intp)
     high = np.minimum(np.ceil(indices * 2 ** (1 / 6)).astype(np.intp) + 1, len(power))
-    mean: NDArray[np.float64] = (total[high] - total[low]) / (high - low)
+    mean: NDArray[np.float64] = (power_sums[high] - power_sums[low]) / (high - low)
     return mean
 
 
@@ -204,21 +204,23 @@ def _weights(directions: NDArray[np.float64], towards: NDArray[np.float64]) -> N
     return direction_weights
 
 
-def _minimum_phase(magnitude: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+def _minimum_phase(magnitude: NDArray[np.float64], transform_size: int) -> NDArray[np.float64]:
     """The minimum-phase response with a given magnitude (A. Oppenheim, R. Schafer, 1975)."""
-    cepstrum = np.fft.irfft(np.log(magnitude), size)
-    fold = np.zeros(size)
-    fold[0], fold[size // 2], fold[1 : size // 2] = 1.0, 1.0, 2.0
-    return np.fft.irfft(np.exp(np.fft.rfft(cepstrum * fold)), size)
+    cepstrum = np.fft.irfft(np.log(magnitude), transform_size)
+    fold = np.zeros(transform_size)
+    fold[0], fold[transform_size // 2], fold[1 : transform_size // 2] = 1.0, 1.0, 2.0
+    return np.fft.irfft(np.exp(np.fft.rfft(cepstrum * fold)), transform_size)
 
 
 def _delay(response: NDArray[np.float64], rate: float) -> float:
     """The delay of a response against its own minimum-phase version [s]."""
-    size = 1 << (2 * len(response) - 1).bit_length()
-    spectrum = np.fft.rfft(response, size)
+    transform_size = 1 << (2 * len(response) - 1).bit_length()
+    spectrum = np.fft.rfft(response, transform_size)
     least = max(float(np.abs(spectrum).max()) * 1e-5, 1e-30)
-    plain = np.fft.rfft(_minimum_phase(np.maximum(np.abs(spectrum), least), size), size)
-    match = np.fft.irfft(spectrum * np.conj(plain), size * _UPSAMPLED)
+    plain = np.fft.rfft(
+        _minimum_phase(np.maximum(np.abs(spectrum), least), transform_size), transform_size
+    )
+    match = np.fft.irfft(spectrum * np.conj(plain), transform_size * _UPSAMPLED)
     return float(np.argmax(match[: len(match) // 2])) / (rate * _UPSAMPLED)
 
 

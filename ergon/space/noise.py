@@ -18,11 +18,11 @@ _POLES = ((0.99765, 0.0990460), (0.96300, 0.2965164), (0.57000, 1.0526913))
 _WHITE_GAIN = 0.1848
 
 
-def pink_noise_burst(seconds: float, rate: float, level: float) -> NDArray[np.float64]:
+def pink_noise_burst(burst_seconds: float, rate: float, burst_level: float) -> NDArray[np.float64]:
     """Pink noise of an rms level [ratio of full scale], faded in and out, (n_frames,)."""
     import numpy as np
 
-    n_frames = max(1, int(seconds * rate))
+    n_frames = max(1, int(burst_seconds * rate))
     chance = _core.Chance(1, "noise", "loudspeaker", 0, 0)
     states = [0.0] * len(_POLES)
     burst = np.zeros(n_frames)
@@ -36,7 +36,7 @@ def pink_noise_burst(seconds: float, rate: float, level: float) -> NDArray[np.fl
     power = 0.0
     for value in burst.tolist():
         power += value * value
-    burst *= level / (power / n_frames) ** 0.5 if power else 0.0
+    burst *= burst_level / (power / n_frames) ** 0.5 if power else 0.0
     n_fade = min(n_frames // 2, int(_FADE * rate))
     for i in range(n_fade):
         fade_gain = 0.5 - 0.5 * _core.cos(pi * i / n_fade)

@@ -42,11 +42,17 @@ def nearest_gains(
     return gains
 
 
-def _products(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Scalar products of each row of `a` with each of `b`, summed in the same order on every
-    machine.
+def _products(
+    first_vectors: NDArray[np.float64], second_vectors: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Scalar products of each row of `first_vectors` with each of `second_vectors`, summed in the
+    same order on every machine.
     """
-    return a[:, None, 0] * b[:, 0] + a[:, None, 1] * b[:, 1] + a[:, None, 2] * b[:, 2]
+    return (
+        first_vectors[:, None, 0] * second_vectors[:, 0]
+        + first_vectors[:, None, 1] * second_vectors[:, 1]
+        + first_vectors[:, None, 2] * second_vectors[:, 2]
+    )
 
 
 def imaginary_speakers(array: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -68,12 +74,12 @@ def triangles(hull_points: NDArray[np.float64]) -> NDArray[np.intp]:
     if len(hull_points) > SPEAKERS_MAX + 2:
         raise ArrayError(f"an array for panning has at most {SPEAKERS_MAX} loudspeakers")
     triples = np.array([*combinations(range(len(hull_points)), 3)], np.intp).reshape(-1, 3)
-    a, b, c = (hull_points[triples[:, i]] for i in range(3))
-    normals = _cross(b - a, c - a)
+    first_corners, b, c = (hull_points[triples[:, i]] for i in range(3))
+    normals = _cross(b - first_corners, c - first_corners)
     size = np.sqrt((normals * normals).sum(1))
     proper = size > _FLAT
     triples, normals = triples[proper], normals[proper] / size[proper, None]
-    distance = (normals * a[proper]).sum(1)
+    distance = (normals * first_corners[proper]).sum(1)
     normals, distance = (
         normals * np.where(distance < 0.0, -1.0, 1.0)[:, None],
         np.abs(distance),
@@ -85,12 +91,14 @@ def triangles(hull_points: NDArray[np.float64]) -> NDArray[np.intp]:
     return faces
 
 
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cross(
+    first_vectors: NDArray[np.float64], second_vectors: NDArray[np.float64]
+) -> NDArray[np.float64]:
     return np.stack(
         [
-            a[:, 1] * b[:, 2] - a[:, 2] * b[:, 1],
-            a[:, 2] * b[:, 0] - a[:, 0] * b[:, 2],
-            a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0],
+            first_vectors[:, 1] * second_vectors[:, 2] - first_vectors[:, 2] * second_vectors[:, 1],
+            first_vectors[:, 2] * second_vectors[:, 0] - first_vectors[:, 0] * second_vectors[:, 2],
+            first_vectors[:, 0] * second_vectors[:, 1] - first_vectors[:, 1] * second_vectors[:, 0],
         ],
         1,
     )
@@ -110,18 +118,28 @@ def vbap(
     """
     hull_points = np.vstack([array, imaginary_speakers(array)])
     corners = triangles(hull_points)
-    a, b, c = (hull_points[corners[:, i]] for i in range(3))
-    volume = (a * _cross(b, c)).sum(1)
+    first_corners, second_corners, third_corners = (hull_points[corners[:, i]] for i in range(3))
+    volume = (first_corners * _cross(second_corners, third_corners)).sum(1)
     # Rows of the inverse of (a b c) by Cramer's rule, whose bits do not depend on a library.
-    inverse = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], 1) / volume[:, None, None]
+    inverse = (
+        np.stack(
+            [
+                _cross(second_corners, third_corners),
+                _cross(third_corners, first_corners),
+                _cross(first_corners, second_corners),
+            ],
+            1,
+        )
+        / volume[:, None, None]
+    )
     speaker_gains = np.zeros((len(source_directions), len(hull_points)))
     n_faces = np.zeros(len(source_directions), np.intp)
     for rows, corner in zip(inverse, corners, strict=True):
-        g = _products(source_directions, rows)
-        inside = g.min(1) >= _INSIDE
-        g = np.maximum(g[inside], 0.0)
-        g /= np.sqrt((g * g).sum(1))[:, None]
-        speaker_gains[np.flatnonzero(inside)[:, None], corner] += g
+        corner_gains = _products(source_directions, rows)
+        inside = corner_gains.min(1) >= _INSIDE
+        corner_gains = np.maximum(corner_gains[inside], 0.0)
+        corner_gains /= np.sqrt((corner_gains * corner_gains).sum(1))[:, None]
+        speaker_gains[np.flatnonzero(inside)[:, None], corner] += corner_gains
         n_faces += inside
     if not n_faces.all():
         raise ArrayError("these loudspeakers do not surround the middle of the room")

@@ -75,7 +75,7 @@ def qualities(places: tuple[Point, ...]) -> list[Quality]:
 
 
 def quality(
-    name: str,
+    quality_name: str,
     gains: NDArray[np.float64],
     sources: NDArray[np.float64],
     array: NDArray[np.float64],
@@ -87,7 +87,7 @@ def quality(
     angles_off = np.degrees(np.arccos(np.clip((towards * sources).sum(1), -1.0, 1.0)))
     energy_level = 10.0 * np.log10(np.maximum(energy, 1e-12) / energy.mean())
     return Quality(
-        name,
+        quality_name,
         (float(vector_lengths.mean()), float(vector_lengths.min())),
         float(np.linalg.norm(velocity, axis=1).mean()),
         (float(angles_off.mean()), float(angles_off.max())),

@@ -35,7 +35,7 @@ def plot(
 
 
 def panels(
-    rows: Sequence[tuple[str, Sequence[Curve]]],
+    panel_rows: Sequence[tuple[str, Sequence[Curve]]],
     *,
     width: int = 78,
     heights: Sequence[int],
@@ -46,7 +46,7 @@ def panels(
 
     `heights` are their numbers of lines; the lines of the time axis belong to the last plot.
     """
-    return _drawn(rows, width, [*heights[:-1], heights[-1] + 2], t_label, 4)
+    return _drawn(panel_rows, width, [*heights[:-1], heights[-1] + 2], t_label, 4)
 
 
 def _drawn(
@@ -67,12 +67,12 @@ def _drawn(
     column_count = line_width - margin - 2
     t = [t for _, curves in plots for curve in curves for t in curve.t]
     t_axis = axis(t, max(2, column_count // 14), tight=True)
-    lines: list[str] = []
+    canvas_lines: list[str] = []
     for (x_label, curves), x_axis, n in zip(plots, x_axes, n_rows, strict=True):
-        lines.append(_legend(curves, x_label, margin))
-        lines += _canvas(curves, t_axis, x_axis, n, margin, column_count)
-    lines.extend(_time(t_axis, column_count, margin, t_label))
-    return "\n".join(line.rstrip() for line in lines) + "\n"
+        canvas_lines.append(_legend(curves, x_label, margin))
+        canvas_lines += _canvas(curves, t_axis, x_axis, n, margin, column_count)
+    canvas_lines.extend(_time(t_axis, column_count, margin, t_label))
+    return "\n".join(line.rstrip() for line in canvas_lines) + "\n"
 
 
 def _canvas(
@@ -87,15 +87,17 @@ def _canvas(
     tick_labels = {_row(x_axis, tick, row_count): x_axis.text(tick) for tick in x_axis.ticks}
     canvas = [[_BLANK] * column_count for _ in range(row_count)]
     for curve, (period, drawn) in zip(curves, _PATTERNS, strict=False):
-        for column, low, high in _columns(curve, t_axis, x_axis, column_count, row_count):
-            if column % period < drawn:
+        for column_index, low, high in _columns(curve, t_axis, x_axis, column_count, row_count):
+            if column_index % period < drawn:
                 for dot in range(low, high + 1):
-                    canvas[dot // 4][column // 2] |= _DOTS[column % 2][dot % 4]
-    lines = []
+                    canvas[dot // 4][column_index // 2] |= _DOTS[column_index % 2][dot % 4]
+    canvas_lines = []
     for index, row in enumerate(canvas):
         corner = "┤" if index in tick_labels else "│"
-        lines.append(f"{tick_labels.get(index, ''):>{margin}} {corner}{''.join(map(chr, row))}")
-    return lines
+        canvas_lines.append(
+            f"{tick_labels.get(index, ''):>{margin}} {corner}{''.join(map(chr, row))}"
+        )
+    return canvas_lines
 
 
 def _row(x_axis: Axis, value: float, rows: int) -> int:
@@ -103,11 +105,11 @@ def _row(x_axis: Axis, value: float, rows: int) -> int:
 
 
 def _columns(
-    curve: Curve, t_axis: Axis, x_axis: Axis, columns: int, rows: int
+    curve: Curve, t_axis: Axis, x_axis: Axis, column_count: int, row_count: int
 ) -> Iterator[tuple[int, int, int]]:
     """A dot column that a stroke of the curve covers, and its first and last row from the top."""
-    across = _parts(t_axis, curve.t) * (2 * columns - 1)
-    rows_down = (1 - _parts(x_axis, curve.x)) * (4 * rows - 1)
+    across = _parts(t_axis, curve.t) * (2 * column_count - 1)
+    rows_down = (1 - _parts(x_axis, curve.x)) * (4 * row_count - 1)
     is_finite = np.isfinite(across) & np.isfinite(rows_down)
     # A curve is drawn in one stroke until it has a gap or goes back in time.
     is_new = ~is_finite[1:] | ~is_finite[:-1] | (np.diff(across) < 0)
@@ -115,10 +117,10 @@ def _columns(
         if not is_finite[stroke[:1]].any():
             continue
         first_column, top, bottom = _stroke(across[stroke], rows_down[stroke])
-        for column, (low, high) in enumerate(
+        for column_index, (low_row, high_row) in enumerate(
             zip(top.tolist(), bottom.tolist(), strict=True), first_column
         ):
-            yield column, low, high
+            yield column_index, low_row, high_row
 
 
 def _parts(axis: Axis, values: Sequence[float]) -> NDArray[np.float64]:
@@ -157,15 +159,16 @@ def _time(t_axis: Axis, column_count: int, margin: int, axis_label: str) -> list
     axis_line, tick_words = ["─"] * column_count, [" "] * column_count
     room = column_count - len(axis_label) - 1
     for tick in t_axis.ticks:
-        column = min(round(t_axis.part(tick) * (column_count - 1)), column_count - 1)
-        axis_line[column] = "┴"
+        tick_column = min(round(t_axis.part(tick) * (column_count - 1)), column_count - 1)
+        axis_line[tick_column] = "┴"
         tick_text = t_axis.text(tick)
-        start = max(0, min(column - len(tick_text) // 2, column_count - len(tick_text)))
+        label_start = max(0, min(tick_column - len(tick_text) // 2, column_count - len(tick_text)))
         # A number that would touch its neighbour or the label is left out.
-        if start + len(tick_text) <= room and not any(
-            word != " " for word in tick_words[max(0, start - 1) : start + len(tick_text) + 1]
+        if label_start + len(tick_text) <= room and not any(
+            word != " "
+            for word in tick_words[max(0, label_start - 1) : label_start + len(tick_text) + 1]
         ):
-            tick_words[start : start + len(tick_text)] = tick_text
+            tick_words[label_start : label_start + len(tick_text)] = tick_text
     tick_words[column_count - len(axis_label) :] = axis_label
     space = " " * (margin + 1)
     return [f"{space}└{''.join(axis_line)}", f"{space} {''.join(tick_words)}"]

@@ -42,12 +42,12 @@ class Axis:
         return (value - self.low) / (self.high - self.low)
 
 
-def axis(values: Sequence[float], n_ticks: int, *, tight: bool = False) -> Axis:
-    """An axis over all finite `values` with about `n_ticks` ticks a 1-2-5 step apart.
+def axis(shown_values: Sequence[float], n_ticks: int, *, tight: bool = False) -> Axis:
+    """An axis over all finite `shown_values` with about `n_ticks` ticks a 1-2-5 step apart.
 
     `tight` ends at the values (time); otherwise there is a little room round them.
     """
-    finite = [value for value in values if isfinite(value)]
+    finite = [value for value in shown_values if isfinite(value)]
     low_value, high_value = (min(finite), max(finite)) if finite else (0.0, 1.0)
     if high_value - low_value <= 1e-12 * max(
         abs(low_value), abs(high_value)
@@ -55,12 +55,12 @@ def axis(values: Sequence[float], n_ticks: int, *, tight: bool = False) -> Axis:
         room = abs(low_value) * 0.1 or 1.0
         low_value, high_value = low_value - room, high_value + room
         tight = False
-    step, digits = _step((high_value - low_value) / max(n_ticks, 1))
+    tick_step, digits = _step((high_value - low_value) / max(n_ticks, 1))
     room = 0.0 if tight else _ROOM * (high_value - low_value)
     low_value, high_value = low_value - room, high_value + room
     # A small tolerance, because 3 steps of 0.1 are above 0.3 in floating point.
-    first_tick, last_tick = ceil(low_value / step - 1e-9), floor(high_value / step + 1e-9)
-    ticks = tuple(index * step for index in range(first_tick, last_tick + 1))
+    first_tick, last_tick = ceil(low_value / tick_step - 1e-9), floor(high_value / tick_step + 1e-9)
+    ticks = tuple(index * tick_step for index in range(first_tick, last_tick + 1))
     return Axis(low_value, high_value, ticks, digits)
 
 
@@ -76,11 +76,11 @@ def _step(step_wanted: float) -> tuple[float, int]:
     for step_factor in (1, 2, 5, 10):
         # Division by a whole number gives the double nearest to 0.2; multiplication by 0.1 does
         # not.
-        step = (
+        decimal_step = (
             step_factor * 10.0**power_of_ten
             if power_of_ten >= 0
             else step_factor / 10.0**-power_of_ten
         )
-        if step >= step_wanted * (1 - 1e-9):
+        if decimal_step >= step_wanted * (1 - 1e-9):
             break
-    return step, max(0, -power_of_ten - (step_factor == 10))
+    return decimal_step, max(0, -power_of_ten - (step_factor == 10))

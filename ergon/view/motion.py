@@ -17,36 +17,37 @@ _MM = 1000.0
 
 def asked_and_done(
     simulation: Simulation,
-    key: int,
-    struck: int,
-    start: float,
-    stop: float,
+    key_mat: int,
+    struck_mat: int,
+    start_seconds: float,
+    stop_seconds: float,
     reach: float = 1.0,
-    points: int = POINTS,
+    point_count: int = POINTS,
 ) -> tuple[Curve, Curve]:
-    """Run from the beginning to `stop` [s] and trace the key from `start` on, in millimetres.
+    """Run from the beginning to `stop_seconds` [s] and trace the key from `start_seconds` on, in
+    millimetres.
 
-    Each curve has about `points` points.
+    Each curve has about `point_count` points.
 
-    `key` is the key's index on the timeline, `struck` its struck MAT, whose displacement in the
-    piece is `reach` times the key's.
+    `key_mat` is the key's index on the timeline, `struck_mat` its struck MAT, whose displacement in
+    the piece is `reach` times the key's.
     """
     import numpy as np
 
     rate, scale = simulation.rate, _MM / reach
-    first_frame, last_frame = int(start * rate + 0.5), int(stop * rate + 0.5)
-    step = max(1, (last_frame - first_frame) // points)
+    first_frame, last_frame = int(start_seconds * rate + 0.5), int(stop_seconds * rate + 0.5)
+    frame_step = max(1, (last_frame - first_frame) // point_count)
     frame_block = np.zeros((4096, simulation.n_out))
     while simulation.frame < first_frame:
         simulation.process(frame_block[: first_frame - simulation.frame])
     t, asked, done = [], [], []
     while True:
         t.append(simulation.frame / rate)
-        asked.append(float(simulation.asked()[key]) * scale)
-        done.append(float(simulation.positions()[struck]) * scale)
+        asked.append(float(simulation.asked()[key_mat]) * scale)
+        done.append(float(simulation.positions()[struck_mat]) * scale)
         if simulation.frame >= last_frame:
             break
-        until = min(last_frame, simulation.frame + step)
+        until = min(last_frame, simulation.frame + frame_step)
         while simulation.frame < until:
             simulation.process(frame_block[: until - simulation.frame])
     return Curve("asked", t, asked), Curve("done", t, done)

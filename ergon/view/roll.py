@@ -55,13 +55,16 @@ def picture(note_bars: Sequence[Bar], *, title: str = "") -> str:
     plot_frame = Frame(left, 40, _WIDTH - 16, _HEIGHT - 64, t_axis, _key_axis(key_heights, lanes))
     names = dict.fromkeys(bar.name for bar in note_bars)
     colours = {name: _COLOURS[i % len(_COLOURS)] for i, name in enumerate(names)}
-    parts = [axes(plot_frame, "time [s]", "")]
-    parts += [
+    svg_parts = [axes(plot_frame, "time [s]", "")]
+    svg_parts += [
         _rectangle(bar, key, plot_frame, colours[bar.name])
         for bar, key in zip(note_bars, key_heights, strict=True)
     ]
-    parts += [*_legend(colours, plot_frame), text(plot_frame.left, 20, short(title), weight="bold")]
-    return document(_WIDTH, _HEIGHT, title, parts)
+    svg_parts += [
+        *_legend(colours, plot_frame),
+        text(plot_frame.left, 20, short(title), weight="bold"),
+    ]
+    return document(_WIDTH, _HEIGHT, title, svg_parts)
 
 
 def _key_axis(keys: Sequence[float], lanes: Mapping[str, float]) -> Axis:
@@ -75,13 +78,13 @@ def _key_axis(keys: Sequence[float], lanes: Mapping[str, float]) -> Axis:
     return Axis(lowest_key, highest_key, tuple(labels), 0, tuple(labels.values()))
 
 
-def _rectangle(note_bar: Bar, key: float, frame: Frame, colour: str) -> str:
-    begin, end = frame.across(note_bar.begin), frame.across(note_bar.end)
-    a_key = abs(frame.down(1.0) - frame.down(0.0))
+def _rectangle(note_bar: Bar, key_height: float, plot_frame: Frame, colour: str) -> str:
+    left_edge, right_edge = plot_frame.across(note_bar.begin), plot_frame.across(note_bar.end)
+    a_key = abs(plot_frame.down(1.0) - plot_frame.down(0.0))
     thick = max(2.0, min(12.0, 0.8 * a_key))
     return (
-        f"<rect x='{begin:.2f}' y='{frame.down(key) - thick / 2:.2f}' "
-        f"width='{max(1.5, end - begin - _GAP):.2f}' height='{thick:.2f}' "
+        f"<rect x='{left_edge:.2f}' y='{plot_frame.down(key_height) - thick / 2:.2f}' "
+        f"width='{max(1.5, right_edge - left_edge - _GAP):.2f}' height='{thick:.2f}' "
         f"fill='{colour}' fill-opacity='{0.35 + 0.65 * note_bar.strength:.2f}'>"
         f"<title>{escape(note_bar.name)}</title></rect>"
     )
@@ -89,7 +92,7 @@ def _rectangle(note_bar: Bar, key: float, frame: Frame, colour: str) -> str:
 
 def _legend(colours: dict[str, str], frame: Frame) -> Iterator[str]:
     x, y = frame.left, frame.bottom + 54
-    for name, colour in colours.items():
+    for instrument_name, colour in colours.items():
         yield f"<rect x='{x:g}' y='{y - 10:g}' width='12' height='12' fill='{colour}'/>"
-        yield text(x + 18, y, short(name))
-        x += 36 + _CHARACTER * len(short(name))
+        yield text(x + 18, y, short(instrument_name))
+        x += 36 + _CHARACTER * len(short(instrument_name))

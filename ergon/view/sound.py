@@ -39,7 +39,7 @@ def picture(blocks: Iterable[NDArray[np.float64]], n_frames: int, rate: float, t
         _LEFT, top_edge, _RIGHT, top_edge + _SPECTRUM, t_axis, _frequencies(rate / 2)
     )
     image = base64.b64encode(png(_coloured(_levels(mono, rate)))).decode()
-    parts = [
+    svg_parts = [
         axes(wave, "", "mean of channels"),
         _outline(mono, wave),
         axes(spectrum_frame, "time [s]", "frequency [Hz]"),
@@ -48,7 +48,7 @@ def picture(blocks: Iterable[NDArray[np.float64]], n_frames: int, rate: float, t
         text(_LEFT, 22, short(title), weight="bold"),
         text(_RIGHT, 22, f"spectrogram: {_RANGE:g} dB down to white", anchor="end"),
     ]
-    return document(_WIDTH, int(spectrum_frame.bottom) + 48, title, parts)
+    return document(_WIDTH, int(spectrum_frame.bottom) + 48, title, svg_parts)
 
 
 def envelope(
@@ -79,18 +79,18 @@ def _mono(blocks: Iterable[NDArray[np.float64]], n_frames: int) -> NDArray[np.fl
 
 def png(pixels: NDArray[np.uint8]) -> bytes:
     """A PNG file of (height, width, 3) pixels (ISO/IEC 15948), red, green and blue."""
-    height, width, _ = pixels.shape
-    rows = b"".join(b"\0" + row.tobytes() for row in pixels)  # filter 0 before every row
+    pixel_height, pixel_width, _ = pixels.shape
+    pixel_rows = b"".join(b"\0" + row.tobytes() for row in pixels)  # filter 0 before every row
 
     def chunk(name: bytes, content: bytes) -> bytes:
         check = zlib.crc32(name + content)
         return struct.pack(">I", len(content)) + name + content + struct.pack(">I", check)
 
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    header = struct.pack(">IIBBBBB", pixel_width, pixel_height, 8, 2, 0, 0, 0)
     return (
         b"\x89PNG\r\n\x1a\n"
         + chunk(b"IHDR", header)
-        + chunk(b"IDAT", zlib.compress(rows, 9))
+        + chunk(b"IDAT", zlib.compress(pixel_rows, 9))
         + chunk(b"IEND", b"")
     )
 
@@ -114,10 +114,10 @@ def _outline(mono: NDArray[np.float64], plot_frame: Frame) -> str:
     edges = np.linspace(0, len(mono), n_columns + 1).astype(int)
     upper, lower = [], []
     for column in range(n_columns):
-        part = mono[edges[column] : max(edges[column + 1], edges[column] + 1)]
+        column_samples = mono[edges[column] : max(edges[column + 1], edges[column] + 1)]
         x = _LEFT + column + 0.5
-        upper.append(f"{x:g} {plot_frame.down(float(part.max())):.1f}")
-        lower.append(f"{x:g} {plot_frame.down(float(part.min())):.1f}")
+        upper.append(f"{x:g} {plot_frame.down(float(column_samples.max())):.1f}")
+        lower.append(f"{x:g} {plot_frame.down(float(column_samples.min())):.1f}")
     points = "L".join(upper + lower[::-1])
     return f"<path d='M{points}Z' fill='#0072b2' stroke='#0072b2' stroke-width='0.5'/>"
 
@@ -134,10 +134,10 @@ def _levels(mono: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
     for column_index in range(n_columns):
         start = int((column_index + 0.5) / n_columns * len(mono))
         power = np.abs(np.fft.rfft(padded[start : start + _WINDOW] * window)) ** 2
-        for row in range(_ROWS):
+        for row_index in range(_ROWS):
             # The bins within the pixel, or the nearest two if a pixel is narrower than a bin.
-            low, high = int(pixels[row + 1]), int(np.ceil(pixels[row]))
-            level_grid[row, column_index] = power[low : max(high, low + 1)].max()
+            low, high = int(pixels[row_index + 1]), int(np.ceil(pixels[row_index]))
+            level_grid[row_index, column_index] = power[low : max(high, low + 1)].max()
     loudest = level_grid.max()
     if loudest <= 0:
         return np.zeros_like(level_grid)

@@ -45,22 +45,22 @@ def admittance(curves: Sequence[Curve], *, title: str, picture_height: int = 400
     log_curves = [Curve(curve.name, [log10(f) for f in curve.t], curve.x) for curve in curves]
     t_axis = _frequencies(min(curve.t[0] for curve in curves), max(curve.t[-1] for curve in curves))
     x_axis = axis([x for curve in curves for x in curve.x], 8)
-    names, rows = _legend([curve.name for curve in curves])
+    legend_parts, rows = _legend([curve.name for curve in curves])
     top = 36 + _LINE * rows
-    frame = Frame(64, top, _WIDTH - 24, picture_height - 48, t_axis, x_axis)
-    parts = [text(64, 20, short(title), weight="bold"), *names]
-    parts.append(axes(frame, "frequency [Hz]", "velocity over force [dB re 1 (m/s)/N]"))
-    parts += [curve_path(curve, frame, number) for number, curve in enumerate(log_curves)]
-    return document(_WIDTH, picture_height, title, parts)
+    plot_frame = Frame(64, top, _WIDTH - 24, picture_height - 48, t_axis, x_axis)
+    svg_parts = [text(64, 20, short(title), weight="bold"), *legend_parts]
+    svg_parts.append(axes(plot_frame, "frequency [Hz]", "velocity over force [dB re 1 (m/s)/N]"))
+    svg_parts += [curve_path(curve, plot_frame, number) for number, curve in enumerate(log_curves)]
+    return document(_WIDTH, picture_height, title, svg_parts)
 
 
-def stave(parts: Sequence[tuple[str, Sequence[PitchedMode]]], *, picture_title: str) -> str:
+def stave(stave_parts: Sequence[tuple[str, Sequence[PitchedMode]]], *, title: str) -> str:
     """The modes of each part by pitch and cents from the nearest note, as an SVG document.
 
     If a part has more than STAVE_MAX modes, the first ones are drawn.
     """
-    drawn, top_edge = [text(64, 20, short(picture_title), weight="bold")], 32.0
-    for part_name, pitched_modes in parts:
+    drawn, top_edge = [text(64, 20, short(title), weight="bold")], 32.0
+    for part_name, pitched_modes in stave_parts:
         if not pitched_modes:
             drawn.append(
                 text(64, top_edge + 14, f"{short(part_name)}: none of its modes is a note")
@@ -77,10 +77,10 @@ def stave(parts: Sequence[tuple[str, Sequence[PitchedMode]]], *, picture_title: 
         drawn.append(text(64, top_edge + 14, short(part_name) + left_out))
         drawn.append(_stave_of(shown, top_edge + 24, bottom))
         top_edge = bottom + 60
-    return document(_WIDTH, int(top_edge), picture_title, drawn)
+    return document(_WIDTH, int(top_edge), title, drawn)
 
 
-def shapes(parts: Sequence[tuple[str, Sequence[Shape]]], *, picture_title: str) -> str:
+def shapes(shape_parts: Sequence[tuple[str, Sequence[Shape]]], *, title: str) -> str:
     """The motion of masses in the modes of each part, drawn at their places on the bench, as an SVG
     document.
 
@@ -88,26 +88,29 @@ def shapes(parts: Sequence[tuple[str, Sequence[Shape]]], *, picture_title: str) 
     as a line displaced up and down; others as dots whose size is their motion, full for upwards
     and hollow for downwards.
     """
-    drawn, top_edge = [text(24, 20, short(picture_title), weight="bold")], 32.0
+    drawn, top_edge = [text(24, 20, short(title), weight="bold")], 32.0
     column_count, cell_size = 4, 184.0
-    for name, part_shapes in parts:
+    for part_name, part_shapes in shape_parts:
         shown = part_shapes[:SHAPES_MAX]
         left_out = (
             f" (the first {len(shown)} of {len(part_shapes)} modes)"
             if part_shapes[SHAPES_MAX:]
             else ""
         )
-        drawn.append(text(24, top_edge + 14, short(name) + left_out))
+        drawn.append(text(24, top_edge + 14, short(part_name) + left_out))
         flat = all(_is_row(shape) for shape in shown)
         cell_height = 90.0 if flat else cell_size - 24
         for number, shape in enumerate(shown):
             row, column = divmod(number, column_count)
-            left, upper = 24 + column * (cell_size + 6), top_edge + 24 + row * (cell_height + 30)
+            cell_left, upper = (
+                24 + column * (cell_size + 6),
+                top_edge + 24 + row * (cell_height + 30),
+            )
             words = shape.words[: int(cell_size / _LETTER)]
-            drawn.append(text(left + cell_size / 2, upper + 12, words, anchor="middle"))
-            drawn.append(_shape(shape, left, upper + 18, cell_size - 8, cell_height - 8))
+            drawn.append(text(cell_left + cell_size / 2, upper + 12, words, anchor="middle"))
+            drawn.append(_shape(shape, cell_left, upper + 18, cell_size - 8, cell_height - 8))
         top_edge += 40 + (cell_height + 30) * ceil(len(shown) / column_count)
-    return document(_WIDTH, int(top_edge), picture_title, drawn)
+    return document(_WIDTH, int(top_edge), title, drawn)
 
 
 def _frequencies(low_hertz: float, high_hertz: float) -> Axis:
@@ -131,18 +134,21 @@ def _frequencies(low_hertz: float, high_hertz: float) -> Axis:
     return Axis(log10(low_hertz), log10(high_hertz), tuple(log10(f) for f in ticks), 0, names)
 
 
-def _legend(names: Sequence[str]) -> tuple[list[str], int]:
+def _legend(curve_names: Sequence[str]) -> tuple[list[str], int]:
     """The legend below the title, and the number of rows that it takes."""
     legend_parts, left_edge, row_index = [], 64.0, 0
     row_width = _WIDTH - 24 - 64
-    for number, name in enumerate(names):
-        words = name[: int((row_width - 44) / _LETTER)]
-        width = 44 + _LETTER * len(words)
-        if left_edge > 64 and left_edge + width > _WIDTH - 24:
+    for curve_number, name in enumerate(curve_names):
+        label_words = name[: int((row_width - 44) / _LETTER)]
+        label_width = 44 + _LETTER * len(label_words)
+        if left_edge > 64 and left_edge + label_width > _WIDTH - 24:
             left_edge, row_index = 64.0, row_index + 1
         y = 38 + _LINE * row_index
-        legend_parts += [key_line(left_edge, y - 4, number), text(left_edge + 33, y, words)]
-        left_edge += width + 12
+        legend_parts += [
+            key_line(left_edge, y - 4, curve_number),
+            text(left_edge + 33, y, label_words),
+        ]
+        left_edge += label_width + 12
     return legend_parts, row_index + 1
 
 
@@ -154,23 +160,23 @@ def _stave_of(pitched_modes: Sequence[PitchedMode], top_edge: float, bottom_edge
     lowest_key, highest_key = 12 * floor(min(pitches) / 12), 12 * ceil((max(pitches) + 1e-9) / 12)
     step = max(1, ceil((highest_key - lowest_key) / 12 / ((bottom_edge - top_edge) / _LINE)))
     octaves = range(int(lowest_key), int(highest_key) + 1, 12 * step)
-    names = tuple(f"C{octave // 12 - 1}".replace("-", "−") for octave in octaves)
+    octave_names = tuple(f"C{octave // 12 - 1}".replace("-", "−") for octave in octaves)
     ticks = tuple(float(octave) for octave in octaves)
     cents = Axis(-55.0, 55.0, (-50.0, -25.0, 0.0, 25.0, 50.0), 0)
-    frame = Frame(
+    plot_frame = Frame(
         64,
         top_edge,
         right_edge,
         bottom_edge,
         cents,
-        Axis(float(lowest_key), float(highest_key), ticks, 0, names),
+        Axis(float(lowest_key), float(highest_key), ticks, 0, octave_names),
     )
-    svg_parts = [axes(frame, "cents from the nearest note", "pitch")]
-    heights = [frame.down(pitch) for pitch in pitches]
+    svg_parts = [axes(plot_frame, "cents from the nearest note", "pitch")]
+    heights = [plot_frame.down(pitch) for pitch in pitches]
     for pitched_mode, y, label_height in zip(
         pitched_modes, heights, _spaced(heights, top_edge + 10, bottom_edge), strict=True
     ):
-        x = frame.across(pitched_mode.cents)
+        x = plot_frame.across(pitched_mode.cents)
         svg_parts.append(
             f"<path d='M{x:.1f} {y:.1f}L{right_edge:.1f} {y:.1f}L{right_edge + 30:.1f} "
             f"{label_height - 4:.1f}' "
@@ -224,7 +230,7 @@ def _shape(
         ]
         middle = top_edge + picture_height / 2
         down = [middle - 0.5 * room_y * move / largest_move for _, _, move in masses]
-        line = "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(across, down, strict=True))
+        shape_line = "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(across, down, strict=True))
         dots = "".join(
             f"<circle cx='{x:.1f}' cy='{y:.1f}' r='1.6' fill='{_UP}'/>"
             for x, y in zip(across, down, strict=True)
@@ -233,7 +239,7 @@ def _shape(
         rest_line = f"M{left_edge:.1f} {middle:.1f}h{picture_width:.1f}"
         return (
             f"{box}\n<path d='{rest_line}' fill='none' stroke='#dddddd'/>\n"
-            f"<path d='M{line}' fill='none' stroke='{_UP}' stroke-width='1.2'/>{dots}"
+            f"<path d='M{shape_line}' fill='none' stroke='{_UP}' stroke-width='1.2'/>{dots}"
         )
     scale = min(room_x / wide if wide else room_y / tall, room_y / tall if tall else room_x / wide)
     largest = min(7.0, max(1.2, 0.5 * scale * hypot(wide, tall) / len(masses) ** 0.5))

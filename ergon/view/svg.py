@@ -56,13 +56,13 @@ def plot(
         axis([t for curve in curves for t in curve.t], 8, tight=True),
         axis([x for curve in curves for x in curve.x], 6),
     )
-    parts = [
+    svg_parts = [
         axes(plot_frame, t_label, x_label),
         lines(curves, plot_frame),
         _legend(curves, plot_frame),
     ]
-    parts.append(text(plot_frame.left, 20, short(title), weight="bold"))
-    return document(width, height, title, parts)
+    svg_parts.append(text(plot_frame.left, 20, short(title), weight="bold"))
+    return document(width, height, title, svg_parts)
 
 
 def panels(
@@ -74,11 +74,13 @@ def panels(
         [t for _, curves in panel_rows for curve in curves for t in curve.t], 8, tight=True
     )
     svg_parts = [text(64, 20, short(title), weight="bold")]
-    for row, (label, curves) in enumerate(panel_rows):
-        panel_top = top_edge + row * (panel_height + between)
+    for panel_index, (panel_label, curves) in enumerate(panel_rows):
+        panel_top = top_edge + panel_index * (panel_height + between)
         x_axis = axis([x for curve in curves for x in curve.x], 5)
         frame = Frame(64, panel_top, width - 16, panel_top + panel_height, t_axis, x_axis)
-        svg_parts += [axes(frame, "time [s]" if row == len(panel_rows) - 1 else "", label)]
+        svg_parts += [
+            axes(frame, "time [s]" if panel_index == len(panel_rows) - 1 else "", panel_label)
+        ]
         svg_parts += [lines(curves, frame), _legend(curves, frame)]
     return document(width, top_edge + len(panel_rows) * (panel_height + between), title, svg_parts)
 
@@ -89,9 +91,9 @@ def lines(curves: Sequence[Curve], frame: Frame) -> str:
 
 
 def document(
-    picture_width: int, picture_height: int, picture_title: str, parts: Sequence[str]
+    picture_width: int, picture_height: int, picture_title: str, svg_parts: Sequence[str]
 ) -> str:
-    """A whole SVG file round `parts`."""
+    """A whole SVG file round `svg_parts`."""
     header = (
         f"<svg xmlns='http://www.w3.org/2000/svg' width='{picture_width}' "
         f"height='{picture_height}' "
@@ -101,7 +103,7 @@ def document(
         f"<title>{escape(picture_title)}</title>\n"
         f"<rect width='{picture_width}' height='{picture_height}' fill='{_PAPER}'/>\n"
     )
-    return header + "\n".join(part for part in parts if part) + "\n</svg>\n"
+    return header + "\n".join(part for part in svg_parts if part) + "\n</svg>\n"
 
 
 def axes(frame: Frame, t_label: str, x_label: str) -> str:
@@ -129,11 +131,11 @@ def axes(frame: Frame, t_label: str, x_label: str) -> str:
     return "\n".join(svg_parts)
 
 
-def curve_path(curve: Curve, frame: Frame, number: int) -> str:
+def curve_path(curve: Curve, plot_frame: Frame, number: int) -> str:
     """A curve in a frame, in the stroke of its number, below CURVES_MAX."""
     colour, dash = _STROKES[number]
     return (
-        f"<path d='{_path(curve, frame)}' fill='none' stroke='{colour}' stroke-width='1.6' "
+        f"<path d='{_path(curve, plot_frame)}' fill='none' stroke='{colour}' stroke-width='1.6' "
         f"stroke-linejoin='round'{_dash(dash)}/>"
     )
 
@@ -172,22 +174,22 @@ def _dash(dash: str) -> str:
     return f" stroke-dasharray='{dash}'" if dash else ""
 
 
-def _path(curve: Curve, frame: Frame) -> str:
+def _path(curve: Curve, plot_frame: Frame) -> str:
     """Path data; a gap begins a new subpath."""
     path_words, pen = [], "M"
     for t, x in zip(curve.t, curve.x, strict=True):
         if isfinite(t) and isfinite(x):
-            path_words.append(f"{pen}{frame.across(t):.2f} {frame.down(x):.2f}")
+            path_words.append(f"{pen}{plot_frame.across(t):.2f} {plot_frame.down(x):.2f}")
             pen = "L"
         else:
             pen = "M"
     return "".join(path_words)
 
 
-def _legend(curves: Sequence[Curve], frame: Frame) -> str:
-    parts, right = [], frame.right
+def _legend(curves: Sequence[Curve], plot_frame: Frame) -> str:
+    svg_parts, right_edge = [], plot_frame.right
     for number, curve in reversed(list(enumerate(curves))):
-        right -= 7 * len(curve.name) + 44  # 7 pixels are a wide letter at 12 pixels
-        parts.append(key_line(right, frame.top - 14, number))
-        parts.append(text(right + 33, frame.top - 10, curve.name))
-    return "\n".join(parts)
+        right_edge -= 7 * len(curve.name) + 44  # 7 pixels are a wide letter at 12 pixels
+        svg_parts.append(key_line(right_edge, plot_frame.top - 14, number))
+        svg_parts.append(text(right_edge + 33, plot_frame.top - 10, curve.name))
+    return "\n".join(svg_parts)

@@ -95,11 +95,11 @@ class _Across:
         return self.places[value]
 
 
-def _across(points: Sequence[Point]) -> _Across:
+def _across(sweep_points: Sequence[Point]) -> _Across:
     """Numbers in their own unit, on a logarithmic axis if they are spaced evenly on one; other
     values at equal distances.
     """
-    first_values = list(dict.fromkeys(point.values[0] for point in points))
+    first_values = list(dict.fromkeys(point.values[0] for point in sweep_points))
     matches = [_NUMBER.match(value) for value in first_values]
     unit_names = {
         value[match.end() :].strip()
@@ -140,11 +140,11 @@ def _few(places: Sequence[float], count_max: int = 6) -> tuple[float, ...]:
     return tuple(places[::step])
 
 
-def _is_geometric(numbers: Sequence[float]) -> bool:
-    if len(numbers) < 3 or min(numbers) <= 0.0:
+def _is_geometric(axis_numbers: Sequence[float]) -> bool:
+    if len(axis_numbers) < 3 or min(axis_numbers) <= 0.0:
         return False
-    ratios = [b / a for a, b in itertools.pairwise(numbers)]
-    differences = [b - a for a, b in itertools.pairwise(numbers)]
+    ratios = [b / a for a, b in itertools.pairwise(axis_numbers)]
+    differences = [b - a for a, b in itertools.pairwise(axis_numbers)]
     is_even = max(differences) - min(differences) <= 1e-6 * max(map(abs, differences))
     return not is_even and max(ratios) <= (1.0 + 1e-6) * min(ratios)
 
@@ -171,12 +171,12 @@ def _key(other_values: Sequence[tuple[str, ...]], targets: Sequence[str]) -> str
     groups_named = (
         other_values if len(other_values) <= _CURVES_NAMED else (other_values[0], other_values[-1])
     )
-    words = [
+    label_words = [
         ", ".join(map("=".join, zip(targets, named_values, strict=True)))
         for named_values in groups_named
     ]
     svg_parts, left_edge = [], float(_LEFT)
-    for named_values, line_label in zip(groups_named, words, strict=True):
+    for named_values, line_label in zip(groups_named, label_words, strict=True):
         colour = _colour(other_values.index(named_values), len(other_values))
         svg_parts.append(
             f"<line x1='{left_edge:g}' y1='32' x2='{left_edge + 20:g}' y2='32' stroke='{colour}' "

@@ -159,25 +159,25 @@ def apply(
     gesture_points: Sequence[Point],
     transforms: Sequence[Transform],
     chance: Chance,
-    beat_seconds: float = 1.0,
+    beat: float = 1.0,
 ) -> tuple[tuple[Point, ...], tuple[str, ...]]:
     """Transform `gesture_points` left to right; also return a sentence for each loss of points.
 
-    `beat_seconds` is the duration [s] of a beat at the start of the occurrence.
+    `beat` is the duration [s] of a beat at the start of the occurrence.
     """
     shaped = tuple(gesture_points)
     point_notes: list[str] = []
     for transform in transforms:
-        shaped, note = _VERBS[transform.word].act(shaped, transform, chance, beat_seconds)
+        shaped, note = _VERBS[transform.word].act(shaped, transform, chance, beat)
         if note is not None:
             point_notes.append(note)
     return shaped, tuple(point_notes)
 
 
-def apply_to_take(transforms: Sequence[Transform], beat_seconds: float = 1.0) -> TakeTransform:
+def apply_to_take(transforms: Sequence[Transform], beat: float = 1.0) -> TakeTransform:
     """Combine transformations of a take. Raises TextError for those that need written points.
 
-    `beat_seconds` is the duration [s] of a beat at the start of the occurrence.
+    `beat` is the duration [s] of a beat at the start of the occurrence.
     """
     scale, stretch, reverse, time_shift = 1.0, 1.0, False, Time()
     left_out = [0.0, 0.0]  # in front and at the back
@@ -196,7 +196,7 @@ def apply_to_take(transforms: Sequence[Transform], beat_seconds: float = 1.0) ->
         reverse ^= transform.word in ("reverse", "rev")
         if transform.word == "from":
             seconds_into_take = (
-                (transform_time.beats - time_shift.beats) * beat_seconds
+                (transform_time.beats - time_shift.beats) * beat
                 + transform_time.seconds
                 - time_shift.seconds
             )

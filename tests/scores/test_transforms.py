@@ -199,7 +199,7 @@ def test_from_beyond_the_end_leaves_the_end():
     ],
 )
 def test_transformations_of_a_take_sum_up(do, take):
-    assert apply_to_take(parse_chain(do), beat_seconds=0.5) == take
+    assert apply_to_take(parse_chain(do), beat=0.5) == take
 
 
 @pytest.mark.parametrize("do", ["jitter 4ms 0.2mm", "scale 2, quantise 1/8"])

@@ -68,7 +68,7 @@ def test_stave_picture_of_mode_counts(count: int):
         for i in range(count)
     ]
     picture = structure.stave(
-        [("bell", modes), ("other-bell", modes[:2])], picture_title="Modes of bells.yaml"
+        [("bell", modes), ("other-bell", modes[:2])], title="Modes of bells.yaml"
     )
     labels_are_apart(picture)
     assert ("bell: none of its modes is a note" in picture) == (count == 0)
@@ -79,7 +79,7 @@ def test_stave_picture_of_mode_counts(count: int):
 
 def test_stave_picture_dot_position():
     modes = [PitchedMode(440.0, 0.0, "A4"), PitchedMode(440.0 * 2 ** (0.25 / 12), 25.0, "A4 +25")]
-    picture = structure.stave([("a", modes)], picture_title="")
+    picture = structure.stave([("a", modes)], title="")
     (x0, y0), (x1, y1) = sorted(
         (float(c.get("cx", "0")), float(c.get("cy", "0")))
         for c in ET.fromstring(picture).iter(f"{SVG}circle")
@@ -111,7 +111,7 @@ def test_shape_pictures_of_row_and_plate():
         ),
         Shape("2  one mass", [1.0], [2.0], [0.0]),
     ]
-    picture = structure.shapes([("wire", row), ("plate", plate)], picture_title="Shapes")
+    picture = structure.shapes([("wire", row), ("plate", plate)], title="Shapes")
     labels_are_apart(picture)
     assert "the first 12 of 14 modes" in picture
     circles = list(ET.fromstring(picture).iter(f"{SVG}circle"))

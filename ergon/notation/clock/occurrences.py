@@ -31,14 +31,14 @@ def parse_times(times_text: str) -> int:
 def starts(
     tempo: TempoMap,
     start_beat: float,
-    length: Length,
+    gesture_length: Length,
     *,
     every: Length | None = None,
     times: int | None = None,
     until: float | None = None,
     room: int = MAX_OCCURRENCES,
 ) -> list[float]:
-    """Beats of the piece on which the occurrences of a gesture of `length` begin, from beat
+    """Beats of the piece on which the occurrences of a gesture of `gesture_length` begin, from beat
     `start_beat`.
 
     `room` is how many more occurrences the piece may hold. Raises TextError if there would be
@@ -47,7 +47,7 @@ def starts(
     poll()
     if times in (None, 1) and until is None and room > 0:
         return [start_beat]  # most lines of a part play once
-    step_length = length if every is None else every
+    step_length = gesture_length if every is None else every
     if times is None and until is None:
         times = 1
     if times != 1 and not step_length.is_some:

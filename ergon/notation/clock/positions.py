@@ -85,12 +85,12 @@ def parse_length(text: str) -> Length:
     return _length(text_match, 1, word_start)
 
 
-def parse_position(text: str) -> Position:
+def parse_position(position_text: str) -> Position:
     """Read `3|2.5`, `B`, `B+2`, `B - 1bar`, `12.5s`, `250ms`, or beats from the start.
 
     Marks are looked up when the position is resolved. Raises TextError.
     """
-    trimmed_word, word_start = stripped(text)
+    trimmed_word, word_start = stripped(position_text)
     if text_match := _BAR_BEAT.fullmatch(trimmed_word):
         bar_number = int(text_match[1])
         piece_beat = time_of(text_match[2], text_match[3], word_start + text_match.start(2))
@@ -147,19 +147,20 @@ def parse_position(text: str) -> Position:
     )
 
 
-def parse_mark(text: str) -> Position:
+def parse_mark(position_text: str) -> Position:
     """Read the position of a mark, where `3.1` has a unit. Raises TextError."""
-    read_position = parse_position(text)
-    trimmed_word, start = stripped(text)
+    read_position = parse_position(position_text)
+    trimmed_word, word_start = stripped(position_text)
     if (match := _LIKE_BAR_BEAT.fullmatch(trimmed_word)) and read_position.plus.is_some:
-        bar, beat = match.groups()
+        bar, beat_text = match.groups()
         message = (
-            f"'{trimmed_word}' has no unit; it could be bar {bar}, beat {beat} ({bar}|{beat}), or "
+            f"'{trimmed_word}' has no unit; it could be bar {bar}, beat {beat_text} "
+            f"({bar}|{beat_text}), or "
         )
         message += f"{trimmed_word} beats after the beginning ({trimmed_word}beats)"
-        suggestion = f"{bar}|{beat}"
+        suggestion = f"{bar}|{beat_text}"
         raise TextError(
-            message, offset=start, length=len(trimmed_word), suggestion=suggestion, code="E203"
+            message, offset=word_start, length=len(trimmed_word), suggestion=suggestion, code="E203"
         )
     return read_position
 
@@ -170,23 +171,23 @@ def _without_spaces(word: str) -> str | None:
     return joined if joined != word and is_length and is_length[3] in _UNITS else None
 
 
-def _with_bar(word: str) -> str | None:
+def _with_bar(written_word: str) -> str | None:
     """`5:1` and `bar 5`, as they are written here."""
-    if match := re.fullmatch(r"([0-9]{1,9})\s*+[:/]\s*+([0-9.]+)", word):
-        return f"{match[1]}|{match[2]}"
-    match = re.fullmatch(r"bar\s*+([0-9]{1,9})", word)
-    return f"{match[1]}|1" if match else None
+    if bar_match := re.fullmatch(r"([0-9]{1,9})\s*+[:/]\s*+([0-9.]+)", written_word):
+        return f"{bar_match[1]}|{bar_match[2]}"
+    bar_match = re.fullmatch(r"bar\s*+([0-9]{1,9})", written_word)
+    return f"{bar_match[1]}|1" if bar_match else None
 
 
-def _plus(match: re.Match[str], first_group: int, start: int) -> Length:
-    sign = match[first_group]
-    if sign is None:
+def _plus(plus_match: re.Match[str], first_group: int, word_start: int) -> Length:
+    plus_sign = plus_match[first_group]
+    if plus_sign is None:
         return _NOTHING
-    return _length(match, first_group + 1, start).times(-1.0 if sign == "-" else 1.0)
+    return _length(plus_match, first_group + 1, word_start).times(-1.0 if plus_sign == "-" else 1.0)
 
 
 def _length(text_match: re.Match[str], first_group: int, word_start: int) -> Length:
-    value = time_of(
+    length_value = time_of(
         text_match[first_group],
         text_match[first_group + 1],
         word_start + text_match.start(first_group),
@@ -200,4 +201,4 @@ def _length(text_match: re.Match[str], first_group: int, word_start: int) -> Len
             code="E203",
         )
     name, divisor = _UNITS[unit_text]
-    return Length(**{name: value / divisor})
+    return Length(**{name: length_value / divisor})

@@ -24,30 +24,34 @@ _COMPARISONS: Mapping[str, Callable[[Fraction, Fraction], bool]] = {
 }
 
 
-def is_true(written_text: str, start: int, names: Mapping[str, Amount]) -> bool:
-    """Whether the condition from `start` on holds; `or` joins what `and` joins, and of both the
-    second is asked only if it matters.
+def is_true(written_text: str, text_start: int, known_names: Mapping[str, Amount]) -> bool:
+    """Whether the condition from `text_start` on holds; `or` joins what `and` joins, and of both
+    the second is asked only if it matters.
 
     Raises TextError with the characters at fault.
     """
     return any(
         all(
-            _holds(written_text, part_start, part_end, names)
+            _holds(written_text, part_start, part_end, known_names)
             for part_start, part_end in _parts(written_text, first_of_all, last_of_all, _AND)
         )
-        for first_of_all, last_of_all in _parts(written_text, start, len(written_text), _OR)
+        for first_of_all, last_of_all in _parts(written_text, text_start, len(written_text), _OR)
     )
 
 
-def _parts(text: str, start: int, end: int, between: re.Pattern[str]) -> Iterator[tuple[int, int]]:
+def _parts(
+    text: str, text_start: int, text_end: int, between: re.Pattern[str]
+) -> Iterator[tuple[int, int]]:
     """Where the parts of a text begin and end."""
-    for match in between.finditer(text, start, end):
-        yield start, match.start()
-        start = match.end()
-    yield start, end
+    for match in between.finditer(text, text_start, text_end):
+        yield text_start, match.start()
+        text_start = match.end()
+    yield text_start, text_end
 
 
-def _holds(written_text: str, text_start: int, text_end: int, names: Mapping[str, Amount]) -> bool:
+def _holds(
+    written_text: str, text_start: int, text_end: int, known_names: Mapping[str, Amount]
+) -> bool:
     """Whether comparisons of neighbours hold, `1 < i <= 5`, or do not after `not`."""
     is_expected = True
     while (match := _NOT.match(written_text, text_start, text_end)) is not None:
@@ -62,16 +66,16 @@ def _holds(written_text: str, text_start: int, text_end: int, names: Mapping[str
         )
     starts = [text_start, *(sign.end() for sign in signs)]
     ends = [*(sign.start() for sign in signs), text_end]
-    amounts = [_amount(written_text, *span, names) for span in zip(starts, ends, strict=True)]
+    amounts = [_amount(written_text, *span, known_names) for span in zip(starts, ends, strict=True)]
     results = [_compared(sign, *pair) for sign, pair in zip(signs, pairwise(amounts), strict=True)]
     return all(results) == is_expected
 
 
-def _amount(text: str, start: int, end: int, names: Mapping[str, Amount]) -> Amount:
+def _amount(text: str, text_start: int, end: int, names: Mapping[str, Amount]) -> Amount:
     try:
-        return evaluate(text[start:end], names)
+        return evaluate(text[text_start:end], names)
     except TextError as error:
-        error.offset += start
+        error.offset += text_start
         raise
 
 

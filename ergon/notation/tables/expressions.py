@@ -97,10 +97,10 @@ class _Reader:
     """Reads one expression, from left to right, once."""
 
     def __init__(
-        self, text: str, names: Mapping[str, Amount], later: Container[str], expected: str
+        self, text: str, known_names: Mapping[str, Amount], later: Container[str], expected: str
     ) -> None:
         self.text = text
-        self.names = names
+        self.names = known_names
         self.later = later
         self.expected = expected
         self.offset = 0
@@ -174,14 +174,17 @@ class _Reader:
                 raise self._error(
                     "the number is too large or too small", text_start, len(text_match[0])
                 )
-            if (part := _PART.match(self.text, self.offset)) and text_match[1].isdigit():
-                unit_match = _UNIT.match(self.text, part.end())
+            if (part_match := _PART.match(self.text, self.offset)) and text_match[1].isdigit():
+                unit_match = _UNIT.match(self.text, part_match.end())
                 if unit_match is not None:  # 1/3bar is a third of a bar
-                    if int(part[1]) == 0:
+                    if int(part_match[1]) == 0:
                         raise self._error(
                             "the number divides by zero", text_start, len(text_match[0])
                         )
-                    literal_number, self.offset = literal_number / int(part[1]), part.end()
+                    literal_number, self.offset = (
+                        literal_number / int(part_match[1]),
+                        part_match.end(),
+                    )
             if unit_match := _UNIT.match(self.text, self.offset):
                 self.offset = unit_match.end()
                 name, power = UNITS[unit_match[1]]
@@ -196,12 +199,12 @@ class _Reader:
             return self.names[word_match[0]]
         if text_match := _NOTE.match(self.text, text_start):
             self.offset = text_match.end()
-            letter, sign, octave = text_match.groups()
+            letter, accidental_sign, octave = text_match.groups()
             tuned = tuning.written()
             hertz = None if tuned is None else tuned.hertz(text_match[0])
             if hertz is not None:
                 return Amount(Fraction(12.0 * math.log2(hertz / 440.0)), "note")
-            steps = _LETTERS[letter] + _SIGNS[sign] + 12 * (int(octave) - 4)
+            steps = _LETTERS[letter] + _SIGNS[accidental_sign] + 12 * (int(octave) - 4)
             return Amount(Fraction(steps), "note")
         if word_match is not None and word_match[0] in self.later:
             message = (
@@ -278,19 +281,22 @@ class _Reader:
         return Amount(Fraction(_hertz(amount)), "Hz") if is_both else amount
 
     def _checked(self, amount: Amount, place: int) -> Amount:
-        number = amount.number
-        if max(number.numerator.bit_length(), number.denominator.bit_length()) > _MAX_BITS:
+        amount_number = amount.number
+        if (
+            max(amount_number.numerator.bit_length(), amount_number.denominator.bit_length())
+            > _MAX_BITS
+        ):
             raise self._error("the numbers of this expression grow too long", place, 1)
         limit = 400 if amount.unit in ("note", "st") else q.MAX_SIZE
-        if abs(number) > limit:
+        if abs(amount_number) > limit:
             raise self._error("the value is too large", place, 1)
         return amount
 
     def _sign(self, which: str) -> str:
-        place = self._space()
-        if place < len(self.text) and self.text[place] in which:
-            self.offset = place + 1
-            return self.text[place]
+        sign_place = self._space()
+        if sign_place < len(self.text) and self.text[sign_place] in which:
+            self.offset = sign_place + 1
+            return self.text[sign_place]
         return ""
 
     def _space(self) -> int:
@@ -324,12 +330,15 @@ def unit_in_words(amount: Amount) -> str:
 
 
 def evaluate(
-    text: str, names: Mapping[str, Amount], later: Container[str] = (), expected: str = _EXPECTED
+    expression_text: str,
+    known_names: Mapping[str, Amount],
+    later: Container[str] = (),
+    expected: str = _EXPECTED,
 ) -> Amount:
     """The value of an expression; `later` are names that it may not use yet, and `expected` is what
     a word may be, for messages. Raises TextError with the characters at fault.
     """
-    return _Reader(text, names, later, expected).read_all()
+    return _Reader(expression_text, known_names, later, expected).read_all()
 
 
 def looks_like(written_text: str, known_names: Mapping[str, Amount]) -> bool:

@@ -91,17 +91,17 @@ def _integer_keys(
     for entry_word, (key_node, child) in entries.items():
         if pending is not None:
             pending_value = pending[1][1]
-            text = pending_value.text if isinstance(pending_value, Scalar) else ""
+            cut_text = pending_value.text if isinstance(pending_value, Scalar) else ""
             if (
-                text[-1:].isdigit()
+                cut_text[-1:].isdigit()
                 and entry_word[:1].isdigit()
                 and pending_value.end + 1 == key_node.start
             ):
-                number = f"{text}.{entry_word}"
+                joined_number = f"{cut_text}.{entry_word}"
                 message = f"{record_values.context.label(pending[0])}: a comma ends a value here; "
                 message += "write '.' as the decimal point"
                 place = replace(pending_value.place, length=key_node.end - pending_value.start)
-                record_values.context.error("E201", message, place, suggestion=number)
+                record_values.context.error("E201", message, place, suggestion=joined_number)
                 record_values.misspelt.add(pending[0])
                 pending = None
                 continue
@@ -187,14 +187,14 @@ class Record(Shape):
         return None
 
     def _read_kind(
-        self, record_values: Values, entry_word: str, key: Scalar, child_node: Node
+        self, record_values: Values, entry_word: str, key_node: Scalar, child_node: Node
     ) -> None:
         if record_values.kind:
             message = (
                 f"{record_values.context.label('')} has two kinds, {record_values.kind} and "
                 f"{entry_word}; keep one"
             )
-            record_values.context.error("E111", message, key.place)
+            record_values.context.error("E111", message, key_node.place)
             return
         record_values.kind = entry_word
         record_values.nodes[entry_word] = child_node

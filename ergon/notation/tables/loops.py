@@ -74,13 +74,13 @@ class _Writer:
     def mapping(self) -> document.Mapping:
         for line in self.node.lines.values():
             line.node.document.let, line.node.document.lets = self.node.document.let, None
-        names = ChainMap(named_amounts(self.node.document).names)
+        all_names = ChainMap(named_amounts(self.node.document).names)
         try:
-            for entry_word, (key, child) in self.node.entries.items():
+            for entry_word, (key_node, child) in self.node.entries.items():
                 if is_loop(entry_word):
-                    self.loop(key, child, names, 1)
+                    self.loop(key_node, child, all_names, 1)
                 elif entry_word in self.looped:
-                    self.entries[entry_word] = key, _merged(self.entries[entry_word][1], child)
+                    self.entries[entry_word] = key_node, _merged(self.entries[entry_word][1], child)
                 else:
                     self.entries[entry_word] = self.node.entries[entry_word]
         except _Refused:
@@ -146,26 +146,26 @@ class _Writer:
             message = f"{quote(variable)} is named already; a loop needs a variable of its own"
             raise TextError(message, offset=text_match.start(1), length=len(variable), code="E102")
         first_number, last_number = (_integer(text_match, group, names) for group in (2, 3))
-        step = 1 if text_match[4] is None else _integer(text_match, 4, names)
-        if step < 1:
+        step_amount = 1 if text_match[4] is None else _integer(text_match, 4, names)
+        if step_amount < 1:
             message = "the step of a loop is 1 or more"
             raise TextError(
                 message, offset=text_match.start(4), length=len(text_match[4]), code="E202"
             )
-        numbers = range(first_number, last_number + 1, step)
-        if len(numbers) > MAX_TURNS:
-            message = f"a loop has at most {MAX_TURNS:,} turns, not {len(numbers):,}"
+        turn_numbers = range(first_number, last_number + 1, step_amount)
+        if len(turn_numbers) > MAX_TURNS:
+            message = f"a loop has at most {MAX_TURNS:,} turns, not {len(turn_numbers):,}"
             raise TextError(message, offset=text_match.start(2), length=len(text), code="E105")
-        for number in numbers:
+        for number in turn_numbers:
             yield names.new_child({variable: Amount(Fraction(number), "")})
 
     def body(self, body: document.Mapping, names: Names, depth: int) -> None:
         """Write what stands below a loop out for one turn."""
         turn_copy = _Copy(self, names)
-        for word, (name_node, child_node) in body.entries.items():
-            if word == "let" and isinstance(child_node, document.Mapping):
+        for entry_word, (name_node, child_node) in body.entries.items():
+            if entry_word == "let" and isinstance(child_node, document.Mapping):
                 turn_copy = _Copy(self, self.named(child_node, turn_copy.names))
-            elif is_loop(word):
+            elif is_loop(entry_word):
                 self.loop(name_node, child_node, turn_copy.names, depth + 1)
             else:
                 name_copy = turn_copy.scalar(name_node)
@@ -175,12 +175,12 @@ class _Writer:
     def named(self, section: document.Mapping, names: Names) -> Names:
         """The values of a `let` below a loop, beside those that have names already."""
         inner_amounts = NamedAmounts(names.new_child(), [])
-        for number, (word, (key, node)) in enumerate(section.entries.items()):
-            if word in names:
-                message = f"{quote(word)} is named already; give this value a name of its own"
-                self.collector.error("E102", message, key.place)
+        for let_index, (let_word, (let_key, let_node)) in enumerate(section.entries.items()):
+            if let_word in names:
+                message = f"{quote(let_word)} is named already; give this value a name of its own"
+                self.collector.error("E102", message, let_key.place)
                 continue
-            add_named(inner_amounts, number, word, key, node, section.entries)
+            add_named(inner_amounts, let_index, let_word, let_key, let_node, section.entries)
         for scalar, error in inner_amounts.wrong:
             self.report(error, scalar)
         return ChainMap(inner_amounts.names)
@@ -214,11 +214,13 @@ def _merged(looped: Node, written_node: Node) -> Node:
     if not written_node.entries.keys() <= looped.entries.keys():
         return written_node
     merged_entries = dict(looped.entries)
-    for kind, (key, fields) in written_node.entries.items():
-        known = merged_entries[kind][1]
-        if isinstance(known, document.Mapping) and isinstance(fields, document.Mapping):
-            fields = replace(fields, entries={**known.entries, **fields.entries})
-        merged_entries[kind] = key, fields
+    for kind_name, (key_node, written_fields) in written_node.entries.items():
+        known = merged_entries[kind_name][1]
+        if isinstance(known, document.Mapping) and isinstance(written_fields, document.Mapping):
+            written_fields = replace(
+                written_fields, entries={**known.entries, **written_fields.entries}
+            )
+        merged_entries[kind_name] = key_node, written_fields
     return replace(written_node, entries=merged_entries)
 
 
@@ -263,7 +265,7 @@ class _Copy:
         return copy
 
 
-def _numbered(name_text: str, names: Names) -> str:
+def _numbered(name_text: str, known_names: Names) -> str:
     """A text in which `m(i+1)` is replaced by `m4`. Raises TextError."""
     pieces, text_offset = [], 0
     while (text_match := _NUMBERED.search(name_text, text_offset)) is not None:
@@ -271,15 +273,15 @@ def _numbered(name_text: str, names: Names) -> str:
             pieces.append(name_text[text_offset : text_match.end()])
             text_offset = text_match.end()
             continue
-        end = _closing(name_text, text_match.end())
-        inside = name_text[text_match.end() : end]
-        number = _number_of_name(name_text, text_match, inside, names)
+        closing_end = _closing(name_text, text_match.end())
+        inside = name_text[text_match.end() : closing_end]
+        number = _number_of_name(name_text, text_match, inside, known_names)
         pieces.append(f"{name_text[text_offset : text_match.end() - 1]}{number}")
-        text_offset = end + 1
+        text_offset = closing_end + 1
     return "".join((*pieces, name_text[text_offset:]))
 
 
-def _number_of_name(text: str, name_match: re.Match[str], inside: str, names: Names) -> int:
+def _number_of_name(name_text: str, name_match: re.Match[str], inside: str, names: Names) -> int:
     try:
         amount = evaluate(inside, names)
     except TextError as error:
@@ -287,7 +289,7 @@ def _number_of_name(text: str, name_match: re.Match[str], inside: str, names: Na
         raise
     amount_number = amount.number
     if amount.unit or amount_number.denominator != 1 or amount_number < 0:
-        index_text = text[name_match.start() : name_match.end() + len(inside) + 1]
+        index_text = name_text[name_match.start() : name_match.end() + len(inside) + 1]
         message = f"the number of a name is a whole one, 0 or more, and {quote(index_text)} "
         message += f"has {amount.literal}"
         length = max(1, len(inside))
@@ -295,20 +297,20 @@ def _number_of_name(text: str, name_match: re.Match[str], inside: str, names: Na
     return int(amount_number)
 
 
-def _closing(text: str, text_start: int) -> int:
+def _closing(inner_text: str, text_start: int) -> int:
     """The index of the parenthesis that closes one before `text_start`. Raises TextError."""
     depth = 1
-    for index in range(text_start, len(text)):
-        depth += (text[index] == "(") - (text[index] == ")")
+    for text_index in range(text_start, len(inner_text)):
+        depth += (inner_text[text_index] == "(") - (inner_text[text_index] == ")")
         if depth == 0:
-            return index
+            return text_index
     raise TextError("this parenthesis is never closed", offset=text_start - 1, code="E201")
 
 
-def _integer(loop_match: re.Match[str], group_index: int, names: Names) -> int:
+def _integer(loop_match: re.Match[str], group_index: int, known_names: Names) -> int:
     """The whole number that a part of `for i in 1..12 by 2` gives. Raises TextError."""
     try:
-        amount = evaluate(loop_match[group_index], names)
+        amount = evaluate(loop_match[group_index], known_names)
     except TextError as error:
         error.offset += loop_match.start(group_index)
         raise

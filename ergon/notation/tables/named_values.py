@@ -36,20 +36,20 @@ class NamedAmounts:
 def named_amounts(source_document: Document) -> NamedAmounts:
     """The values that `let:` of a document names; read once."""
     if source_document.lets is None:
-        root, node = source_document.root, source_document.let
-        if node is None and isinstance(root, document.Mapping) and "let" in root.entries:
-            node = root.entries["let"][1]
+        root, let_node = source_document.root, source_document.let
+        if let_node is None and isinstance(root, document.Mapping) and "let" in root.entries:
+            let_node = root.entries["let"][1]
         source_document.lets = (
-            _read(node) if isinstance(node, document.Mapping) else NamedAmounts({}, [])
+            _read(let_node) if isinstance(let_node, document.Mapping) else NamedAmounts({}, [])
         )
     amounts_by_name: NamedAmounts = source_document.lets
     return amounts_by_name
 
 
-def _read(section: document.Mapping) -> NamedAmounts:
+def _read(let_section: document.Mapping) -> NamedAmounts:
     amounts_by_name = NamedAmounts({}, [])
-    for number, (word, (key, node)) in enumerate(section.entries.items()):
-        if not add_named(amounts_by_name, number, word, key, node, section.entries):
+    for number, (word, (key, node)) in enumerate(let_section.entries.items()):
+        if not add_named(amounts_by_name, number, word, key, node, let_section.entries):
             break
     return amounts_by_name
 
@@ -58,7 +58,7 @@ def add_named(
     amounts_by_name: NamedAmounts,
     name_index: int,
     value_name: str,
-    key: Scalar,
+    key_node: Scalar,
     value_node: Node,
     later: Container[str],
 ) -> bool:
@@ -82,7 +82,7 @@ def add_named(
         error = TextError(message, length=len(value_name), code="E104")
     if error is not None or not isinstance(value_node, Scalar):
         assert error is not None
-        amounts_by_name.wrong.append((key, error))
+        amounts_by_name.wrong.append((key_node, error))
         return name_index < MAX_NAMES
     if _BAR_BEAT.fullmatch(value_node.text):
         message = f"{quote(value_node.text.strip())} is a position; name it under `marks:`"
@@ -137,11 +137,11 @@ def has_name(word: str, document: Document) -> bool:
     return any(part in names for part in WORD.findall(word))
 
 
-def is_computed(word: str, document: Document) -> bool:
+def is_computed(typed_word: str, document: Document) -> bool:
     """Whether a word of a table is an expression: it holds a name of `let:` or an operator."""
-    if _PATH.fullmatch(word):
+    if _PATH.fullmatch(typed_word):
         return False
-    return has_name(word, document) or _SIGNS_OF_WORDS.search(word) is not None
+    return has_name(typed_word, document) or _SIGNS_OF_WORDS.search(typed_word) is not None
 
 
 def word_value(table_word: str, document: Document, parse: Callable[[str], _T]) -> _T:
@@ -149,11 +149,11 @@ def word_value(table_word: str, document: Document, parse: Callable[[str], _T]) 
     try:
         return parse(table_word)
     except TextError as plain:
-        names = named_amounts(document).names
+        known_names = named_amounts(document).names
         if not is_computed(table_word, document):
-            plain.suggestion = plain.suggestion or nearest(table_word, names)
+            plain.suggestion = plain.suggestion or nearest(table_word, known_names)
             raise
-        literal = evaluate(table_word, names).literal
+        literal = evaluate(table_word, known_names).literal
     try:
         return parse(literal)
     except TextError as error:
@@ -187,12 +187,15 @@ def position(position_text: str, document: Document, parse: Callable[[str], _T])
         literal = evaluate(position_text, known_names).literal
     else:
         try:
-            length = evaluate(prefix_match[3], known_names)
+            length_amount = evaluate(prefix_match[3], known_names)
         except TextError as error:
             error.offset += prefix_match.start(3)
             raise
-        sign = "+" if (prefix_match[2] == "+") == (length.number >= 0) else "-"
-        literal = f"{prefix_match[1]}{sign}{Amount(abs(length.number), length.unit).literal}"
+        sign = "+" if (prefix_match[2] == "+") == (length_amount.number >= 0) else "-"
+        literal = (
+            f"{prefix_match[1]}{sign}"
+            f"{Amount(abs(length_amount.number), length_amount.unit).literal}"
+        )
     try:
         return parse(literal)
     except TextError as error:
@@ -212,11 +215,11 @@ def _is_mark(text: str, source: Document) -> bool:
     )
 
 
-def note_of(word: str, document: Document) -> str | None:
+def note_of(note_word: str, document: Document) -> str | None:
     """The note that a word of a table gives, if it is an expression. Raises TextError."""
-    if not is_computed(word, document):
+    if not is_computed(note_word, document):
         return None
-    amount = evaluate(word, named_amounts(document).names)
+    amount = evaluate(note_word, named_amounts(document).names)
     return amount.literal if amount.unit == "note" else None
 
 
@@ -244,20 +247,20 @@ def percent(literal: str) -> str:
     return literal if number is None else f"{(100 * number).normalize():f}%"
 
 
-def literal(node: Scalar) -> str | None:
+def literal(text_node: Scalar) -> str | None:
     """The literal that the expression in a node gives; None if the node is not an expression.
     Raises TextError.
     """
-    known_names = named_amounts(node.document).names
-    text = node.text
-    if not looks_like(text, known_names):
+    known_names = named_amounts(text_node.document).names
+    node_text = text_node.text
+    if not looks_like(node_text, known_names):
         return None
-    low_text, dots, high = text.partition("..")
+    low_text, dots, high_text = node_text.partition("..")
     if not dots:
-        return evaluate(text, known_names).literal
+        return evaluate(node_text, known_names).literal
     first_literal = evaluate(low_text, known_names).literal
     try:
-        return f"{first_literal}..{evaluate(high, known_names).literal}"
+        return f"{first_literal}..{evaluate(high_text, known_names).literal}"
     except TextError as error:
         error.offset += len(low_text) + 2
         raise

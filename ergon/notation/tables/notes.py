@@ -59,14 +59,14 @@ _WITH_CENTS = re.compile(r"([A-G][^+\d-]*-?\d)(?:([+-][\d_]+)cents?)?")
 _EXAMPLE = "D3 F3 A3, C3..C5 pentatonic, C3 minor count 8 or A3.min7"
 
 
-def number(word: str) -> int | None:
+def number(note_word: str) -> int | None:
     """The number of a note in semitones, 60 for C4 and 69 for A4; None if the word is not a
     note.
     """
-    match = _NOTE.fullmatch(word)
-    if match is None:
+    note_match = _NOTE.fullmatch(note_word)
+    if note_match is None:
         return None
-    return 12 * (int(match[3]) + 1) + _LETTERS[match[1]] + _SIGNS[match[2]]
+    return 12 * (int(note_match[3]) + 1) + _LETTERS[note_match[1]] + _SIGNS[note_match[2]]
 
 
 def name(note_number: int, *, flat: bool = False) -> str:
@@ -84,46 +84,46 @@ def nearest_note(frequency: float) -> tuple[str, float]:
     return f"{_USUAL[step]}{octave - 1}", 100 * (semitones - note_number)
 
 
-def word_of(text: str) -> str | None:
+def word_of(note_text: str) -> str | None:
     """The word of a pitch, as members are called by it: `A4+386_3cents` for `A4+386.3cents`,
     `3to2` for `3/2`; None if the text is no pitch.
     """
-    word = tuning.spelled(text)
+    word = tuning.spelled(note_text)
     return word if tuning.is_pitch(word) else None
 
 
-def pitch(text: str) -> float | None:
+def pitch(pitch_text: str) -> float | None:
     """How high a pitch is, in semitones: 69.0 at 440 Hz; None if the text is no pitch. Notes of
     equal temperament have whole numbers.
 
     Raises TextError for a key that the tuning leaves out.
     """
-    word = tuning.spelled(text)
-    if tuning.current().is_plain and (note := number(word)) is not None:
+    pitch_word = tuning.spelled(pitch_text)
+    if tuning.current().is_plain and (note := number(pitch_word)) is not None:
         return note
-    return tuning.current().pitch(word)
+    return tuning.current().pitch(pitch_word)
 
 
-def step(text: str) -> float | None:
+def step(note_text: str) -> float | None:
     """The number of a note by which it is moved: its key, where semitones are keys, or how high it
     is in semitones; None if the text is no pitch. Raises TextError.
     """
-    key = number(text) if tuning.current().has_keys else None
-    return pitch(text) if key is None else key
+    key = number(note_text) if tuning.current().has_keys else None
+    return pitch(note_text) if key is None else key
 
 
 def moved(pitch_word: str, semitones: float) -> str:
     """The word of a pitch moved by semitones; an integer of them is keys, where notes are keys.
     Raises TextError.
     """
-    match = _WITH_CENTS.fullmatch(pitch_word)
-    if match is None:
+    cents_match = _WITH_CENTS.fullmatch(pitch_word)
+    if cents_match is None:
         return tuning.hertz_word(q.frequency(pitch_word) * _core.pow(2.0, semitones / 12.0))
-    note_name, cents = match[1], float((match[2] or "0").replace("_", "."))
-    tuned, key = tuning.current(), number(note_name)
+    note_name, cents = cents_match[1], float((cents_match[2] or "0").replace("_", "."))
+    tuned, note_key = tuning.current(), number(note_name)
     is_keys = isinstance(semitones, int) or (tuned.scale is None and semitones.is_integer())
-    if tuned.has_keys and key is not None and is_keys:
-        note_name = name(key + int(semitones))
+    if tuned.has_keys and note_key is not None and is_keys:
+        note_name = name(note_key + int(semitones))
     else:
         cents += 100.0 * semitones
     cents = round(cents, 6)
@@ -144,11 +144,11 @@ def chord(root_note: str, scale: str) -> list[str]:
     return tuning.current().above(root_note, scale_steps)
 
 
-def scale_step(word: str) -> str:
+def scale_step(scale_word: str) -> str:
     """The word of a note, or of a step of a scale, in semitones above its root: of `A3.minor.7`
     that of E4. Raises TextError where it has no name.
     """
-    root, _, scale = tuning.spelled(word).partition(".")
+    root, _, scale = tuning.spelled(scale_word).partition(".")
     scale, _, semitones = scale.rpartition(".")
     return chord(root, scale)[SCALES[scale].index(int(semitones))] if semitones else root
 
@@ -184,23 +184,23 @@ def parse_notes(text: str) -> tuple[str, ...]:
     return _bounded(note_words)
 
 
-def _read_at(word: str, offset: int) -> int:
+def _read_at(word: str, word_offset: int) -> int:
     try:
         return read_note(word)
     except TextError as error:
-        error.offset += offset
+        error.offset += word_offset
         raise
 
 
-def check_note(text: str) -> None:
+def check_note(note_text: str) -> None:
     """Check that a text is a note, or another pitch by which members are called. Raises
     TextError.
     """
-    word = tuning.spelled(text)
-    if number(word) is None and tuning.is_pitch(word):
-        q.frequency(word)
+    note_word = tuning.spelled(note_text)
+    if number(note_word) is None and tuning.is_pitch(note_word):
+        q.frequency(note_word)
     else:
-        read_note(word)
+        read_note(note_word)
 
 
 def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
@@ -214,11 +214,15 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
         (scale, scale_offset), later_words = later_words[0], later_words[1:]
     steps = _scale(scale, scale_offset)
     if later_words and later_words[0][0] == "count":
-        value, count_offset = later_words[1] if len(later_words) > 1 else ("", later_words[0][1])
-        if not re.fullmatch(r"[0-9]{1,6}", value) or not 1 <= int(value) <= MAX_NOTES:
+        count_word, count_offset = (
+            later_words[1] if len(later_words) > 1 else ("", later_words[0][1])
+        )
+        if not re.fullmatch(r"[0-9]{1,6}", count_word) or not 1 <= int(count_word) <= MAX_NOTES:
             message = f"`count` needs a whole number from 1 to {MAX_NOTES}"
-            raise TextError(message, offset=count_offset, length=max(1, len(value)), code="E202")
-        count_asked, later_words = int(value), later_words[2:]
+            raise TextError(
+                message, offset=count_offset, length=max(1, len(count_word)), code="E202"
+            )
+        count_asked, later_words = int(count_word), later_words[2:]
     if later_words:
         word, word_offset = later_words[0]
         message = f"unknown word {quote(word)}; notes are written like {_EXAMPLE}"
@@ -236,11 +240,11 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
             low_name, name(highest_number) if high_number is None else high_name, scale
         )[:count_asked]
     else:
-        numbers = [root_number + 12 * octave + step for octave in octaves for step in steps]
+        note_numbers = [root_number + 12 * octave + step for octave in octaves for step in steps]
         is_flat = low_name[1:2] in ("b", "♭")
         spelled_names = [
             low_name,
-            *(name(note, flat=is_flat) for note in numbers[1:] if note <= highest_number),
+            *(name(note, flat=is_flat) for note in note_numbers[1:] if note <= highest_number),
         ][:count_asked]
     if count_asked is not None and len(spelled_names) < count_asked:
         message = (
@@ -251,24 +255,26 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
     return _bounded(spelled_names)
 
 
-def _spelled_range(low: str, high: str, scale: str) -> list[str]:
+def _spelled_range(low_note: str, high_note: str, scale: str) -> list[str]:
     """The notes of a scale from one to another, where a sharp is no flat; chromatic: all steps."""
-    tuned, top_pitch = tuning.current(), pitch(high) or 0.0
+    tuned, top_pitch = tuning.current(), pitch(high_note) or 0.0
     if scale == "chromatic":
-        return tuned.degrees(low, high)
-    match = _NOTE.fullmatch(low)
+        return tuned.degrees(low_note, high_note)
+    match = _NOTE.fullmatch(low_note)
     assert match is not None
     roots = (f"{match[1]}{match[2]}{octave}" for octave in range(int(match[3]), 10))
     notes = [note for root in roots for note in tuned.above(root, SCALES[scale])]
     return [note for note in notes if (pitch(note) or 0.0) <= top_pitch]
 
 
-def _scale(scale: str, offset: int) -> tuple[int, ...]:
+def _scale(scale: str, scale_offset: int) -> tuple[int, ...]:
     if scale not in SCALES:
         message = f"{quote(scale)} is not the name of a scale or a chord"
         suggestion = nearest(scale, SCALES)
         length = max(1, len(scale))
-        raise TextError(message, offset=offset, length=length, suggestion=suggestion, code="E206")
+        raise TextError(
+            message, offset=scale_offset, length=length, suggestion=suggestion, code="E206"
+        )
     return SCALES[scale]
 
 
@@ -277,12 +283,13 @@ def _bounded(note_words: list[str]) -> tuple[str, ...]:
         message = f"{len(note_words)} notes are written; the maximum is {MAX_NOTES}"
         raise TextError(message, code="E202")
     notes_by_pitch: dict[float | None, str] = {}
-    for note in note_words:
-        if (note_before := notes_by_pitch.setdefault(pitch(note), note)) is not note:
-            message = f"{quote(note)} is written twice"
-            if note_before != note:
+    for note_word in note_words:
+        if (note_before := notes_by_pitch.setdefault(pitch(note_word), note_word)) is not note_word:
+            message = f"{quote(note_word)} is written twice"
+            if note_before != note_word:
                 message = (
-                    f"{quote(note)} is the same note as {quote(note_before)}; remove one of them"
+                    f"{quote(note_word)} is the same note as {quote(note_before)}; remove one of "
+                    "them"
                 )
             raise TextError(message, code="E202")
     return tuple(note_words)
@@ -294,10 +301,10 @@ class Notes(Shape):
 
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
-        items = node.items if isinstance(node, document.Sequence) else [node]
+        item_nodes = node.items if isinstance(node, document.Sequence) else [node]
         note_words: list[str] = []
-        for item_node in items:
-            if not isinstance(item_node, Scalar) or not items:
+        for item_node in item_nodes:
+            if not isinstance(item_node, Scalar) or not item_nodes:
                 return wrong_shape(self, item_node, name, context)
             try:
                 note_words += parse_notes(item_node.text)

@@ -58,20 +58,22 @@ class Dimension:
 
 
 def _dimension(
-    name: str,
-    units: str,
+    dimension_name: str,
+    unit_names: str,
     example: str,
-    sign: Sign = "any",
+    value_sign: Sign = "any",
     *,
     bare: bool = True,
-    low: float = -MAX_SIZE,
-    high: float = MAX_SIZE,
+    low_bound: float = -MAX_SIZE,
+    high_bound: float = MAX_SIZE,
 ) -> Dimension:
-    table = {}
-    for word in units.split():
+    powers_by_unit = {}
+    for word in unit_names.split():
         unit, _, power = word.partition(":")
-        table[unit] = int(power or 0)
-    return Dimension(name, table, example, sign, bare, low, high)
+        powers_by_unit[unit] = int(power or 0)
+    return Dimension(
+        dimension_name, powers_by_unit, example, value_sign, bare, low_bound, high_bound
+    )
 
 
 _LENGTH = "mm:-3 cm:-2 m um:-6 µm:-6 μm:-6"
@@ -80,34 +82,42 @@ MASS = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive", bare=False)
 MASS_OR_NUMBER = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive")  # of `units: ca`
 STIFFNESS = _dimension("stiffness", "N/m kN/m:3 N/mm:3 mN/m:-3", "60N/m", "not negative")
 DAMPING = _dimension("viscosity", "Ns/m mNs/m:-3", "1.2Ns/m", "not negative")
-POSITION = _dimension("length", _LENGTH, "1mm", high=1e3, low=-1e3)
-SIZE = _dimension("length", _LENGTH, "0.5mm", "positive", high=1e3)
-SPAN = _dimension("length", _LENGTH, "5mm", "not negative", high=1e3)
-DISTANCE = _dimension("distance", _LENGTH, "2m", "positive", low=0.01, high=100.0)
-ROOM_SIZE = _dimension("size of a room", _LENGTH, "10m", "positive", low=0.5, high=100.0)
-AZIMUTH = _dimension("azimuth", "deg", "30deg", low=-360.0, high=360.0)
-ELEVATION = _dimension("elevation", "deg", "35deg", low=-90.0, high=90.0)
-PAN = _dimension("place from -1 (first channel) to 1 (second)", "", "-0.3", low=-1.0, high=1.0)
+POSITION = _dimension("length", _LENGTH, "1mm", high_bound=1e3, low_bound=-1e3)
+SIZE = _dimension("length", _LENGTH, "0.5mm", "positive", high_bound=1e3)
+SPAN = _dimension("length", _LENGTH, "5mm", "not negative", high_bound=1e3)
+DISTANCE = _dimension("distance", _LENGTH, "2m", "positive", low_bound=0.01, high_bound=100.0)
+ROOM_SIZE = _dimension(
+    "size of a room", _LENGTH, "10m", "positive", low_bound=0.5, high_bound=100.0
+)
+AZIMUTH = _dimension("azimuth", "deg", "30deg", low_bound=-360.0, high_bound=360.0)
+ELEVATION = _dimension("elevation", "deg", "35deg", low_bound=-90.0, high_bound=90.0)
+PAN = _dimension(
+    "place from -1 (first channel) to 1 (second)", "", "-0.3", low_bound=-1.0, high_bound=1.0
+)
 DENSITY = _dimension("density", "kg/m3 g/cm3:3", "7850kg/m3", "positive", bare=False)
 SURFACE_TENSION = _dimension("tension of a membrane", "N/m kN/m:3", "3kN/m", "positive", bare=False)
 PRESSURE = _dimension("pressure", "Pa kPa:3 MPa:6 GPa:9", "200GPa", "positive", bare=False)
-INHARMONICITY = _dimension("inharmonicity", "", "0.0003", "not negative", high=0.1)
-POISSON = _dimension("Poisson's ratio", "", "0.33", "not negative", high=0.5)
-SPEED = _dimension("speed", "m/s mm/s:-3", "0.5m/s", high=1e6, low=-1e6)
-GRAVITY = _dimension("acceleration", "m/s2 m/s²", "9.81m/s2", high=1e5, low=-1e5)
+INHARMONICITY = _dimension("inharmonicity", "", "0.0003", "not negative", high_bound=0.1)
+POISSON = _dimension("Poisson's ratio", "", "0.33", "not negative", high_bound=0.5)
+SPEED = _dimension("speed", "m/s mm/s:-3", "0.5m/s", high_bound=1e6, low_bound=-1e6)
+GRAVITY = _dimension("acceleration", "m/s2 m/s²", "9.81m/s2", high_bound=1e5, low_bound=-1e5)
 PUSH = _dimension("force", "N mN:-3 kN:3", "-5N")
 FORCE = _dimension("force", "N mN:-3 kN:3", "5N", "positive")
 # Of an input of a sound card: full scale is so much, and no more than so much acts.
-INPUT_FORCE = _dimension("force", "N kN:3 mN:-3 uN:-6 µN:-6 μN:-6", "2mN", low=-1e3, high=1e3)
-INPUT_LENGTH = _dimension("length", _LENGTH, "0.1mm", low=-1.0, high=1.0)
+INPUT_FORCE = _dimension(
+    "force", "N kN:3 mN:-3 uN:-6 µN:-6 μN:-6", "2mN", low_bound=-1e3, high_bound=1e3
+)
+INPUT_LENGTH = _dimension("length", _LENGTH, "0.1mm", low_bound=-1.0, high_bound=1.0)
 IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs", bare=False)
 POLES = _dimension(
     "force times the square of a distance", "Nm2 Ncm2:-4 Nmm2:-6 mNmm2:-9", "200Nmm2"
 )
 HARDENING = _dimension("hardening", _HARDENING, "4e8N/m3", "not negative")
-FREQUENCY = _dimension("frequency", "Hz kHz:3", "220Hz", "positive", high=1e6)
-RATE = _dimension("rate", "Hz kHz:3", "44100Hz", "positive", low=1e3, high=2e6)
-TICK_RATE = _dimension("rate of ticks", "Hz kHz:3", "1kHz", "positive", low=1.0, high=1e5)
+FREQUENCY = _dimension("frequency", "Hz kHz:3", "220Hz", "positive", high_bound=1e6)
+RATE = _dimension("rate", "Hz kHz:3", "44100Hz", "positive", low_bound=1e3, high_bound=2e6)
+TICK_RATE = _dimension(
+    "rate of ticks", "Hz kHz:3", "1kHz", "positive", low_bound=1.0, high_bound=1e5
+)
 DURATION = _dimension(
     "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "2.5s", "positive", bare=False
 )
@@ -115,27 +125,34 @@ INSTANT = _dimension(
     "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "0.4s", "not negative", bare=False
 )
 CONTACT_TIME = _dimension(
-    "time in seconds", "s ms:-3 us:-6 µs:-6 μs:-6", "2ms", "not negative", bare=False, high=0.05
+    "time in seconds",
+    "s ms:-3 us:-6 µs:-6 μs:-6",
+    "2ms",
+    "not negative",
+    bare=False,
+    high_bound=0.05,
 )
 # The highest level that a session takes, from a line or from the network: a slip of the finger must
 # not hurt the ears [dB].
 LOUDEST_DB = 24.0
-LOUDNESS = _dimension("loudness", "LUFS", "-31LUFS", bare=False, low=-150.0, high=60.0)
-LEVEL = _dimension("level", "dB", "-6dB", bare=False, low=-400.0, high=200.0)
-ERROR = _dimension("error", "dB", "-60dB", bare=False, low=-160.0, high=-10.0)
-CENTS = _dimension("error of pitch in cents", "", "3", "positive", low=0.01, high=1200.0)
-CHANCE = _dimension("chance", "%:-2", "0.6", "not negative", high=1.0)
-SHARE = _dimension("share of the processor", "%:-2", "80%", "positive", bare=False, high=64.0)
+LOUDNESS = _dimension("loudness", "LUFS", "-31LUFS", bare=False, low_bound=-150.0, high_bound=60.0)
+LEVEL = _dimension("level", "dB", "-6dB", bare=False, low_bound=-400.0, high_bound=200.0)
+ERROR = _dimension("error", "dB", "-60dB", bare=False, low_bound=-160.0, high_bound=-10.0)
+CENTS = _dimension(
+    "error of pitch in cents", "", "3", "positive", low_bound=0.01, high_bound=1200.0
+)
+CHANCE = _dimension("chance", "%:-2", "0.6", "not negative", high_bound=1.0)
+SHARE = _dimension("share of the processor", "%:-2", "80%", "positive", bare=False, high_bound=64.0)
 NUMBER = _dimension("plain number", "", "0.5")
 RATIO = _dimension("plain number", "", "0.5", "not negative")
 FACTOR = _dimension("number", "", "1.5", "positive")
-FRICTION = _dimension("coefficient of friction", "", "0.4", "not negative", high=10.0)
-EXPONENT = _dimension("exponent", "", "1.5", low=1.0, high=16.0)
-RADIUS = _dimension("radius", "", "0.3", "not negative", high=10.0)
-PATH_AZIMUTH = _dimension("angle", "deg", "1080deg", low=-36000.0, high=36000.0)
-WIDTH = _dimension("width", "", "0.06", "positive", low=0.001, high=4.0)
-HOLE = _dimension("radius of a hole", "", "0.3", "positive", low=0.01, high=1.0)
-UNIT_RATIO = _dimension("number from 0 to 1", "", "0.5", "not negative", high=1.0)
+FRICTION = _dimension("coefficient of friction", "", "0.4", "not negative", high_bound=10.0)
+EXPONENT = _dimension("exponent", "", "1.5", low_bound=1.0, high_bound=16.0)
+RADIUS = _dimension("radius", "", "0.3", "not negative", high_bound=10.0)
+PATH_AZIMUTH = _dimension("angle", "deg", "1080deg", low_bound=-36000.0, high_bound=36000.0)
+WIDTH = _dimension("width", "", "0.06", "positive", low_bound=0.001, high_bound=4.0)
+HOLE = _dimension("radius of a hole", "", "0.3", "positive", low_bound=0.01, high_bound=1.0)
+UNIT_RATIO = _dimension("number from 0 to 1", "", "0.5", "not negative", high_bound=1.0)
 
 # A constant of a law may have any of these; what it must measure depends on the law's text.
 _LAW_UNITS = (
@@ -170,14 +187,16 @@ def full_scale(scale_text: str) -> tuple[float, bool]:
 
     Raises TextError if the unit is neither of force nor of length, or if the value is 0.
     """
-    word = scale_text.strip()
-    is_force = word.endswith("N")
-    if not is_force and not word.endswith("m"):
-        raise TextError(f"{quote(word)} must have a unit of force or length, such as 2mN or 0.1mm")
-    value = quantity(scale_text, INPUT_FORCE if is_force else INPUT_LENGTH)
-    if value == 0.0:
+    scale_word = scale_text.strip()
+    is_force = scale_word.endswith("N")
+    if not is_force and not scale_word.endswith("m"):
+        raise TextError(
+            f"{quote(scale_word)} must have a unit of force or length, such as 2mN or 0.1mm"
+        )
+    scale_value = quantity(scale_text, INPUT_FORCE if is_force else INPUT_LENGTH)
+    if scale_value == 0.0:
         raise TextError("full scale must not be 0")
-    return value, is_force
+    return scale_value, is_force
 
 
 def quantity(text: str, dimension: Dimension) -> float:
@@ -191,12 +210,12 @@ def quantity(text: str, dimension: Dimension) -> float:
     if number_match.re is _FRACTION:
         if int(number_match[2]) == 0:
             raise TextError("the number divides by zero", length=len(quantity_word), code="E202")
-        value = float(
+        number_value = float(
             Fraction(int(number_match[1]), int(number_match[2])) * Fraction(10) ** power_of_ten
         )
     else:
-        value = float(f"{number_match[1]}e{int(number_match[2] or 0) + power_of_ten}")
-    return bounded(value, quantity_word, dimension)
+        number_value = float(f"{number_match[1]}e{int(number_match[2] or 0) + power_of_ten}")
+    return bounded(number_value, quantity_word, dimension)
 
 
 def bounded(si_value: float, quantity_word: str, dimension: Dimension) -> float:
@@ -383,14 +402,15 @@ def note_slip(note_word: str) -> TextError | None:
     syllable_match = _SOLFEGE.fullmatch(note_word)
     note_letter = None if syllable_match is None else _SYLLABLES[syllable_match[1].lower()]
     if syllable_match is not None and syllable_match[3]:
-        sign, octave = (
+        accidental_sign, octave = (
             _FOREIGN_SIGNS.get(syllable_match[2].lower(), syllable_match[2]),
             int(syllable_match[3]),
         )
-        suggestion = f"{note_letter}{sign}{octave}"
+        suggestion = f"{note_letter}{accidental_sign}{octave}"
         message = (
             f"{quote(note_word)} is solfège, and notes are written by letters: {suggestion}, or "
-            f"{note_letter}{sign}{octave + 1} where octaves are counted as in France (la3 is A4, "
+            f"{note_letter}{accidental_sign}{octave + 1} where octaves are counted as in France "
+            "(la3 is A4, "
             "440 Hz)"
         )
     elif syllable_match is not None or re.fullmatch(r"[A-Ga-g](##|bb|[#b♯♭])?", note_word):
@@ -427,19 +447,22 @@ def _check_pitch(pitch_word: str) -> None:
         raise TextError(message, length=len(pitch_word), code="E203")
 
 
-def _respelled(word: str) -> str | None:
+def _respelled(note_word: str) -> str | None:
     """A note written in German, in small letters or with the accidental last, respelled in this
     notation.
     """
-    match = _FOREIGN_NOTE.fullmatch(word)
-    if match is None:
+    foreign_match = _FOREIGN_NOTE.fullmatch(note_word)
+    if foreign_match is None:
         return None
-    letter, middle, octave, last_letter = match.groups()
-    sign = (middle or last_letter or "").lower()
+    letter, middle, octave, last_letter = foreign_match.groups()
+    accidental_sign = (middle or last_letter or "").lower()
     if middle and last_letter:
         return None
     letter = letter.upper()
-    return f"{'B' if letter == 'H' else letter}{_FOREIGN_SIGNS.get(sign, sign)}{octave}"
+    return (
+        f"{'B' if letter == 'H' else letter}{_FOREIGN_SIGNS.get(accidental_sign, accidental_sign)}"
+        f"{octave}"
+    )
 
 
 Read = Callable[[str], float]
@@ -452,10 +475,10 @@ def span(span_text: str, read_end: Read, example: str) -> tuple[float, float]:
         message = f"{quote(span_text.strip())} is not a range such as {example}"
         raise TextError(message, length=len(span_text.strip()), code="E201")
     low_text, high_text = low_text.strip(), high_text.strip()
-    if _NUMBER.fullmatch(low_text) and (unit := _unit_of(high_text)):
-        low_text += unit
-    elif _NUMBER.fullmatch(high_text) and (unit := _unit_of(low_text)):
-        high_text += unit
+    if _NUMBER.fullmatch(low_text) and (high_unit := _unit_of(high_text)):
+        low_text += high_unit
+    elif _NUMBER.fullmatch(high_text) and (high_unit := _unit_of(low_text)):
+        high_text += high_unit
     low_value = read_end(low_text)
     try:
         high_value = read_end(high_text)
@@ -501,12 +524,12 @@ def gain(gain_text: str) -> float:
 
 def factor(text: str) -> float:
     """`x1.5`: a factor that is not negative."""
-    word = text.strip()
-    if not word.startswith("x"):
-        message = f"{quote(word)} is not a factor such as x1.5"
-        raise TextError(message, length=len(word), code="E201")
+    factor_word = text.strip()
+    if not factor_word.startswith("x"):
+        message = f"{quote(factor_word)} is not a factor such as x1.5"
+        raise TextError(message, length=len(factor_word), code="E201")
     try:
-        return quantity(word[1:], RATIO)
+        return quantity(factor_word[1:], RATIO)
     except TextError as error:
         error.offset += 1
         raise

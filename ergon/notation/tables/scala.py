@@ -28,12 +28,12 @@ _INTEGER = re.compile(r"[+-]?\d{1,9}")
 _DECIMAL = re.compile(r"\d{1,12}\.?\d{0,20}(?:[eE][+-]?\d{1,3})?")
 
 
-def decoded(data: bytes) -> str:
+def decoded(scala_bytes: bytes) -> str:
     """The text of a file of Scala: UTF-8, or Latin-1 as in its archive."""
     try:
-        return data.decode("utf-8-sig")
+        return scala_bytes.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return data.decode("latin-1")
+        return scala_bytes.decode("latin-1")
 
 
 class ScalaError(TextError):
@@ -75,11 +75,11 @@ class KeyMap:
     octave: int = 0
     degrees: tuple[int | None, ...] = ()
 
-    def degree(self, key: int, scale: Scale) -> int | None:
+    def degree(self, key_number: int, scale: Scale) -> int | None:
         """The degree of a key; None if the key has no pitch."""
         if not self.degrees:
-            return key - self.middle
-        turn, place = divmod(key - self.middle, len(self.degrees))
+            return key_number - self.middle
+        turn, place = divmod(key_number - self.middle, len(self.degrees))
         degree = self.degrees[place]
         return None if degree is None else degree + turn * (self.octave or len(scale.ratios))
 
@@ -99,40 +99,42 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
             yield number, line.strip()
 
 
-def parse_scale(text: str) -> Scale:
+def parse_scale(scale_text: str) -> Scale:
     """Read a `.scl` file. Raises ScalaError."""
-    text_lines = _lines(text)
-    last_line = text.count("\n") + 1
-    _, title = next(text_lines, (last_line, ""))
+    text_lines = _lines(scale_text)
+    last_line = scale_text.count("\n") + 1
+    _, scale_title = next(text_lines, (last_line, ""))
     line_number, count_line = next(text_lines, (last_line, ""))
-    match = re.match(r"\d{1,9}(?!\S)", count_line)
-    if match is None:
+    count_match = re.match(r"\d{1,9}(?!\S)", count_line)
+    if count_match is None:
         message = "the second line that is no comment is the number of degrees, such as 12"
         raise ScalaError(message, line_number, count_line)
-    degree_count = int(match[0])
+    degree_count = int(count_match[0])
     if not 1 <= degree_count <= MAX_DEGREES:
         message = f"{degree_count:,} degrees are announced; a scale has from 1 to {MAX_DEGREES:,}"
         raise ScalaError(message, line_number, count_line)
     degree_ratios: list[float] = []
     while len(degree_ratios) < degree_count:
-        line_number, line = next(text_lines, (0, ""))
+        line_number, degree_line = next(text_lines, (0, ""))
         if not line_number:
             message = (
                 f"{degree_count:,} degrees are announced, but the file has {len(degree_ratios):,}"
             )
             raise ScalaError(message, last_line)
-        degree_ratios.append(_pitch(line, line_number))
-    return Scale(tuple(degree_ratios), title)
+        degree_ratios.append(_pitch(degree_line, line_number))
+    return Scale(tuple(degree_ratios), scale_title)
 
 
 def _pitch(degree_line: str, line_number: int) -> float:
     """The ratio of one degree: cents if there is a period in it, else a ratio."""
-    word = degree_line.split()[0] if degree_line else ""
-    if _CENTS.fullmatch(word):
-        cents = float(word)
+    pitch_word = degree_line.split()[0] if degree_line else ""
+    if _CENTS.fullmatch(pitch_word):
+        cents = float(pitch_word)
         if abs(cents) > _MAX_CENTS:
             raise ScalaError(
-                f"{quote(word)} lies outside ±{_MAX_CENTS:,.0f} cents", line_number, degree_line
+                f"{quote(pitch_word)} lies outside ±{_MAX_CENTS:,.0f} cents",
+                line_number,
+                degree_line,
             )
         return _core.pow(2.0, cents / 1200.0)
     text_match = _RATIO.match(degree_line)
@@ -152,26 +154,32 @@ def _pitch(degree_line: str, line_number: int) -> float:
     return float(Fraction(numerator, denominator))
 
 
-def parse_key_map(text: str) -> KeyMap:
+def parse_key_map(map_text: str) -> KeyMap:
     """Read a `.kbm` file. Raises ScalaError."""
-    text_lines = _lines(text)
-    last_line = text.count("\n") + 1
+    text_lines = _lines(map_text)
+    last_line = map_text.count("\n") + 1
 
     def word(noun: str) -> tuple[int, str]:
-        number, line = next(text_lines, (last_line, ""))
-        if not line.split():
-            raise ScalaError(f"{noun} is missing", number, line)
-        return number, line.split()[0]
+        line_number, map_line = next(text_lines, (last_line, ""))
+        if not map_line.split():
+            raise ScalaError(f"{noun} is missing", line_number, map_line)
+        return line_number, map_line.split()[0]
 
-    def integer(noun: str, low: int, high: int) -> int:
-        number, text_of_number = word(noun)
-        if not _INTEGER.fullmatch(text_of_number) or not low <= int(text_of_number) <= high:
-            message = f"{quote(text_of_number)} is not {noun}, a whole number from {low} to {high}"
-            raise ScalaError(message, number, text_of_number)
+    def integer(noun: str, low_bound: int, high_bound: int) -> int:
+        line_number, text_of_number = word(noun)
+        if (
+            not _INTEGER.fullmatch(text_of_number)
+            or not low_bound <= int(text_of_number) <= high_bound
+        ):
+            message = (
+                f"{quote(text_of_number)} is not {noun}, a whole number from {low_bound} to "
+                f"{high_bound}"
+            )
+            raise ScalaError(message, line_number, text_of_number)
         return int(text_of_number)
 
     map_size = integer("the size of the map", 0, MAX_KEYS)
-    low, high = integer("the first key", 0, 127), integer("the last key", 0, 127)
+    first_key, last_key = integer("the first key", 0, 127), integer("the last key", 0, 127)
     middle = integer("the middle key", -MAX_KEYS, MAX_KEYS)
     reference = integer("the reference key", -MAX_KEYS, MAX_KEYS)
     line_number, hertz = word("the reference frequency")
@@ -180,10 +188,10 @@ def parse_key_map(text: str) -> KeyMap:
         raise ScalaError(message, line_number, hertz)
     octave = integer("the degree of the formal octave", 0, MAX_DEGREES)
     degrees: list[int | None] = []
-    rows = [*text_lines]
-    while rows and not rows[-1][1]:  # blank lines at the end of the file
-        rows.pop()
-    for line_number, map_line in rows:
+    map_rows = [*text_lines]
+    while map_rows and not map_rows[-1][1]:  # blank lines at the end of the file
+        map_rows.pop()
+    for line_number, map_line in map_rows:
         if len(degrees) == map_size:
             break
         cell = map_line.split()[0] if map_line else ""
@@ -195,7 +203,7 @@ def parse_key_map(text: str) -> KeyMap:
             message = f"{quote(map_line[:40])} is neither a degree nor x, for a key without a pitch"
             raise ScalaError(message, line_number, map_line)
     degrees += [None] * (map_size - len(degrees))  # Scala: keys that are left out have no pitch
-    key_map = KeyMap(low, high, middle, reference, float(hertz), octave, tuple(degrees))
+    key_map = KeyMap(first_key, last_key, middle, reference, float(hertz), octave, tuple(degrees))
     if key_map.degrees and key_map.degrees[(reference - middle) % map_size] is None:
         raise ScalaError(f"the reference key {reference} has no degree in the map", line_number)
     return key_map

@@ -43,12 +43,12 @@ class Name(str):
     place: Place
     written: str
 
-    def __new__(cls, word: str, place: Place, written: str | None = None) -> Name:
+    def __new__(cls, name_word: str, name_place: Place, written: str | None = None) -> Name:
         """A string that remembers where it was written, and how if that differs."""
-        name = super().__new__(cls, word)
-        name.place = place
-        name.written = str(word) if written is None else written
-        return name
+        placed_name = super().__new__(cls, name_word)
+        placed_name.place = name_place
+        placed_name.written = str(name_word) if written is None else written
+        return placed_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,11 +70,11 @@ class Context:
             return self.owner or "the score"
         return f"{field_name} of {self.owner}" if self.owner else f"'{field_name}'"
 
-    def inside(self, noun: str, name: str, place: Place) -> Context:
+    def inside(self, noun: str, name: str, inner_place: Place) -> Context:
         """The context of a named thing; a module is called by its instrument's name too."""
         inner_name = f"{self.name}.{name}" if noun == "module" and self.name else name
         owner = f"{noun} {quote(inner_name)}"
-        return Context(self.collector, owner, name, place, tunings=self.tunings)
+        return Context(self.collector, owner, name, inner_place, tunings=self.tunings)
 
     def error(self, code: str, message: str, place: Place, **more: Any) -> None:
         """Report."""
@@ -83,13 +83,13 @@ class Context:
     def text_error(self, error: TextError, scalar_node: Scalar, field_name: str) -> None:
         """Report a mistake inside a scalar at its characters; an empty name means the owner."""
         message = f"{self.label(field_name)}: {error.message}"
-        place, suggestion = scalar_node.place_at(error.offset, error.length), error.suggestion
+        error_place, suggestion = scalar_node.place_at(error.offset, error.length), error.suggestion
         character = None if "(U+" in message else typeset_character(scalar_node.text)
         if character is not None:
             message += f"; {quote(scalar_node.text.strip())} has {character}"
             is_all = error.length >= len(scalar_node.text.strip())
             suggestion = suggestion or (plain(scalar_node.text) if is_all else None)
-        self.collector.error(error.code, message, place, suggestion=suggestion)
+        self.collector.error(error.code, message, error_place, suggestion=suggestion)
 
 
 class Shape(ABC):
@@ -161,11 +161,11 @@ class Text(Shape):
             context.text_error(error, node, name)
             return MISSING
 
-    def read_word(self, word: str, source: document.Document) -> Any:
+    def read_word(self, read_word_text: str, source_document: document.Document) -> Any:
         """The value of a word of a table. Raises TextError."""
         if self.is_position:
-            return named_values.position(word, source, self.parse)
-        return named_values.word_value(word, source, self.parse)
+            return named_values.position(read_word_text, source_document, self.parse)
+        return named_values.word_value(read_word_text, source_document, self.parse)
 
     def _computed(self, node: Scalar, name: str, context: Context, plain: TextError) -> Any:
         """The value of a node that is not a plain value: an expression, or a mistake to report."""
@@ -231,12 +231,15 @@ class NamedValues(Shape):
 def choice(*choice_words: str) -> Text:
     """One of a few words."""
 
-    def parse(text: str) -> str:
-        if text in choice_words:
-            return text
-        message = f"{quote(text)} is not one of {', '.join(choice_words)}"
+    def parse(written_text: str) -> str:
+        if written_text in choice_words:
+            return written_text
+        message = f"{quote(written_text)} is not one of {', '.join(choice_words)}"
         raise TextError(
-            message, length=max(1, len(text)), suggestion=nearest(text, choice_words), code="E206"
+            message,
+            length=max(1, len(written_text)),
+            suggestion=nearest(written_text, choice_words),
+            code="E206",
         )
 
     shown = " or ".join(f"`{word}`" for word in choice_words)
@@ -281,34 +284,35 @@ def lost_indentation(
     """The first empty name, and the name after it, which was to be indented below it; None if there
     is none. `is_lost` returns whether the second name means nothing beside the first.
     """
-    for (name_above, (name, child)), (word, (key, _)) in pairwise(entries.items()):
+    for (name_above, (name, child)), (entry_word, (key, _)) in pairwise(entries.items()):
         is_empty = isinstance(child, Scalar) and child.is_empty
         is_beside = key.place.column == name.place.column and key.place.line > name.place.line
-        if is_empty and is_beside and is_lost(name_above, word):
-            return name_above, word
+        if is_empty and is_beside and is_lost(name_above, entry_word):
+            return name_above, entry_word
     return None
 
 
-def report_lost(context: Context, name_above: str, word: str, key: Scalar) -> None:
+def report_lost(context: Context, name_above: str, lost_word: str, lost_key: Scalar) -> None:
     """Report a name that is beside an empty one, instead of below it."""
-    message = f"nothing is written below {quote(name_above)}, and {quote(word)} is beside it"
+    message = f"nothing is written below {quote(name_above)}, and {quote(lost_word)} is beside it"
     help = (
-        f"put two more spaces before {quote(word)} and the lines that belong to {quote(name_above)}"
+        f"put two more spaces before {quote(lost_word)} and the lines that belong to "
+        f"{quote(name_above)}"
     )
-    context.error("E101", message, key.place, help=help)
+    context.error("E101", message, lost_key.place, help=help)
 
 
-def name_help(word: str) -> str | None:
+def name_help(known_word: str) -> str | None:
     """Help for a name that is none, because of how its characters are written."""
-    if (character := typeset_character(word)) is not None:
-        return f"{quote(word)} has {character}"
-    return "put a space after ':'" if ":" in word else None
+    if (character := typeset_character(known_word)) is not None:
+        return f"{quote(known_word)} has {character}"
+    return "put a space after ':'" if ":" in known_word else None
 
 
 def wrong_shape(
     expected_shape: Shape,
     wrong_node: Node,
-    name: str,
+    field_name: str,
     context: Context,
     help: str | None = None,
     suggestion: str | None = None,
@@ -320,7 +324,7 @@ def wrong_shape(
         actual = "is empty" if wrong_node.is_empty else f"is {quote(wrong_node.text)}"
     else:
         actual = "is a list"
-    message = f"{context.label(name)} {actual}; expected: {expected_shape.words()}"
+    message = f"{context.label(field_name)} {actual}; expected: {expected_shape.words()}"
     if isinstance(wrong_node, document.Sequence) and isinstance(expected_shape, Text | Reference):
         help = "a list is not read here: repeat the entry, once for each value"
     context.error("E106", message, wrong_node.place, help=help, suggestion=suggestion)

@@ -81,11 +81,11 @@ class Level:
 
         A strength s is soft·(hard/soft)^s of its reach.
         """
-        value = self.low if self.low == self.high else draw(self.low, self.high)
+        drawn_impulse = self.low if self.low == self.high else draw(self.low, self.high)
         if not self.is_strength:
-            return value
+            return drawn_impulse
         assert reach is not None
-        return reach.impulse(value) * self.factor
+        return reach.impulse(drawn_impulse) * self.factor
 
     @property
     def written(self) -> str:
@@ -205,11 +205,11 @@ def _strength(strength_word: str) -> float | None:
         return min(_STEPS, DYNAMICS.index(strength_word) + accent) / _STEPS
     match = _VELOCITY.fullmatch(strength_word)
     if match is not None:
-        value = int(match[1])
-        if not 1 <= value <= 127:
+        velocity_value = int(match[1])
+        if not 1 <= velocity_value <= 127:
             message = f"a MIDI velocity lies from v1 to v127, not {strength_word}"
             raise TextError(message, length=len(strength_word), code="E202")
-        return min(1.0, value / 127.0 + accent / _STEPS)
+        return min(1.0, velocity_value / 127.0 + accent / _STEPS)
     if _PLAIN_NUMBER.fullmatch(strength_word):
         strength = q.quantity(strength_word, q.NUMBER)
         if 0.0 <= strength <= 1.0:
@@ -230,13 +230,13 @@ def levels(levels_text: str) -> Levels:
         raise TextError(message, offset=placed_words[MAX_STEPS][1], code="E105")
     arrows = [offset for word, offset in placed_words if word == "->"]
     level_steps = []
-    for word, offset in placed_words:
-        if word == "->":
+    for level_word, word_offset in placed_words:
+        if level_word == "->":
             continue
         try:
-            level_steps.append(level(word))
+            level_steps.append(level(level_word))
         except TextError as error:
-            error.offset += offset
+            error.offset += word_offset
             raise
     if not arrows:
         return Levels(tuple(level_steps))

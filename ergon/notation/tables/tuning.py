@@ -109,11 +109,11 @@ class Tuning:
                 raise TextError(f"{quote(word)} is not a ratio above 0", length=len(word))
             return self._root() * float(Fraction(numerator, denominator))
         if text_match := _DEGREE.fullmatch(word):
-            step, count = int(text_match[1]), int(text_match[2])
-            if not 1 <= count <= MAX_EDO:
+            step_number, steps_count = int(text_match[1]), int(text_match[2])
+            if not 1 <= steps_count <= MAX_EDO:
                 message = f"{quote(word)}: an octave has from 1 to {MAX_EDO:,} equal steps"
                 raise TextError(message, length=len(word), code="E202")
-            return _raised(self._root(), step, count)
+            return _raised(self._root(), step_number, steps_count)
         if _HERTZ.fullmatch(word):
             number = _number(word.removesuffix("Hz").removesuffix("k"))
             return number * 1000.0 if word.endswith("kHz") else number
@@ -126,18 +126,18 @@ class Tuning:
         fifths, octaves = _CHAIN[letter]
         fifths, octaves = fifths + signs * _SHARP[0], octaves + signs * _SHARP[1] + octave - 4
         if self.scale is not None:
-            key = 69 + 7 * fifths + 12 * octaves
-            hertz = self.keys.hertz(key, self.scale)
+            key_number = 69 + 7 * fifths + 12 * octaves
+            hertz = self.keys.hertz(key_number, self.scale)
             if hertz is None:
-                message = f"{quote(word)}: the key {key} has no pitch in the keyboard map"
+                message = f"{quote(word)}: the key {key_number} has no pitch in the keyboard map"
                 raise TextError(message, length=len(word), code="E201")
             return hertz * _core.pow(2.0, cents / 1200.0) if cents else hertz
         fifth = round(self.edo * math.log2(1.5))
-        octaves, rest = divmod(fifth * fifths + self.edo * octaves, self.edo)
+        octaves, steps_left = divmod(fifth * fifths + self.edo * octaves, self.edo)
         if self.edo == 12:  # the cents are part of the exponent: every A is exact
-            steps = rest + cents / 100
+            steps = steps_left + cents / 100
             return math.ldexp(self.a4 * (_core.pow(2.0, steps / 12) if steps else 1.0), octaves)
-        steps = rest / self.edo + cents / 1200.0
+        steps = steps_left / self.edo + cents / 1200.0
         return math.ldexp(self.a4 * (_core.pow(2.0, steps) if steps else 1.0), octaves)
 
     def pitch(self, word: str) -> float | None:
@@ -147,22 +147,22 @@ class Tuning:
         hertz = self.hertz(word)
         return None if hertz is None else semitones(hertz)
 
-    def key_word(self, key: int) -> str:
+    def key_word(self, key_number: int) -> str:
         """The word of the pitch of a MIDI note: 60 is C4, others are as many steps from it."""
         if self.has_keys:
-            octave, step = divmod(key, 12)
+            octave, step = divmod(key_number, 12)
             return f"{_NAMES[step]}{octave - 1}"
         c4 = self.hertz("C4") or 0.0
-        return hertz_word(_raised(c4, key - _MIDDLE_C, self.edo))
+        return hertz_word(_raised(c4, key_number - _MIDDLE_C, self.edo))
 
     def above(self, word: str, steps: tuple[int, ...]) -> list[str]:
         """The words of the semitones of a scale or chord above a note, spelled by fifths."""
-        table: dict[int, int] = dict(enumerate(_FIFTHS))
+        step_table: dict[int, int] = dict(enumerate(_FIFTHS))
         if 3 in steps and 7 not in steps:
-            table |= _DIMINISHED
+            step_table |= _DIMINISHED
         if 4 in steps and 7 not in steps:
-            table |= _AUGMENTED
-        return [_moved_by_fifths(word, table[step % 12], step) for step in steps]
+            step_table |= _AUGMENTED
+        return [_moved_by_fifths(word, step_table[step % 12], step) for step in steps]
 
     def degrees(self, low: str, high: str) -> list[str]:
         """The words of all steps of an octave of `edo` from a note to another."""
@@ -175,16 +175,16 @@ class Tuning:
             message = f"{quote(word)} is no step of {self.edo} equal ones; write a note such as C4"
             raise TextError(message, length=len(word), code="E201")
         fifths, octaves = _CHAIN[text_match[1]]
-        sign = _SIGNS[text_match[2]]
+        accidental_steps = _SIGNS[text_match[2]]
         fifth = round(self.edo * math.log2(1.5))
-        octave = int(text_match[3]) - 4 + octaves + sign * _SHARP[1]
-        return fifth * (fifths + sign * _SHARP[0]) + self.edo * octave
+        octave = int(text_match[3]) - 4 + octaves + accidental_steps * _SHARP[1]
+        return fifth * (fifths + accidental_steps * _SHARP[0]) + self.edo * octave
 
 
 _NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 
 
-def _moved_by_fifths(note_word: str, fifths: int, step: int) -> str:
+def _moved_by_fifths(note_word: str, fifths: int, semitone_step: int) -> str:
     """A note moved by fifths, and by so many semitones in all."""
     text_match = _NOTE.fullmatch(note_word)
     assert text_match is not None
@@ -192,7 +192,7 @@ def _moved_by_fifths(note_word: str, fifths: int, step: int) -> str:
     moved = _LETTERS.index(letter) + 7 * signs + fifths
     signs, place = divmod(moved, 7)
     new_letter = _LETTERS[place]
-    height = _semitone(letter, _SIGNS[text_match[2]], octave) + step
+    height = _semitone(letter, _SIGNS[text_match[2]], octave) + semitone_step
     octave = (height - _semitone(new_letter, signs, 0)) // 12
     if not -2 <= signs <= 2:
         message = (

@@ -47,11 +47,11 @@ def _units(dimension: q.Dimension) -> str:
 
 def quantity(dimension: q.Dimension, doc: str = "") -> Text:
     """A number with a unit, as an SI float."""
-    words = doc or f"{with_article(dimension.name)}, such as {dimension.example}"
+    doc_words = doc or f"{with_article(dimension.name)}, such as {dimension.example}"
     units = f" *({_units(dimension)}){'?' if dimension.bare else ''}" if dimension.units else ""
     pattern = f"^({_NUMBER}{units}{'' if dimension.bare else '|0'})$"
     parse = _cached(lambda text: q.quantity(text, dimension))
-    return Text(parse, words, pattern, units=tuple(dimension.units), is_value=True)
+    return Text(parse, doc_words, pattern, units=tuple(dimension.units), is_value=True)
 
 
 def span(dimension: q.Dimension, example: str) -> Text:
@@ -60,10 +60,10 @@ def span(dimension: q.Dimension, example: str) -> Text:
     def read(text: str) -> float:
         return q.frequency(text) if dimension is q.FREQUENCY else q.quantity(text, dimension)
 
-    def parse(text: str) -> tuple[float, float]:
-        if ".." in text:
-            return q.span(text, read, example)
-        value = read(text)
+    def parse(span_text: str) -> tuple[float, float]:
+        if ".." in span_text:
+            return q.span(span_text, read, example)
+        value = read(span_text)
         return value, value
 
     single = f"({_NUMBER} *({_units(dimension)})?{f'|{_NOTE}' if dimension is q.FREQUENCY else ''})"
@@ -72,10 +72,10 @@ def span(dimension: q.Dimension, example: str) -> Text:
     return Text(remembered, words, rf"^{single}(\.\.{single})?$", is_value=True)
 
 
-def integer(low: int, high: int, example: str) -> Text:
+def integer(low_bound: int, high_bound: int, example: str) -> Text:
     """A whole number."""
-    words = f"a whole number from {low:,} to {high:,}, such as {example}"
-    parse = _cached(lambda text: q.integer(text, low, high))
+    words = f"a whole number from {low_bound:,} to {high_bound:,}, such as {example}"
+    parse = _cached(lambda text: q.integer(text, low_bound, high_bound))
     return Text(parse, words, f"^{_NUMBER}$", is_value=True)
 
 
@@ -98,16 +98,16 @@ def integer_or(other_word: str, low: int, high: int, example: str) -> Text:
     )
 
 
-def count_or_size(low: int, high: int, words: str) -> Text:
+def count_or_size(low_bound: int, high_bound: int, doc_words: str) -> Text:
     """A whole number of masses as an int, or a length with its unit as metres."""
 
     def parse(text: str) -> int | float:
         if text.strip()[-1:].isalpha():
             return q.quantity(text, q.SIZE)
-        return q.integer(text, low, high)
+        return q.integer(text, low_bound, high_bound)
 
     pattern = f"^{_NUMBER}( *({_units(q.SIZE)}))?$"
-    return Text(_cached(parse), words, pattern, units=tuple(q.SIZE.units), is_value=True)
+    return Text(_cached(parse), doc_words, pattern, units=tuple(q.SIZE.units), is_value=True)
 
 
 def _title(text: str) -> str:
@@ -122,12 +122,14 @@ def _path(text: str) -> str:
     return text.strip()
 
 
-def _truth(text: str) -> bool:
-    if text in ("true", "false"):
-        return text == "true"
-    suggestion = {"yes": "true", "on": "true", "no": "false", "off": "false"}.get(text.lower())
-    message = f"{quote(text)} is neither true nor false"
-    raise TextError(message, length=max(1, len(text)), suggestion=suggestion, code="E206")
+def _truth(truth_text: str) -> bool:
+    if truth_text in ("true", "false"):
+        return truth_text == "true"
+    suggestion = {"yes": "true", "on": "true", "no": "false", "off": "false"}.get(
+        truth_text.lower()
+    )
+    message = f"{quote(truth_text)} is neither true nor false"
+    raise TextError(message, length=max(1, len(truth_text)), suggestion=suggestion, code="E206")
 
 
 AXES = ("x", "y", "z")  # of a point in space

@@ -38,11 +38,11 @@ class Curve:
         """The share from 0 to 1 of a velocity from 1 to 127; a law is 0 at the `softest`."""
         if not self.velocities:
             return LAWS[self.law](Fraction(velocity - softest, HARDEST - softest))
-        number = bisect_right(self.velocities, velocity)
-        if number in (0, len(self.velocities)):
-            return self.shares[min(number, len(self.velocities) - 1)]
-        low, high = self.velocities[number - 1 : number + 1]
-        share_below, share_above = self.shares[number - 1 : number + 1]
+        velocity_index = bisect_right(self.velocities, velocity)
+        if velocity_index in (0, len(self.velocities)):
+            return self.shares[min(velocity_index, len(self.velocities) - 1)]
+        low, high = self.velocities[velocity_index - 1 : velocity_index + 1]
+        share_below, share_above = self.shares[velocity_index - 1 : velocity_index + 1]
         return share_below + (share_above - share_below) * Fraction(velocity - low, high - low)
 
     def level(self, velocity: int) -> Level:

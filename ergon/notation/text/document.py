@@ -41,10 +41,10 @@ class Node:
     def place(self) -> Place:
         """Where the node begins; its length ends with its first line."""
         document = self.document
-        row, line_start, line_end = document.line_of(self.start)
+        row_index, line_start, line_end = document.line_of(self.start)
         length = max(1, min(self.end, line_end) - self.start)
         return Place(
-            document.file, document.first_row + row + 1, self.start - line_start + 1, length
+            document.file, document.first_row + row_index + 1, self.start - line_start + 1, length
         )
 
 
@@ -60,17 +60,17 @@ class Scalar(Node):
         """Nothing written after the colon."""
         return self.style is None and self.text in ("", "~", "null")
 
-    def place_at(self, offset: int, text_length: int = 1) -> Place:
-        """Where `text_length` characters at `offset` of the text are, or the scalar's place."""
+    def place_at(self, text_offset: int, text_length: int = 1) -> Place:
+        """The place of `text_length` characters at `text_offset`, or the scalar's place."""
         if self.style == "|":
-            return self._literal_place(offset, text_length)
-        index = self._flow_index(offset)
-        if index is None:
+            return self._literal_place(text_offset, text_length)
+        source_index = self._flow_index(text_offset)
+        if source_index is None:
             return self.place
-        room = max(1, self.document.line_end(index) - index)
-        return self.document.place(index, max(1, min(text_length, room)))
+        room = max(1, self.document.line_end(source_index) - source_index)
+        return self.document.place(source_index, max(1, min(text_length, room)))
 
-    def _literal_place(self, text_offset: int, length: int) -> Place:
+    def _literal_place(self, text_offset: int, text_length: int) -> Place:
         """The place in a literal block: each line of its text is the end of a source line below the
         `|`.
         """
@@ -79,23 +79,23 @@ class Scalar(Node):
             node_table.indent = self._indent(node_table)
         if node_table.indent < 0:
             return self.place
-        row = bisect_right(node_table.starts, text_offset) - 1
-        column = text_offset - node_table.starts[row]
-        room = len(node_table.row_text(self.text, row)) - column
-        line = self.document.first_row + node_table.first_row + row + 1
-        column += node_table.indent + 1
-        return Place(self.document.file, line, column, max(1, min(length, room)))
+        row_index = bisect_right(node_table.starts, text_offset) - 1
+        text_column = text_offset - node_table.starts[row_index]
+        room = len(node_table.row_text(self.text, row_index)) - text_column
+        line = self.document.first_row + node_table.first_row + row_index + 1
+        text_column += node_table.indent + 1
+        return Place(self.document.file, line, text_column, max(1, min(text_length, room)))
 
     def _indent(self, node_table: Table) -> int:
         """The indentation of the block, the same for all its rows; -1 if text and source
         disagree.
         """
-        for row in range(len(node_table.starts)):
-            text = node_table.row_text(self.text, row)
-            if text:  # an empty row may be indented less
-                start, end = self.document.line_span(node_table.first_row + row)
-                indent = end - start - len(text)
-                agree = indent >= 0 and self.document.text.startswith(text, start + indent)
+        for row_index in range(len(node_table.starts)):
+            row_text = node_table.row_text(self.text, row_index)
+            if row_text:  # an empty row may be indented less
+                start, end = self.document.line_span(node_table.first_row + row_index)
+                indent = end - start - len(row_text)
+                agree = indent >= 0 and self.document.text.startswith(row_text, start + indent)
                 return indent if agree else -1
         return 0
 
@@ -226,10 +226,10 @@ class Document:
         starts = self._line_starts()
         if row_index >= len(starts):
             return len(self.text), len(self.text)
-        end = starts[row_index + 1] if row_index + 1 < len(starts) else len(self.text)
-        while end > starts[row_index] and self.text[end - 1] in "\r\n":
-            end -= 1
-        return starts[row_index], end
+        line_end = starts[row_index + 1] if row_index + 1 < len(starts) else len(self.text)
+        while line_end > starts[row_index] and self.text[line_end - 1] in "\r\n":
+            line_end -= 1
+        return starts[row_index], line_end
 
     def line_of(self, character_index: int) -> tuple[int, int, int]:
         """The row of a character, from 0, with the first index and the end of its line."""
@@ -237,12 +237,12 @@ class Document:
             row = self.row(character_index)
             return row, *self.line_span(row)
         # Near the beginning of a text that may be long, lines are not looked for to its end.
-        end = self.text.find("\n", character_index)
+        line_end = self.text.find("\n", character_index)
         line_start = self.text.rfind("\n", 0, character_index) + 1
         return (
             self.text.count("\n", 0, character_index),
             line_start,
-            len(self.text) if end < 0 else end,
+            len(self.text) if line_end < 0 else line_end,
         )
 
     def line_end(self, index: int) -> int:
@@ -262,22 +262,24 @@ class Document:
 
     def table(self, scalar: Scalar) -> Table:
         """The rows of a literal block, found once: a table of 100,000 rows is read row by row."""
-        table = self._tables.get(scalar.start)
-        if table is None:
-            table = Table(self.row(scalar.start) + 1, _line_starts(scalar.text))
-            self._tables[scalar.start] = table
-        return table
+        known_table = self._tables.get(scalar.start)
+        if known_table is None:
+            known_table = Table(self.row(scalar.start) + 1, _line_starts(scalar.text))
+            self._tables[scalar.start] = known_table
+        return known_table
 
 
 class _Refused(Exception):
     """Ends the reading of a file: code, message, index, length."""
 
-    def __init__(self, code: str, message: str, index: int, length: int = 1) -> None:
+    def __init__(
+        self, code: str, message: str, refused_index: int, refused_length: int = 1
+    ) -> None:
         super().__init__(message)
         self.code = code
         self.message = message
-        self.index = index
-        self.length = length
+        self.index = refused_index
+        self.length = refused_length
 
 
 def compose(source_text: str, file_name: str, collector: Collector, first_row: int = 0) -> Document:
@@ -358,11 +360,11 @@ class _Composer:
         return self.root
 
     def scalar(self, event: yaml.ScalarEvent) -> None:
-        start = _start(event)
+        scalar_start = _start(event)
         self.refuse_tag(event)
-        self.count(1, start)
+        self.count(1, scalar_start)
         style = event.style if event.style in _STYLES else None  # libyaml calls plain ''
-        node = Scalar(self.document, start, _end(event), event.value, style)
+        node = Scalar(self.document, scalar_start, _end(event), event.value, style)
         self.add(node, event.anchor, 1, 1)
 
     def open(self, event: yaml.CollectionStartEvent) -> None:
@@ -374,13 +376,15 @@ class _Composer:
 
     def close(self, end: int) -> None:
         open_frame = self.stack.pop()
-        start = _start(open_frame.event)
-        node: Node
+        frame_start = _start(open_frame.event)
+        closed_node: Node
         if isinstance(open_frame.event, yaml.SequenceStartEvent):
-            node = Sequence(self.document, start, end, open_frame.children)
+            closed_node = Sequence(self.document, frame_start, end, open_frame.children)
         else:
-            node = Mapping(self.document, start, end, self.entries(open_frame.children))
-        self.add(node, open_frame.event.anchor, open_frame.size, open_frame.height)
+            closed_node = Mapping(
+                self.document, frame_start, end, self.entries(open_frame.children)
+            )
+        self.add(closed_node, open_frame.event.anchor, open_frame.size, open_frame.height)
 
     def alias(self, event: yaml.AliasEvent) -> None:
         alias_start, alias_name = _start(event), event.anchor or ""
@@ -394,7 +398,7 @@ class _Composer:
                 "a word that begins with '*' in quotes"
             )
             raise _Refused("E104", message, alias_start, alias_length)
-        node, anchor_size, anchor_height = self.anchors[alias_name]
+        anchored_node, anchor_size, anchor_height = self.anchors[alias_name]
         if len(self.stack) + anchor_height > MAX_DEPTH:
             raise _Refused(
                 "E105",
@@ -403,7 +407,7 @@ class _Composer:
                 alias_length,
             )
         self.count(anchor_size, alias_start)
-        self.add(node, None, anchor_size, anchor_height)
+        self.add(anchored_node, None, anchor_size, anchor_height)
 
     def add(self, node: Node, anchor: str | None, size: int, height: int) -> None:
         if anchor:
@@ -421,7 +425,7 @@ class _Composer:
 
     def entries(self, children: list[Node]) -> dict[str, tuple[Scalar, Node]]:
         named_entries: dict[str, tuple[Scalar, Node]] = {}
-        for key_node, value in zip(children[::2], children[1::2], strict=True):
+        for key_node, value_node in zip(children[::2], children[1::2], strict=True):
             if not isinstance(key_node, Scalar):
                 self.collector.error("E106", "the text before ':' must be a name", key_node.place)
             elif key_node.text == "<<" and key_node.style is None:
@@ -432,7 +436,7 @@ class _Composer:
                 message = f"{quote(key_node.text)} is already defined on line {first_place.line}"
                 self.collector.error("E102", message, key_node.place)
             else:
-                named_entries[key_node.text] = (key_node, value)
+                named_entries[key_node.text] = (key_node, value_node)
         return named_entries
 
     def refuse_tag(self, event: yaml.ScalarEvent | yaml.CollectionStartEvent) -> None:
@@ -455,12 +459,14 @@ def _line_starts(source_text: str) -> list[int]:
         line_ends = accumulate(map(len, source_text.split("\n")[:-1]))
         return [0, *map(add, line_ends, count(1))]
     starts = [0]
-    index = 0
-    for line in source_text.split("\n"):
-        if "\r" in line[:-1]:
-            starts.extend(index + offset + 1 for offset, c in enumerate(line[:-1]) if c == "\r")
-        index += len(line) + 1
-        starts.append(index)
+    line_index = 0
+    for text_line in source_text.split("\n"):
+        if "\r" in text_line[:-1]:
+            starts.extend(
+                line_index + offset + 1 for offset, c in enumerate(text_line[:-1]) if c == "\r"
+            )
+        line_index += len(text_line) + 1
+        starts.append(line_index)
     starts.pop()
     return starts
 

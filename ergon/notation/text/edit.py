@@ -24,30 +24,30 @@ Tree = str | list[Any] | dict[str, Any] | None  # what a text says; nothing and 
 
 
 @lru_cache(maxsize=16)  # the next edit begins with the text checked after this one
-def read(text: str, file: str) -> Document:
+def read(yaml_text: str, file_name: str) -> Document:
     """The nodes of a text, for reading only. Raises EditError."""
     collector = Collector()
-    document = compose(text, file, collector)
+    document = compose(yaml_text, file_name, collector)
     if collector.has_errors():
         raise EditError(collector.finish()[0].message)
     return document
 
 
-def put(document: Document, path: Path, value_text: str, order: Sequence[str] = ()) -> str:
+def put(document: Document, path: Path, value_text: str, name_order: Sequence[str] = ()) -> str:
     """Set the value at a path; its last name and mappings on the way are made where missing.
 
-    A new section goes where `order` has it. Raises EditError.
+    A new section goes where `name_order` has it. Raises EditError.
     """
     edit = _Edit(document)
     chain = edit.follow(path)
     if len(chain) > len(path):
-        number = chain[-2].index(path[-1]) if path else None
-        if number is None:
+        child_number = chain[-2].index(path[-1]) if path else None
+        if child_number is None:
             raise EditError("a whole file cannot be set; name a field of it")
-        splices = edit.changes.replaced(chain[-2], number, value_text)
+        splices = edit.changes.replaced(chain[-2], child_number, value_text)
         in_flow = chain[-2].is_flow
     else:
-        splices = edit.changes.added(chain, path, value_text, order, is_item=False)
+        splices = edit.changes.added(chain, path, value_text, name_order, is_item=False)
         in_flow = False
     value = _value(value_text, in_flow)
     return edit.checked(splices, _with(edit.tree, path, lambda _: value))
@@ -60,11 +60,11 @@ def insert(document: Document, path: Path, item_text: str) -> str:
     item_index = path[-1] if path else None
     if len(chain) <= len(path) or not isinstance(item_index, int):
         raise EditError(f"there is no {named(path)}")
-    value = _value(item_text, in_flow=True)
+    item_value = _value(item_text, in_flow=True)
     splices = edit.changes.before(chain[-2], item_index, item_text)
 
     def longer(old: Any) -> Tree:
-        return [*old[:item_index], value, *old[item_index:]]
+        return [*old[:item_index], item_value, *old[item_index:]]
 
     return edit.checked(splices, _with(edit.tree, path[:-1], longer))
 
@@ -89,20 +89,20 @@ def append(document: Document, path: Path, text: str, order: Sequence[str] = ())
 
 
 def extend(
-    document: Document, path: Path, texts: Sequence[str], name_order: Sequence[str] = ()
+    document: Document, path: Path, item_texts: Sequence[str], name_order: Sequence[str] = ()
 ) -> str:
     """Add several items at the end of a sequence, as `append` does one. Raises EditError."""
-    first_text, *other_texts = texts
+    first_text, *other_texts = item_texts
     longer = append(document, path, first_text, name_order)
     if not other_texts:
         return longer
     document = read(longer, document.file)
     edit = _Edit(document)
     node = edit.follow(path)[-1]
-    values = [_value(text, in_flow=True) for text in other_texts]
+    item_values = [_value(text, in_flow=True) for text in other_texts]
     splices = [splice for text in other_texts for splice in edit.changes.item(node, text)]
     try:
-        return edit.checked(splices, _with(edit.tree, path, lambda old: [*old, *values]))
+        return edit.checked(splices, _with(edit.tree, path, lambda old: [*old, *item_values]))
     except EditError:  # each has a comma of its own
         for text in other_texts:
             longer = append(read(longer, document.file), path, text, name_order)
@@ -179,14 +179,14 @@ def put_rows(document: Document, path: Path, changes: Mapping[int, str | None]) 
         comment = _comment(table_lines[row_number] or "")
         table_lines[row_number] = None if row_text is None else row_text + comment
         if value_span.is_block:
-            start, stop = places[row_number]
-            indent = len(lay.text[start:stop]) - len(lay.text[start:stop].lstrip())
-            place = (
-                lay.full_lines(start, stop)
+            row_start, row_stop = places[row_number]
+            indent = len(lay.text[row_start:row_stop]) - len(lay.text[row_start:row_stop].lstrip())
+            row_place = (
+                lay.full_lines(row_start, row_stop)
                 if row_text is None
-                else (start + indent, stop - len(comment))
+                else (row_start + indent, row_stop - len(comment))
             )
-            splices.append(Splice(*place, row_text or ""))
+            splices.append(Splice(*row_place, row_text or ""))
     rows_kept = [line for line in table_lines if line is not None]
     if not value_span.is_block:
         return put(document, path, quoted("\n".join(rows_kept)))
@@ -232,17 +232,17 @@ class _Edit:
         if self.layout.root is None:
             return []
         chain = [self.layout.root]
-        for depth, name in enumerate(path):
+        for depth, path_name in enumerate(path):
             value_span = chain[-1]
             if value_span.kind == "alias":
                 shared = f"{named(path[:depth])} is the alias `*{value_span.value}` of a value "
                 raise EditError(
                     f"{shared}that is written elsewhere; replace the alias by the value first"
                 )
-            number = value_span.index(name)
-            if number is None:
+            child_number = value_span.index(path_name)
+            if child_number is None:
                 break
-            chain.append(value_span.items[number])
+            chain.append(value_span.items[child_number])
         return chain
 
     def table(self, path: Path) -> tuple[str, Span]:
@@ -268,22 +268,22 @@ class _Edit:
             )
         return new_text
 
-    def checked_rows(self, splices: list[Splice], path: Path, lines: list[str]) -> str:
+    def checked_rows(self, splices: list[Splice], path: Path, new_rows: list[str]) -> str:
         """The new text, in which the table has these lines."""
         text = apply_splices(self.layout.text, splices)
-        node = read(text, self.document.file).root
+        new_root = read(text, self.document.file).root
         for name in path:
-            node = _child(node, name)
-        if not isinstance(node, Scalar) or rows(node.text) != [*rows("\n".join(lines))]:
+            new_root = _child(new_root, name)
+        if not isinstance(new_root, Scalar) or rows(new_root.text) != [*rows("\n".join(new_rows))]:
             raise EditError("the line is not a row of the table")
-        return self.checked(splices, _with(self.tree, path, lambda _: node.text.rstrip("\n")))
+        return self.checked(splices, _with(self.tree, path, lambda _: new_root.text.rstrip("\n")))
 
 
-def _child(node: Node | None, name: str | int) -> Node | None:
-    if isinstance(node, document.Mapping):
-        return node.get(str(name))
-    if isinstance(node, document.Sequence) and isinstance(name, int):
-        return node.items[name]
+def _child(parent_node: Node | None, child_name: str | int) -> Node | None:
+    if isinstance(parent_node, document.Mapping):
+        return parent_node.get(str(child_name))
+    if isinstance(parent_node, document.Sequence) and isinstance(child_name, int):
+        return parent_node.items[child_name]
     return None
 
 
@@ -355,11 +355,11 @@ def _without(tree: Tree, paths: list[Path]) -> Tree:
     parents = {tuple(path[:-1]) for path in paths}
     if len(parents) > 1:
         raise EditError("entries can be removed together only from one list or mapping")
-    names = {path[-1] for path in paths}
+    last_names = {path[-1] for path in paths}
 
     def dropped(parent: Any) -> Tree:
         if isinstance(parent, list):
-            return [item for i, item in enumerate(parent) if i not in names] or None
-        return {name: value for name, value in parent.items() if name not in names} or None
+            return [item for i, item in enumerate(parent) if i not in last_names] or None
+        return {name: value for name, value in parent.items() if name not in last_names} or None
 
     return _with(tree, parents.pop(), dropped)

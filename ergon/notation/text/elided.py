@@ -23,14 +23,14 @@ class Elided:
     def put_back(self, edited: str) -> str | None:
         """An edited text with all its runs; None if the edit has changed one of them."""
         edited = f"\n{edited}"
-        for line, run in self.runs:
-            if edited.count(f"\n{line}") != 1:
+        for elided_line, run in self.runs:
+            if edited.count(f"\n{elided_line}") != 1:
                 return None
-            edited = edited.replace(f"\n{line}", f"\n{run}")
+            edited = edited.replace(f"\n{elided_line}", f"\n{run}")
         return edited[1:]
 
 
-def elided(source_text: str, names: Container[str]) -> Elided | None:
+def elided(source_text: str, elided_names: Container[str]) -> Elided | None:
     """A text whose long runs of entries and items are one line each, but for entries with these
     names. None if nothing is gained, or if its lines cannot be read alone.
     """
@@ -39,13 +39,13 @@ def elided(source_text: str, names: Container[str]) -> Elided | None:
     pieces: list[str] = []
     runs: list[tuple[str, str]] = []
     copied_until = 0
-    for start, end, indentation, is_mapping in find_runs(source_text):
+    for run_start, run_end, indentation, is_mapping in find_runs(source_text):
         if indentation is None:
             continue  # items in one line
-        pieces.append(source_text[copied_until:start])
-        copied_until = end
-        lines = source_text[start:end].splitlines(keepends=True)
-        for is_named, group in groupby(lines, lambda line: _name(line) in names):
+        pieces.append(source_text[copied_until:run_start])
+        copied_until = run_end
+        lines = source_text[run_start:run_end].splitlines(keepends=True)
+        for is_named, group in groupby(lines, lambda line: _name(line) in elided_names):
             run = [*group]
             if is_named or len(run) < _MIN_LINES:
                 pieces += run

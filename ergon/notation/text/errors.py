@@ -149,12 +149,12 @@ class Collector:
             ),
         )
         shown: dict[Severity, int] = {"error": 0, "warning": 0, "note": 0}
-        result = []
-        for diagnostic, names in in_order:
+        sorted_diagnostics = []
+        for diagnostic, similar_names in in_order:
             shown[diagnostic.severity] += 1
             if shown[diagnostic.severity] <= MAX_SHOWN:
-                result.append(_with_suggestion(diagnostic, names))
-        return result
+                sorted_diagnostics.append(_with_suggestion(diagnostic, similar_names))
+        return sorted_diagnostics
 
     def left_out(self) -> dict[Severity, int]:
         """How many of each severity `finish` does not show."""
@@ -205,12 +205,12 @@ def concise(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None)
 def full(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
     """The sentence, the source line, a caret with the suggestion, and one line of help."""
     d = diagnostic
-    source = (sources or {}).get(d.place.file)
-    if source is None:
+    source_here = (sources or {}).get(d.place.file)
+    if source_here is None:
         return concise(d) + (f"\n    = {d.help}" if d.help else "")
     report_lines = [f"{d.place}: {d.severity}[{d.code}] {d.message}"]
     gutter_text = f" {d.place.line} | "
-    text, indentation, marked = _window(source.line(d.place.line), d.place)
+    text, indentation, marked = _window(source_here.line(d.place.line), d.place)
     question = f" did you mean {quote(d.suggestion)}?" if d.suggestion else ""
     report_lines.append(gutter_text + text)
     report_lines.append(
@@ -221,12 +221,12 @@ def full(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) ->
     return "\n".join(report_lines)
 
 
-def _window(line: str, error_place: Place) -> tuple[str, int, int]:
+def _window(shown_line: str, error_place: Place) -> tuple[str, int, int]:
     """The part of a line round the caret, columns before the caret, and its width."""
     start = error_place.column - 1
-    first_column = max(0, start - _MAX_LINE // 2) if len(line) > _MAX_LINE else 0
+    first_column = max(0, start - _MAX_LINE // 2) if len(shown_line) > _MAX_LINE else 0
     cut = "".join(
-        c if c.isprintable() else " " for c in line[first_column : first_column + _MAX_LINE]
+        c if c.isprintable() else " " for c in shown_line[first_column : first_column + _MAX_LINE]
     )
     indentation = _width(cut[: start - first_column])
     marked = max(1, _width(cut[start - first_column : start - first_column + error_place.length]))
@@ -242,10 +242,10 @@ def _width(text: str) -> int:
 def github(diagnostic: Diagnostic, sources: Mapping[str, Source] | None = None) -> str:
     """A workflow command that GitHub shows beside the line."""
     d = diagnostic
-    kind = "notice" if d.severity == "note" else d.severity
+    github_kind = "notice" if d.severity == "note" else d.severity
     message = d.message + (f"; did you mean {quote(d.suggestion)}?" if d.suggestion else "")
     location = f"file={_escaped(d.place.file)},line={d.place.line},col={d.place.column}"
-    return f"::{kind} {location},title={d.code}::{message.replace('%', '%25')}"
+    return f"::{github_kind} {location},title={d.code}::{message.replace('%', '%25')}"
 
 
 def _escaped(value: str) -> str:

@@ -44,11 +44,11 @@ def shipped(path: Path) -> str | None:
     return None
 
 
-def installed_path(name: str) -> Path:
+def installed_path(library_name: str) -> Path:
     """Where a file that ships is installed, by the name by which scores use it."""
-    first_part, *other_parts = PurePosixPath(name).parts
+    first_part, *other_parts = PurePosixPath(library_name).parts
     root = _LIBRARY.get(first_part)
-    return SHIPPED / name if root is None else root.joinpath(*other_parts)
+    return SHIPPED / library_name if root is None else root.joinpath(*other_parts)
 
 
 def is_shipped(path: Path) -> bool:
@@ -118,12 +118,12 @@ class Files:
 
     def _candidates(self, file_name: str, folder: Path) -> list[Path]:
         paths = [folder / file_name]
-        parts = PurePosixPath(file_name).parts
-        if parts and ".." not in parts and not Path(file_name).is_absolute():
+        path_parts = PurePosixPath(file_name).parts
+        if path_parts and ".." not in path_parts and not Path(file_name).is_absolute():
             if folder != self.home:
                 paths.append(self.home / file_name)
-            if parts[0] in _LIBRARY and len(parts) > 1:
-                paths.append(_LIBRARY[parts[0]].joinpath(*parts[1:]))
+            if path_parts[0] in _LIBRARY and len(path_parts) > 1:
+                paths.append(_LIBRARY[path_parts[0]].joinpath(*path_parts[1:]))
             paths.append(SHIPPED / file_name)
         return paths
 
@@ -187,20 +187,24 @@ class Files:
         if path_name in self._overlay:
             return self.text(path_name, self._overlay[path_name], path.parent)
         try:
-            data = read_bounded(path, MAX_BYTES)
+            file_data = read_bounded(path, MAX_BYTES)
         except OSError as error:
-            reason = error.strerror or type(error).__name__
+            failure_reason = error.strerror or type(error).__name__
             help = _advice(path) if asked_place is None else None
             self._refuse(
-                "E107", f"{path_name} cannot be read: {reason}", path_name, asked_place, help
+                "E107",
+                f"{path_name} cannot be read: {failure_reason}",
+                path_name,
+                asked_place,
+                help,
             )
             return None
         self.collector.file(path_name)
-        text = decode(data, path_name, self.collector)
-        if text is None:
+        file_text = decode(file_data, path_name, self.collector)
+        if file_text is None:
             self.documents[path_name] = Document(path_name, "")
             return None
-        return self.text(path_name, text, path.parent)
+        return self.text(path_name, file_text, path.parent)
 
     def required(
         self, file_name: str, folder: Path, asked_place: Place, *, may_be_empty: bool = False
@@ -236,13 +240,13 @@ class Files:
         plain_text: str | None = self._overlay.get(str(path))
         if plain_text is None:
             try:
-                data = read_bounded(path, MAX_BYTES)
+                file_data = read_bounded(path, MAX_BYTES)
             except OSError as error:
                 reason = error.strerror or type(error).__name__
                 self._refuse("E107", f"{path} cannot be read: {reason}", str(path), asked_place)
                 return None
             self.collector.file(str(path))
-            plain_text = decoder(data, str(path), self.collector)
+            plain_text = decoder(file_data, str(path), self.collector)
         document = Document(str(path), plain_text or "")
         self.documents[str(path)] = document
         return document if plain_text is not None else None
@@ -302,11 +306,11 @@ def _library_folder(name: str) -> str | None:
     return prefix if is_plain and installed_path(prefix).is_dir() else None
 
 
-def _library_list(name: str) -> str | None:
+def _library_list(library_name: str) -> str | None:
     """The files of a folder of the library as one line of help; None if there are none or too
     many.
     """
-    prefix = _library_folder(name)
+    prefix = _library_folder(library_name)
     files = sorted(installed_path(prefix).glob("*.yaml")) if prefix else []
     if not 0 < len(files) <= _MAX_TOLD:
         return None

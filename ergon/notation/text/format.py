@@ -59,11 +59,11 @@ def formatted(source_text: str) -> str:
     raise TextError("this score cannot be formatted without a change of its meaning", code="E100")
 
 
-def _events(text: str) -> Iterator[tuple[yaml.Event, tuple[str, ...]]]:
+def _events(source_text: str) -> Iterator[tuple[yaml.Event, tuple[str, ...]]]:
     """Every event with the names that lead to it."""
     path: list[str | None] = []  # one per open collection: the key being read, "" in a list
     key_flags: list[bool] = []  # whether the next scalar of that collection is a key
-    for yaml_event in yaml.parse(text, Loader=_LOADER):
+    for yaml_event in yaml.parse(source_text, Loader=_LOADER):
         if len(path) > MAX_DEPTH:  # libyaml takes quadratic time over brackets
             raise TextError(TOO_DEEP, code="E105")
         if isinstance(yaml_event, yaml.CollectionEndEvent):
@@ -84,25 +84,25 @@ def _events(text: str) -> Iterator[tuple[yaml.Event, tuple[str, ...]]]:
             key_flags.append(False)
 
 
-def _texts(text: str) -> list[_Text]:
+def _texts(source_text: str) -> list[_Text]:
     """The scalars that span lines."""
     blocks = []
-    for event, path in _events(text):
-        start, end = event.start_mark, event.end_mark
-        if isinstance(event, yaml.ScalarEvent) and start and end and start.line != end.line:
-            blocks.append(_Text(start.index, end.index, path, event.style))
+    for yaml_event, path in _events(source_text):
+        start, end = yaml_event.start_mark, yaml_event.end_mark
+        if isinstance(yaml_event, yaml.ScalarEvent) and start and end and start.line != end.line:
+            blocks.append(_Text(start.index, end.index, path, yaml_event.style))
     return blocks
 
 
-def _meaning(text: str) -> list[object]:
+def _meaning(source_text: str) -> list[object]:
     """What must not change: every event, tables as their words."""
     meaning: list[object] = []
-    for yaml_event, path in _events(text):
+    for yaml_event, path in _events(source_text):
         if isinstance(yaml_event, yaml.ScalarEvent):
-            value: object = yaml_event.value
+            event_value: object = yaml_event.value
             if _Text(0, 0, path, yaml_event.style).columns:
-                value = [line.split() for line in yaml_event.value.rstrip().split("\n")]
-            meaning.append((value, yaml_event.style, yaml_event.anchor, yaml_event.tag))
+                event_value = [line.split() for line in yaml_event.value.rstrip().split("\n")]
+            meaning.append((event_value, yaml_event.style, yaml_event.anchor, yaml_event.tag))
         else:
             meaning.append((type(yaml_event), getattr(yaml_event, "anchor", None)))
     return meaning
@@ -142,10 +142,10 @@ def _aligned(source_text: str) -> str:
         if not text_block.columns:
             continue
         block_start = source_text.find("\n", text_block.start) + 1
-        lines = source_text[block_start : text_block.end].split("\n")
+        block_lines = source_text[block_start : text_block.end].split("\n")
         pieces += (
             source_text[text_offset:block_start],
-            "\n".join(_columns(lines, text_block.columns)),
+            "\n".join(_columns(block_lines, text_block.columns)),
         )
         text_offset = text_block.end
     return "".join((*pieces, source_text[text_offset:]))
@@ -154,12 +154,16 @@ def _aligned(source_text: str) -> str:
 def _columns(table_lines: list[str], column_count: int) -> list[str]:
     """Rows with their words under each other; comments and blank lines as they were."""
     rows_by_line: dict[int, tuple[str, list[str], str]] = {}
-    for i, line in enumerate(table_lines):
-        code, comment = _without_comment(line)
+    for i, table_line in enumerate(table_lines):
+        code, comment = _without_comment(table_line)
         row_words = code.split(maxsplit=column_count - 1)
         if row_words:
             row_words[-1] = row_words[-1] if column_count == 3 else " ".join(row_words[-1].split())
-            rows_by_line[i] = (line[: len(line) - len(line.lstrip())], row_words, comment)
+            rows_by_line[i] = (
+                table_line[: len(table_line) - len(table_line.lstrip())],
+                row_words,
+                comment,
+            )
     if _is_aligned(table_lines, rows_by_line.values(), rows_by_line):
         return table_lines
     widths = [
@@ -181,18 +185,20 @@ def _without_comment(line: str) -> tuple[str, str]:
 
 
 def _is_aligned(
-    lines: list[str], rows: Iterable[tuple[str, list[str], str]], numbers: Iterable[int]
+    table_lines: list[str],
+    row_parts: Iterable[tuple[str, list[str], str]],
+    line_numbers: Iterable[int],
 ) -> bool:
     """Whether every column begins at one place already."""
     begins: list[set[int]] = [set(), set(), set()]
-    for i, (_, words, _) in zip(numbers, rows, strict=True):
+    for i, (_, words, _) in zip(line_numbers, row_parts, strict=True):
         word_column = 0
-        for k, word in enumerate(words):
-            word_column = lines[i].find(word, word_column)
+        for k, row_word in enumerate(words):
+            word_column = table_lines[i].find(row_word, word_column)
             if word_column < 0:  # words of a play with more than one space between them
                 return False
             begins[k].add(word_column)
-            word_column += len(word)
+            word_column += len(row_word)
     return all(len(places) <= 1 for places in begins)
 
 
@@ -201,12 +207,12 @@ def _trimmed(source_text: str) -> str:
     text_blocks = [(block.start, block.end) for block in _texts(source_text) if not block.columns]
     pieces: list[str] = []
     copied_until = i = 0
-    for match in re.finditer(r"(?<![ \t])[ \t]+(?=\r?$)", source_text, re.MULTILINE):
-        while i < len(text_blocks) and text_blocks[i][1] <= match.start():
+    for blank_match in re.finditer(r"(?<![ \t])[ \t]+(?=\r?$)", source_text, re.MULTILINE):
+        while i < len(text_blocks) and text_blocks[i][1] <= blank_match.start():
             i += 1
-        if i == len(text_blocks) or match.end() <= text_blocks[i][0]:
-            pieces.append(source_text[copied_until : match.start()])
-            copied_until = match.end()
+        if i == len(text_blocks) or blank_match.end() <= text_blocks[i][0]:
+            pieces.append(source_text[copied_until : blank_match.start()])
+            copied_until = blank_match.end()
     trimmed = "".join((*pieces, source_text[copied_until:]))
     ended = trimmed.rstrip("\r\n") + ("\r\n" if "\r\n" in trimmed else "\n")
     return ended if _meaning(ended) == _meaning(trimmed) else trimmed

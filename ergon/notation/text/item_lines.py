@@ -50,11 +50,11 @@ def find_runs(source_text: str) -> list[FoundRun]:
     ]
     if ", {" not in source_text:
         return runs
-    items = [FoundRun(*match.span(), None, False) for match in _ITEMS.finditer(source_text)]
-    if not runs or not items:
-        return runs or items
+    item_runs = [FoundRun(*match.span(), None, False) for match in _ITEMS.finditer(source_text)]
+    if not runs or not item_runs:
+        return runs or item_runs
     result: list[FoundRun] = []
-    for run in sorted(runs + items):
+    for run in sorted(runs + item_runs):
         if not result or run.start >= result[-1].end:
             result.append(run)
     return result
@@ -81,12 +81,12 @@ class _Run:
         """Whether the values are entries with names."""
         return self.name != _NAME
 
-    def full_index(self, index: int) -> int:
+    def full_index(self, run_index: int) -> int:
         """Index in the text of an index of the shortened text, at this run or after it."""
         # A mapping begins where its first name does.
-        if index < self.item + self.is_mapping:
-            return self.first + index - self.short_first
-        return self.end + index - self.short_end
+        if run_index < self.item + self.is_mapping:
+            return self.first + run_index - self.short_first
+        return self.end + run_index - self.short_end
 
     def bases(self) -> Iterator[int]:
         """Where each value begins in the text."""
@@ -231,12 +231,12 @@ def _filled(composed: Document, runs: list[_Run]) -> bool:
 def _nodes(root: Node) -> Iterator[Node]:
     todo = [root]
     while todo:
-        node = todo.pop()
-        yield node
-        if isinstance(node, document.Mapping):
-            todo += [child for entry in node.entries.values() for child in entry]
-        elif isinstance(node, Sequence):
-            todo += node.items
+        inner_node = todo.pop()
+        yield inner_node
+        if isinstance(inner_node, document.Mapping):
+            todo += [child for entry in inner_node.entries.values() for child in entry]
+        elif isinstance(inner_node, Sequence):
+            todo += inner_node.items
 
 
 def _full_index(index: int, runs: list[_Run]) -> int:
@@ -253,14 +253,14 @@ def _fill(sequence: Sequence, fills: Iterable[_Run | bool | None]) -> int:
     lines_read: list[Line | None] = []
     bases: list[int] = []
     n_found = 0
-    for item, run in zip(sequence.items, fills, strict=True):
+    for item_node, run in zip(sequence.items, fills, strict=True):
         if isinstance(run, _Run):
             lines_read += run.lines
             item_nodes += map(_node, run.lines)
             bases += run.bases()
             n_found += 1
         else:
-            item_nodes.append(item)
+            item_nodes.append(item_node)
             lines_read.append(None)
             bases.append(0)
     sequence.items, sequence.lines, sequence.bases = item_nodes, lines_read, bases
@@ -282,15 +282,15 @@ def _fill_entries(mapping: document.Mapping, by_item: Mapping[int, _Run]) -> int
         return 0
     begun, n_names = mapping.entries, len(mapping.entries)
     mapping.entries = {}
-    for name, entry in begun.items():
-        run = by_item.get(entry[0].start)
-        if run is None or run.name != name:
-            mapping.entries[name] = entry
+    for entry_name, filled_entry in begun.items():
+        run = by_item.get(filled_entry[0].start)
+        if run is None or run.name != entry_name:
+            mapping.entries[entry_name] = filled_entry
             continue
         n_names += len(run.words) - 1
-        for line, base in zip(run.lines, run.bases(), strict=True):
-            assert isinstance(line.node, document.Mapping)
-            mapping.entries |= line.node.entries
-            first_key = next(iter(line.node.entries))
-            mapping.lines[first_key], mapping.bases[first_key] = line, base
+        for run_line, base in zip(run.lines, run.bases(), strict=True):
+            assert isinstance(run_line.node, document.Mapping)
+            mapping.entries |= run_line.node.entries
+            first_key = next(iter(run_line.node.entries))
+            mapping.lines[first_key], mapping.bases[first_key] = run_line, base
     return len(fills) if len(mapping.entries) == n_names else 0

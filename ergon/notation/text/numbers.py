@@ -13,10 +13,10 @@ MAX_TIME = 1e9  # beats or seconds, thirty years: keeps every sum finite
 
 def clock_time(word: str) -> str | None:
     """The seconds of a clock time: `90s` for `1:30`, `3723s` for `1:02:03`; None if it is none."""
-    match = _CLOCK.fullmatch(word)
-    if match is None:
+    clock_match = _CLOCK.fullmatch(word)
+    if clock_match is None:
         return None
-    hours, minutes, seconds, part = match.groups()
+    hours, minutes, seconds, part = clock_match.groups()
     return f"{3600 * int(hours or 0) + 60 * int(minutes) + int(seconds)}{part or ''}s"
 
 
@@ -25,12 +25,12 @@ def stripped(text: str) -> tuple[str, int]:
     return text.strip(), len(text) - len(text.lstrip())
 
 
-def time_of(number: str, denominator: str | None, number_offset: int) -> float:
-    """The time `number`, divided by `denominator` if there is one; `number` begins at
+def time_of(number_text: str, denominator: str | None, number_offset: int) -> float:
+    """The time `number_text`, divided by `denominator` if there is one; `number_text` begins at
     `number_offset`. Raises TextError.
     """
-    time_value = float(number)
-    number_length = len(number)
+    time_value = float(number_text)
+    number_length = len(number_text)
     if denominator is not None:
         number_length += 1 + len(denominator)
         divisor = float(denominator)

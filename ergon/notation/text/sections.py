@@ -31,10 +31,11 @@ class Section:
     size: int
 
 
-def lines(text: str, section: str) -> tuple[int, int] | None:
+def lines(source_text: str, section_name: str) -> tuple[int, int] | None:
     """Where a section's lines begin and end; None where it is not written at the margin."""
     return next(
-        ((first_line, end) for name, first_line, end in _cut(text) if name == section), None
+        ((first_line, end) for name, first_line, end in _cut(source_text) if name == section_name),
+        None,
     )
 
 
@@ -44,7 +45,7 @@ def names(text: str) -> list[tuple[str, int, int]]:
 
 
 def alone(
-    source_text: str, file: str, folder: Path, section_name: str, memory: Memory
+    source_text: str, file_name: str, folder: Path, section_name: str, memory: Memory
 ) -> Section | None:
     """A section, if it can be read without the others; `memory` then also has it for
     `compose_with_memory`.
@@ -52,14 +53,18 @@ def alone(
     section_lines = lines(source_text, section_name)
     if section_lines is None:
         return None
-    section = _composed(
+    composed_section = _composed(
         source_text[slice(*section_lines)],
-        file,
+        file_name,
         folder,
         n_lines(source_text[: section_lines[0]]),
         memory,
     )
-    return section if section is not None and section.name.text == section_name else None
+    return (
+        composed_section
+        if composed_section is not None and composed_section.name.text == section_name
+        else None
+    )
 
 
 def _composed(text: str, file: str, folder: Path, row: int, memory: Memory) -> Section | None:
@@ -74,13 +79,13 @@ def _has_marker(text: str) -> bool:
 
 # An edit asks for the sections of the same text again and again.
 @lru_cache(maxsize=4)
-def _cut(text: str) -> tuple[tuple[str, int, int], ...]:
-    names = [(0, first.group())] if (first := _FIRST.match(text)) else []
-    names += [(match.start() + 1, match.group()) for match in _OTHERS.finditer(text)]
-    section_ends = [*(start for start, _ in names[1:]), len(text)]
+def _cut(source_text: str) -> tuple[tuple[str, int, int], ...]:
+    name_matches = [(0, first.group())] if (first := _FIRST.match(source_text)) else []
+    name_matches += [(match.start() + 1, match.group()) for match in _OTHERS.finditer(source_text)]
+    section_ends = [*(start for start, _ in name_matches[1:]), len(source_text)]
     return tuple(
         (name[:-1].strip(), start, end)
-        for (start, name), end in zip(names, section_ends, strict=False)
+        for (start, name), end in zip(name_matches, section_ends, strict=False)
     )
 
 
@@ -95,19 +100,23 @@ def compose_with_memory(
     composed = Document(file_name, source_text)
     entries_by_name: dict[str, tuple[Scalar, Node]] = {}
     total_size, section_begin, section_row = 1, 0, 0
-    for section_name, section_start, end in _cut(source_text):
+    for section_name, section_start, section_end in _cut(source_text):
         if not entries_by_name:
             section_begin = section_start
             if not _HEAD.fullmatch(source_text, 0, section_start):
                 break
             section_row = n_lines(source_text[:section_start])
-        section_text = source_text[section_start:end]
-        section = _composed(section_text, file_name, folder, section_row, memory)
+        section_text = source_text[section_start:section_end]
+        composed_section = _composed(section_text, file_name, folder, section_row, memory)
         section_row += n_lines(section_text)
-        if section is None or section.name.text != section_name or section_name in entries_by_name:
+        if (
+            composed_section is None
+            or composed_section.name.text != section_name
+            or section_name in entries_by_name
+        ):
             break
-        entries_by_name[section_name] = section.name, section.value
-        total_size += section.size
+        entries_by_name[section_name] = composed_section.name, composed_section.value
+        total_size += composed_section.size
     else:
         if entries_by_name and total_size <= MAX_NODES:
             composed.root = document.Mapping(

@@ -79,11 +79,16 @@ class Layout:
     newline: str
     indent_step: int
 
-    def line_start(self, index: int) -> int:
+    def line_start(self, character_index: int) -> int:
         """Where the line of a character begins; a break belongs to the line that it ends."""
-        if self.text.startswith("\r\n", index - 1) and index:
-            index -= 1
-        return max(self.text.rfind("\n", 0, index), self.text.rfind("\r", 0, index)) + 1
+        if self.text.startswith("\r\n", character_index - 1) and character_index:
+            character_index -= 1
+        return (
+            max(
+                self.text.rfind("\n", 0, character_index), self.text.rfind("\r", 0, character_index)
+            )
+            + 1
+        )
 
     def line_end(self, index: int) -> int:
         """Where the line of a character ends, its break not counted."""
@@ -124,19 +129,19 @@ class Layout:
         anchor = _ANCHOR.match(self.text, parent_span.start)
         return self.next_token(anchor.end() if anchor else parent_span.start)
 
-    def full_lines(self, start: int, end: int) -> tuple[int, int]:
+    def full_lines(self, start_index: int, end_index: int) -> tuple[int, int]:
         """The range of whole lines from the line of one character to that of another; it holds as
         many line breaks as lines.
         """
-        return self.with_break(self.line_start(start), self.next_line(end))
+        return self.with_break(self.line_start(start_index), self.next_line(end_index))
 
-    def with_break(self, start: int, end: int) -> tuple[int, int]:
+    def with_break(self, start_index: int, end_index: int) -> tuple[int, int]:
         """The range of these lines; if the last has no line break, the break before the first is in
         the range instead.
         """
-        if start and end == len(self.text) and not self.text.endswith(("\n", "\r")):
-            start -= 2 if self.text.startswith("\r\n", start - 2) else 1
-        return start, end
+        if start_index and end_index == len(self.text) and not self.text.endswith(("\n", "\r")):
+            start_index -= 2 if self.text.startswith("\r\n", start_index - 2) else 1
+        return start_index, end_index
 
     def is_blank(self, index: int) -> bool:
         """Whether the line of a character is blank."""
@@ -146,20 +151,24 @@ class Layout:
 def apply_splices(source_text: str, splices: Iterable[Splice]) -> str:
     """A text with all replacements made."""
     pieces: list[str] = []
-    offset = 0
+    copied_until = 0
     for splice in sorted(splices, key=lambda splice: splice.start):
-        pieces += (source_text[offset : splice.start], splice.text)
-        offset = max(offset, splice.end)  # two that are taken away may share a comma or a break
-    return "".join((*pieces, source_text[offset:]))
+        pieces += (source_text[copied_until : splice.start], splice.text)
+        copied_until = max(
+            copied_until, splice.end
+        )  # two that are taken away may share a comma or a break
+    return "".join((*pieces, source_text[copied_until:]))
 
 
 @lru_cache(maxsize=8)  # the next edit begins with the text checked here
-def layout(text: str) -> Layout:
+def layout(source_text: str) -> Layout:
     """Lay out a text that is YAML: one document, its depth and size known to be bounded."""
-    root_span = _root(text)
-    first_end = _END_OF_LINE.search(text)
-    newline = "\r\n" if text.startswith("\r\n", first_end.start() if first_end else 0) else "\n"
-    text_layout = Layout(text, root_span, newline, 2)
+    root_span = _root(source_text)
+    first_end = _END_OF_LINE.search(source_text)
+    newline = (
+        "\r\n" if source_text.startswith("\r\n", first_end.start() if first_end else 0) else "\n"
+    )
+    text_layout = Layout(source_text, root_span, newline, 2)
     if root_span is not None and root_span.kind == "mapping" and not root_span.is_flow:
         steps = (
             text_layout.column(item.keys[0].start) - text_layout.column(root_span.keys[0].start)

@@ -27,12 +27,12 @@ def is_one_slip(typed_word: str, known_name: str) -> bool:
     return a[1:] == b[1:] or a[1:] == b or a == b[1:] or is_swapped
 
 
-def nearest(word: str, names: Iterable[str]) -> str | None:
-    """Return the known word that `word` begins or resembles, None when nothing is near."""
-    if not word or len(word) > LONGEST_WORD:
+def nearest(typed_word: str, known_names: Iterable[str]) -> str | None:
+    """Return the known word that `typed_word` begins or resembles, None when nothing is near."""
+    if not typed_word or len(typed_word) > LONGEST_WORD:
         return None
-    lowered = word.lower()
-    candidates = {name.lower(): name for name in names}
+    lowered = typed_word.lower()
+    candidates = {name.lower(): name for name in known_names}
     with_prefix = [name for name in candidates if name.startswith(lowered)]
     if len(with_prefix) == 1:
         return candidates[with_prefix[0]]

@@ -32,10 +32,10 @@ class Changes:
 
     def rows(self, span: Span) -> list[tuple[int, int]]:
         """Where the lines of a block begin and end in the text."""
-        row_spans, start = [], self.layout.next_line(self.layout.header_end(span))
-        while start < span.end:
-            row_spans.append((start, self.layout.line_end(start)))
-            start = self.layout.next_line(start)
+        row_spans, row_start = [], self.layout.next_line(self.layout.header_end(span))
+        while row_start < span.end:
+            row_spans.append((row_start, self.layout.line_end(row_start)))
+            row_start = self.layout.next_line(row_start)
         return row_spans
 
     # --- setting ---------------------------------------------------------------------------------
@@ -80,14 +80,19 @@ class Changes:
         )
 
     def added(
-        self, chain: list[Span], path: Path, entry_text: str, order: Sequence[str], is_item: bool
+        self,
+        chain: list[Span],
+        path: Path,
+        entry_text: str,
+        name_order: Sequence[str],
+        is_item: bool,
     ) -> list[Splice]:
         """Add an entry that does not exist yet, below the last part of its path that does."""
         if not chain:
-            value = self.layout.newline.join(self.nested(path, entry_text, 0, is_item))
+            nested_value = self.layout.newline.join(self.nested(path, entry_text, 0, is_item))
             source = self.layout.text
             lead = self.layout.newline if source and not source.endswith(("\n", "\r")) else ""
-            return [Splice(len(source), len(source), lead + value + self.layout.newline)]
+            return [Splice(len(source), len(source), lead + nested_value + self.layout.newline)]
         last_span, path_rest = chain[-1], path[len(chain) - 1 :]
         if last_span.is_empty and len(chain) > 1:
             return self.filled(
@@ -98,37 +103,45 @@ class Changes:
         if last_span.is_flow:
             return self.item(last_span, _flow(path_rest, entry_text, is_item))
         indent = self.layout.column(last_span.keys[0].start)
-        lines = self.nested(path_rest, entry_text, indent, is_item)
+        nested_lines = self.nested(path_rest, entry_text, indent, is_item)
         if len(chain) == 1:
-            return self.section(last_span, str(path_rest[0]), lines, order)
-        return [self.below(last_span.end, lines)]
+            return self.section(last_span, str(path_rest[0]), nested_lines, name_order)
+        return [self.below(last_span.end, nested_lines)]
 
     def filled(
         self, parent: Span, node: Span, name: str | int, path_rest: Path, text: str, is_item: bool
     ) -> list[Splice]:
         """Fill an empty value: with lines below its name, or in flow style in its place."""
-        number = parent.index(name)
-        assert number is not None
+        child_number = parent.index(name)
+        assert child_number is not None
         if parent.is_flow or node.start != node.end or not (path_rest or is_item):
-            return self.replaced(parent, number, _flow(path_rest, text, is_item, outermost=True))
+            return self.replaced(
+                parent, child_number, _flow(path_rest, text, is_item, outermost=True)
+            )
         indent = (
-            self.layout.column(self.layout.child_start(parent, number)) + self.layout.indent_step
+            self.layout.column(self.layout.child_start(parent, child_number))
+            + self.layout.indent_step
         )
         # Without a name left to make, the value itself is the list.
-        lines = (
+        nested_lines = (
             self.nested(path_rest, text, indent, is_item)
             if path_rest
             else [" " * indent + f"- {text}"]
         )
-        return [self.below(node.end, lines)]
+        return [self.below(node.end, nested_lines)]
 
-    def nested(self, names: Path, text: str, indent: int, is_item: bool) -> list[str]:
+    def nested(self, names_below: Path, value_text: str, indent: int, is_item: bool) -> list[str]:
         """Lines of nested names; the innermost holds the value, or a list of it."""
-        step = self.layout.indent_step
-        lines = [f"{' ' * (indent + step * i)}{name}:" for i, name in enumerate(names)]
+        indent_step = self.layout.indent_step
+        nested_lines = [
+            f"{' ' * (indent + indent_step * i)}{name}:" for i, name in enumerate(names_below)
+        ]
         if is_item:
-            return [*lines, f"{' ' * (indent + step * len(names))}- {text}"]
-        return [*lines[:-1], f"{lines[-1]} {text}"]
+            return [
+                *nested_lines,
+                f"{' ' * (indent + indent_step * len(names_below))}- {value_text}",
+            ]
+        return [*nested_lines[:-1], f"{nested_lines[-1]} {value_text}"]
 
     def below(self, index: int, lines: Sequence[str]) -> Splice:
         """Insert lines after the line of a character."""
@@ -147,12 +160,12 @@ class Changes:
         if not sections_before:
             start = root.keys[0].start
             return [Splice(start, start, "".join(line + lay.newline for line in lines))]
-        end = root.items[sections_before[-1]].end
-        next_line = lay.next_line(end)
+        section_end = root.items[sections_before[-1]].end
+        next_line = lay.next_line(section_end)
         is_spaced = lay.is_blank(next_line)
         if next_line == len(lay.text):
             is_spaced = lay.newline * 2 in lay.text
-        return [self.below(end, ["", *lines] if is_spaced and len(lines) > 1 else lines)]
+        return [self.below(section_end, ["", *lines] if is_spaced and len(lines) > 1 else lines)]
 
     def item(self, list_span: Span, item_text: str) -> list[Splice]:
         """Add an item at the end of a list or, in flow style, of a mapping."""
@@ -171,11 +184,11 @@ class Changes:
         comma = lay.next_token(end_index)
         has_comma = lay.text[comma : comma + 1] == ","
         splices = [] if has_comma else [Splice(end_index, end_index, ",")]
-        line = " " * lay.column(start_index) + item_text + ("," if has_comma else "")
+        item_line = " " * lay.column(start_index) + item_text + ("," if has_comma else "")
         closer = list_span.end - 1
         if lay.line_end(end_index) > closer:  # the bracket closes in the last item's line
             return [Splice(end_index, end_index, f", {item_text}")]
-        return [*splices, self.below(end_index, [line])]
+        return [*splices, self.below(end_index, [item_line])]
 
     def before(self, node: Span, number: int, text: str) -> list[Splice]:
         """Insert an item before another one of a list: in its line, or in a line above it."""
@@ -222,12 +235,15 @@ class Changes:
 
     # --- taking away -----------------------------------------------------------------------------
 
-    def cut_block(self, parent_span: Span, number: int) -> list[Splice]:
+    def cut_block(self, parent_span: Span, child_number: int) -> list[Splice]:
         """Remove an entry with its lines; of two empty lines that would meet, one is removed
         too.
         """
         lay = self.layout
-        start_index, end_index = lay.child_start(parent_span, number), parent_span.items[number].end
+        start_index, end_index = (
+            lay.child_start(parent_span, child_number),
+            parent_span.items[child_number].end,
+        )
         if not lay.begins_line(start_index):
             if len(parent_span.items) == 1:
                 return [Splice(start_index, lay.line_end(end_index), "")]
@@ -283,10 +299,10 @@ class Changes:
         return [Splice(cut_start, end_index, "")]
 
 
-def _flow(names: Path, text: str, is_item: bool, outermost: bool = False) -> str:
+def _flow(names_below: Path, text: str, is_item: bool, outermost: bool = False) -> str:
     """`a: {b: text}`; with `outermost`, the first name is in braces too."""
     inner = f"[{text}]" if is_item else text
-    for depth, name in enumerate(reversed(names)):
-        is_first = depth == len(names) - 1
+    for depth, name in enumerate(reversed(names_below)):
+        is_first = depth == len(names_below) - 1
         inner = f"{name}: {inner}" if is_first and not outermost else f"{{{name}: {inner}}}"
     return inner

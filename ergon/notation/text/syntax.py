@@ -57,18 +57,20 @@ def is_too_deep(error: Exception) -> bool:
     return "maximum nesting depth" in str(getattr(error, "problem", ""))
 
 
-def level_opens(source_text: str, error: Exception, start: tuple[int, int], level: int) -> int:
-    """Index at which bracket level `level` opens before such an error; `start` is an index and its
-    level.
+def level_opens(
+    source_text: str, error: Exception, start_and_level: tuple[int, int], bracket_level: int
+) -> int:
+    """Index at which bracket level `bracket_level` opens before such an error; `start_and_level` is
+    an index and its level.
 
     Brackets in quotes count too, so if there are any the index may be a few levels off.
     """
-    (first, depth), end = start, _index_of(error)
-    for index in range(first, end):
-        depth += (source_text[index] in "[{") - (source_text[index] in "]}")
-        if depth >= level:
-            return index
-    return end
+    (first, depth), error_index = start_and_level, _index_of(error)
+    for text_index in range(first, error_index):
+        depth += (source_text[text_index] in "[{") - (source_text[text_index] in "]}")
+        if depth >= bracket_level:
+            return text_index
+    return error_index
 
 
 def explained(source_text: str, error: Exception) -> tuple[int, str]:
@@ -86,25 +88,29 @@ def explained(source_text: str, error: Exception) -> tuple[int, str]:
     if (blank := _typeset_blank(source_text, _index_of(error))) is not None:
         return blank, f"here stands {typeset_character(source_text[blank])}"
     error_words = str(error)
-    for needle, sentence in _SENTENCES:
+    for needle, error_sentence in _SENTENCES:
         if needle in error_words:
-            if sentence is _INDENTED:
+            if error_sentence is _INDENTED:
                 return _index_of(error), _indented(source_text, _index_of(error))
-            unclosed = "closed" in sentence or "':' after" in sentence
-            return _index_of(error, unclosed), sentence
+            unclosed = "closed" in error_sentence or "':' after" in error_sentence
+            return _index_of(error, unclosed), error_sentence
     problem = getattr(error, "problem", None) or error_words.split("\n")[0]
     return _index_of(error), f"not YAML: {problem}"
 
 
-def _indented(source_text: str, index: int) -> str:
+def _indented(source_text: str, error_index: int) -> str:
     """What is wrong with how a line begins: with how many spaces the lines above do that are still
     open, or that it is a name among items of a list.
     """
-    begin = source_text.rfind("\n", 0, index) + 1
-    indent = len(source_text[begin:index]) - len(source_text[begin:index].lstrip(" "))
-    is_item = source_text.startswith("- ", begin + indent)
+    line_begin = source_text.rfind("\n", 0, error_index) + 1
+    indent = len(source_text[line_begin:error_index]) - len(
+        source_text[line_begin:error_index].lstrip(" ")
+    )
+    is_item = source_text.startswith("- ", line_begin + indent)
     depth, line_places = PURE_PARSER_LIMIT, []
-    for line in reversed(source_text[max(0, begin - PURE_PARSER_LIMIT) : begin].splitlines()):
+    for line in reversed(
+        source_text[max(0, line_begin - PURE_PARSER_LIMIT) : line_begin].splitlines()
+    ):
         line_word = line.strip()
         spaces = len(line) - len(line.lstrip(" "))
         if line_word and not line_word.startswith("#") and spaces < depth:
@@ -129,11 +135,11 @@ def _typeset_blank(source_text: str, source_index: int) -> int | None:
     """
     begin = source_text.rfind("\n", 0, max(0, source_text.rfind("\n", 0, source_index))) + 1
     end = source_text.find("\n", source_index)
-    match = BLANK.search(source_text, begin, len(source_text) if end < 0 else end)
-    if match is not None:
-        return match.start()
-    match = _INDENTED_BY_BLANK.search(source_text, 0, max(0, source_index))
-    return None if match is None else match.end() - 1
+    blank_match = BLANK.search(source_text, begin, len(source_text) if end < 0 else end)
+    if blank_match is not None:
+        return blank_match.start()
+    blank_match = _INDENTED_BY_BLANK.search(source_text, 0, max(0, source_index))
+    return None if blank_match is None else blank_match.end() - 1
 
 
 def _index_of(error: Exception, unclosed: bool = False) -> int:

@@ -41,20 +41,20 @@ _PLAIN = {
 }
 
 
-def typeset_character(word: str) -> str | None:
+def typeset_character(typed_word: str) -> str | None:
     """The first typeset character of a word, and what to write instead: `an en dash (U+2013); write
     …`; None if it has none.
     """
-    match = _ANY.search(word)
-    if match is None:
+    typeset_match = _ANY.search(typed_word)
+    if typeset_match is None:
         return None
-    name, advice = _CHARACTERS[match[0]]
-    return f"{name} (U+{ord(match[0]):04X}); {advice}"
+    name, advice = _CHARACTERS[typeset_match[0]]
+    return f"{name} (U+{ord(typeset_match[0]):04X}); {advice}"
 
 
-def plain(word: str) -> str:
+def plain(typeset_word: str) -> str:
     """A word in the characters of a score: `2g` for `2 g`, `C3..C5` for `C3–C5`, `2g..3g` for
     `2–3g`.
     """
-    word = _RANGE.sub("..", _BEFORE_UNIT.sub("", word))
-    return _WITHOUT_UNIT.sub(r"\1\2", _ANY.sub(lambda match: _PLAIN[match[0]], word))
+    typeset_word = _RANGE.sub("..", _BEFORE_UNIT.sub("", typeset_word))
+    return _WITHOUT_UNIT.sub(r"\1\2", _ANY.sub(lambda match: _PLAIN[match[0]], typeset_word))

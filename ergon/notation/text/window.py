@@ -54,10 +54,10 @@ def last_items(
         section_value,
     )
     for word in path:
-        entry = _entry(window_node, word)
-        if entry is None or heads is None or entry[2]:
+        entry_below = _entry(window_node, word)
+        if entry_below is None or heads is None or entry_below[2]:
             return None
-        name_node, value_below, _ = entry
+        name_node, value_below, _ = entry_below
         if section_text[window_node.start] == "{":
             head_text, text_after = (
                 _head_within(section_text, name_node, value_below),
@@ -75,11 +75,14 @@ def last_items(
     if section_text[window_node.start] == "[":
         start_index = start_index if first_item else window_node.start + 1
     else:
-        line = section_text.rfind("\n", 0, start_index) + 1
-        _, end = window_node.span(-1)
-        if not _DASH.fullmatch(section_text, line, start_index) or section_text[end - 1] != "}":
+        line_start = section_text.rfind("\n", 0, start_index) + 1
+        _, items_end = window_node.span(-1)
+        if (
+            not _DASH.fullmatch(section_text, line_start, start_index)
+            or section_text[items_end - 1] != "}"
+        ):
             return None
-        start_index, stop_index = line, _line_end(section_text, end)
+        start_index, stop_index = line_start, _line_end(section_text, items_end)
     return Window(
         heads + section_text[start_index:stop_index] + text_after,
         len(heads),
@@ -101,20 +104,26 @@ def line_window(
         return None
     text_before, window_node = _head(section_text, name_node, section_value), section_value
     for word in path[:-1]:
-        entry = _entry(window_node, word)
-        if entry is None or text_before is None:
+        entry_below = _entry(window_node, word)
+        if entry_below is None or text_before is None:
             return None
-        name_node, window_node, base = entry
-        begin, end = base + name_node.start, base + window_node.end
-        line = section_text.rfind("\n", 0, begin) + 1
-        stop = _line_end(section_text, base + name_node.end)
+        name_node, window_node, base = entry_below
+        window_begin, window_end = base + name_node.start, base + window_node.end
+        line_start = section_text.rfind("\n", 0, window_begin) + 1
+        line_stop = _line_end(section_text, base + name_node.end)
         if (
             isinstance(window_node, document.Mapping)
             and section_text[base + window_node.start] == "{"
         ):
-            if section_text[line:begin].strip() or end > stop:
+            if section_text[line_start:window_begin].strip() or window_end > line_stop:
                 return None
-            return Window(text_before + section_text[line:stop], len(text_before), line, stop, 0)
+            return Window(
+                text_before + section_text[line_start:line_stop],
+                len(text_before),
+                line_start,
+                line_stop,
+                0,
+            )
         head_text = _head(section_text, name_node, window_node)
         text_before = None if head_text is None else text_before + head_text
     return None
@@ -126,11 +135,11 @@ def is_plain(text: str) -> bool:
     return not has_alias and text.count("\r") == text.count("\r\n")
 
 
-def _entry(node: Node, word: str | int) -> tuple[Scalar, Node, int] | None:
+def _entry(parent_node: Node, entry_word: str | int) -> tuple[Scalar, Node, int] | None:
     """The name and value of a mapping's entry, and where their places count from."""
-    if not isinstance(node, document.Mapping) or str(word) not in node.entries:
+    if not isinstance(parent_node, document.Mapping) or str(entry_word) not in parent_node.entries:
         return None
-    return *node.entries[str(word)], node.bases.get(str(word), 0)
+    return *parent_node.entries[str(entry_word)], parent_node.bases.get(str(entry_word), 0)
 
 
 def _head(section_text: str, name_node: Scalar, section_value: Node) -> str | None:
@@ -141,10 +150,10 @@ def _head(section_text: str, name_node: Scalar, section_value: Node) -> str | No
     if section_text[section_value.start : section_value.start + 1] in ("[", "{"):
         name_text = section_text[line_begin : section_value.start + 1]
         return None if "\n" in name_text else name_text
-    end = _line_end(section_text, name_node.end)
+    line_end = _line_end(section_text, name_node.end)
     return (
-        section_text[line_begin:end]
-        if _NAME_ALONE.fullmatch(section_text[name_node.end : end].rstrip())
+        section_text[line_begin:line_end]
+        if _NAME_ALONE.fullmatch(section_text[name_node.end : line_end].rstrip())
         else None
     )
 

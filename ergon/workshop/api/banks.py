@@ -69,10 +69,10 @@ def bank_of(piece: Piece, prepared: PreparedPiece, part_modes: PartModes, rows_m
         problem += f"{_POINTS}: name other PARTs"
         raise OptionError("parts", problem)
     mode_paths: list[ModePath] = []
-    for struck, (_, moves, _) in enumerate(bank_inputs):
+    for struck_index, (_, moves, _) in enumerate(bank_inputs):
         for output_index, (_, label) in enumerate(audible):
             gain = (moves * part_modes.points[label])[swings] / swing(poles, ca_rate)
-            mode_paths += _path(struck, output_index, part_modes, swings, gain)
+            mode_paths += _path(struck_index, output_index, part_modes, swings, gain)
     if sum(len(mode_path.rows) for mode_path in mode_paths) > rows_max:
         problem = (
             f"a file holds at most {rows_max:,} resonators; use a lower --upto, or fewer outputs"
@@ -112,17 +112,17 @@ def _inputs(
     struck_names = {name for name, _, _ in bank_inputs}
     struck_names |= {target.text for one in piece.strikes for target in one.to}  # several points
     other_points = {**part_modes.points, **touched(piece, prepared.built, part_modes)}
-    for label, moves in other_points.items():
-        is_output = label.split(" ")[0] == "out"
-        if not is_output and label not in struck_names:
-            bank_inputs.append((label, moves, []))
+    for point_label, moves in other_points.items():
+        is_output = point_label.split(" ")[0] == "out"
+        if not is_output and point_label not in struck_names:
+            bank_inputs.append((point_label, moves, []))
     if not bank_inputs:
         bank_inputs = [(label, moves, []) for label, moves in part_modes.points.items()]
     return bank_inputs
 
 
 def _path(
-    struck: int,
+    struck_index: int,
     output_index: int,
     part_modes: PartModes,
     swings: NDArray[np.bool_],
@@ -137,14 +137,14 @@ def _path(
     if not audible.any():
         return []
     poles = part_modes.poles[swings][audible]
-    columns = (
+    input_columns = (
         part_modes.frequencies[swings][audible],
         0.0 - poles.real,
         gain_sizes[audible],
         np.angle(mode_gains[audible]),
     )
-    rows = list(zip(*(column.tolist() for column in columns), strict=True))
-    return [ModePath(struck, output_index, rows)]
+    rows = list(zip(*(column.tolist() for column in input_columns), strict=True))
+    return [ModePath(struck_index, output_index, rows)]
 
 
 def touched(
@@ -158,14 +158,14 @@ def touched(
         {name: slot for slot, name in enumerate(part_modes.masses)},
     )
     points_by_name = {}
-    for owner, module in piece.modules():
-        if owner != part_modes.part or module.kind not in _HITS:
+    for owner, piece_module in piece.modules():
+        if owner != part_modes.part or piece_module.kind not in _HITS:
             continue
-        for end in module.ends:
-            names = [name_of(mat) for mat in built.assembly.members(end)]
-            mat_slots = [mass_slots[name] for name in names if name in mass_slots]
+        for link_end in piece_module.ends:
+            end_names = [name_of(mat) for mat in built.assembly.members(link_end)]
+            mat_slots = [mass_slots[name] for name in end_names if name in mass_slots]
             if mat_slots:
-                label = names[0] if len(names) == 1 else end.text
+                label = end_names[0] if len(end_names) == 1 else link_end.text
                 points_by_name[label] = part_modes.shapes[:, mat_slots].sum(axis=1)
     return points_by_name
 

@@ -75,11 +75,13 @@ def mode_tables(
     upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
     loaded = scores.read(score, options, report)
     piece = scores.piece_of(loaded)
-    names = selected_parts(piece, options.parts)
+    asked_names = selected_parts(piece, options.parts)
     ca_rates = {name: part_modes.ca_rate for name, part_modes in piece.instruments.items()}
     with scores.staging(lambda: loaded, report), (report or Report()).waiting("computing modes"):
         built = prepare(piece).built
-        all_modes = [modes_of(piece, built, name, {"to": upto}, loaded.inputs) for name in names]
+        all_modes = [
+            modes_of(piece, built, name, {"to": upto}, loaded.inputs) for name in asked_names
+        ]
         tables = [
             (part_modes, {**part_modes.points, **touched(piece, built, part_modes)})
             for part_modes in all_modes
@@ -214,11 +216,13 @@ def _programs(
     names = selected_parts(piece, export_options.parts)
     wholes = [(name, (name,)) for name in names] if export_options.parts else [(title, names)]
     exported = []
-    for name, part_names in wholes:
+    for program_name, part_names in wholes:
         parts, struck = _parts(piece, part_names), _struck(piece, part_names)
         network = stepped(parts, struck, piece.rate, points_max=n_max)
         warnings = tuple(f"{module_name} is left out" for module_name in network.left_out)
-        exported.append(ExportedPart(name, program(network, name), warnings, loaded.inputs))
+        exported.append(
+            ExportedPart(program_name, program(network, program_name), warnings, loaded.inputs)
+        )
     return tuple(exported)
 
 
@@ -290,25 +294,25 @@ def _table(
     }
     per_second = swing(poles, ca_rate)
     points = {label: moves[swings] for label, moves in shape_by_label.items()}
-    for struck, listener in _ways(points):
-        gain = points[struck] * points[listener] / per_second
-        mode_columns[f"amplitude {struck} to {listener} [m/Ns]"] = np.abs(gain)
-        mode_columns[f"phase {struck} to {listener} [rad]"] = np.angle(gain)
+    for struck_index, listener in _ways(points):
+        gain = points[struck_index] * points[listener] / per_second
+        mode_columns[f"amplitude {struck_index} to {listener} [m/Ns]"] = np.abs(gain)
+        mode_columns[f"phase {struck_index} to {listener} [rad]"] = np.angle(gain)
     table_text = io.StringIO()
     table_text.write(f"# modes of {part_modes.part}, made by ergon\n")
-    rows = csv.writer(table_text, lineterminator="\n")
-    rows.writerow(("mode", *mode_columns))
+    csv_rows = csv.writer(table_text, lineterminator="\n")
+    csv_rows.writerow(("mode", *mode_columns))
     values = zip(*(column.tolist() for column in mode_columns.values()), strict=True)
-    rows.writerows((number, *map(repr, row)) for number, row in enumerate(values, 1))
+    csv_rows.writerows((number, *map(repr, row)) for number, row in enumerate(values, 1))
     return ExportedPart(
         part_modes.part, table_text.getvalue(), tuple(left_out(part_modes)), part_modes.inputs
     )
 
 
-def _ways(points: Mapping[str, object]) -> list[tuple[str, str]]:
+def _ways(named_points: Mapping[str, object]) -> list[tuple[str, str]]:
     """Pairs of a struck or touched point and a heard one; if one kind is missing, the other
     replaces it.
     """
-    output_labels = [label for label in points if label.split(" ")[0] == "out"]
-    struck = [label for label in points if label not in output_labels]
+    output_labels = [label for label in named_points if label.split(" ")[0] == "out"]
+    struck = [label for label in named_points if label not in output_labels]
     return [(a, b) for a in struck or output_labels for b in output_labels or struck]

@@ -31,10 +31,10 @@ def csound_orchestras(
     piece = scores.piece_of(loaded)
     upto = HIGHEST if options.upto is None else hertz("upto", options.upto)
     with scores.staging(lambda: loaded, report):
-        names = audible_parts(piece, options.parts)
+        asked_names = audible_parts(piece, options.parts)
         if options.parts:
-            return banks_of(piece, loaded.inputs, names, upto, orchestra, BANK_MAX, report)
-        banks = part_banks(piece, loaded.inputs, names, upto, BANK_MAX, report)
+            return banks_of(piece, loaded.inputs, asked_names, upto, orchestra, BANK_MAX, report)
+        banks = part_banks(piece, loaded.inputs, asked_names, upto, BANK_MAX, report)
     if not banks:
         return ()
     model_title = Path(score).stem if str(score) != scores.STDIN else "score"

@@ -127,16 +127,19 @@ def _unfed(inputs_by_name: Mapping[str, Input], port_names: Sequence[str]) -> tu
     """Inputs of a model that no file feeds. Raises OptionError for an input that it does not
     have.
     """
-    for name in inputs_by_name:
-        if name not in port_names:
-            suggestion = nearest(name, port_names)
+    for input_name in inputs_by_name:
+        if input_name not in port_names:
+            suggestion = nearest(input_name, port_names)
             meant = f"; did you mean {suggestion}?" if suggestion else ""
-            raise OptionError("feed", f"the model has no input {quote(name)}{meant}")
+            raise OptionError("feed", f"the model has no input {quote(input_name)}{meant}")
     return tuple(name for name in port_names if name not in inputs_by_name)
 
 
 def _pmpd(
-    text: str, name: str, model_options: ModelOptions, inputs_by_name: Mapping[str, Input]
+    model_text: str,
+    model_name: str,
+    model_options: ModelOptions,
+    inputs_by_name: Mapping[str, Input],
 ) -> ImportedModel:
     """Messages to an object of Pure Data. Raises ModelError, DialectError and OptionError."""
     if model_options.values:
@@ -146,23 +149,26 @@ def _pmpd(
     dialect: Object | None = None
     if model_options.dialect == "pmpd" or model_options.dialect == "pmpd~":
         dialect = model_options.dialect
-    kind, messages = pmpd_messages(text, dialect)
-    pmpd_network = network(kind, messages)
+    object_kind, messages = pmpd_messages(model_text, dialect)
+    pmpd_network = network(object_kind, messages)
     input_names = {f"in{port.number}" for port in pmpd_network.ports if port.what.startswith("in")}
     unfed = _unfed(inputs_by_name, sorted(input_names))
     return ImportedModel(
-        pmpd_written(pmpd_network, inputs_by_name, name), kind, len(messages), unfed
+        pmpd_written(pmpd_network, inputs_by_name, model_name), object_kind, len(messages), unfed
     )
 
 
 def _sam(
-    text: str, name: str, options: ModelOptions, inputs_by_name: Mapping[str, Input]
+    model_text: str,
+    model_name: str,
+    model_options: ModelOptions,
+    inputs_by_name: Mapping[str, Input],
 ) -> ImportedModel:
     """A model of Synth-A-Modeler. Raises ModelError and OptionError."""
-    if options.laws != "head":
+    if model_options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
     parameter_values = {}
-    for parameter_name, value_text in options.values.items():
+    for parameter_name, value_text in model_options.values.items():
         try:
             parameter_values[parameter_name] = float(value_text)
         except ValueError:
@@ -171,31 +177,31 @@ def _sam(
             ) from None
         if not isfinite(parameter_values[parameter_name]):
             raise OptionError("set", f"{value_text} is not a number", value=parameter_name)
-    sheet = sam_sheet(text)
+    sheet = sam_sheet(model_text)
     unfed = _unfed(inputs_by_name, sam_ports(sheet))
     count = len(sheet.statements) + len(sheet.code)
     return ImportedModel(
-        sam_written(sheet, inputs_by_name, parameter_values, name), "sam", count, unfed
+        sam_written(sheet, inputs_by_name, parameter_values, model_name), "sam", count, unfed
     )
 
 
-def _miphysics(text: str, name: str, model_options: ModelOptions) -> ImportedModel:
+def _miphysics(model_text: str, model_name: str, model_options: ModelOptions) -> ImportedModel:
     """A model of miPhysics. Raises ModelError and OptionError."""
     if model_options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
     if model_options.inputs:
         raise OptionError("feed", "models of miPhysics have no inputs; leave this option out")
     rate = str(RATE)
-    for parameter, value in model_options.values.items():
+    for parameter, parameter_value in model_options.values.items():
         if parameter != "rate":
             raise OptionError("set", f"the model has no parameter {quote(parameter)}; it has rate")
-        rate = value
+        rate = parameter_value
     if not (rate.isascii() and rate.isdigit() and RATES[0] <= int(rate[:9]) <= RATES[1]):
         least, highest = RATES
         raise OptionError("set", f"rate is a whole number from {least} to {highest:,} [Hz]")
-    network = miphysics_network(text)
+    network = miphysics_network(model_text)
     count = len(network.masses) + len(network.links)
-    return ImportedModel(miphysics_written(network, name, int(rate)), "miphysics", count)
+    return ImportedModel(miphysics_written(network, model_name, int(rate)), "miphysics", count)
 
 
 def _dialect(model_text: str, path: Path, model_options: ModelOptions) -> Dialect:
@@ -224,10 +230,10 @@ def _dialect(model_text: str, path: Path, model_options: ModelOptions) -> Dialec
     return "v2" if "v2" in errors_by_dialect else "v1"
 
 
-def _is_legible(text: str, dialect: Dialect, path: Path) -> bool:
+def _is_legible(model_text: str, dialect: Dialect, path: Path) -> bool:
     """Whether a dialect reads a model with the values that it has."""
     try:
-        parse(text, dialect, str(path), {})
+        parse(model_text, dialect, str(path), {})
     except ModelError:
         return False
     return True

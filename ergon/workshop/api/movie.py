@@ -160,12 +160,14 @@ class MovieMaker:
                 folder = stack.enter_context(new_folder(self._target))
             else:
                 force = movie_options.force
-                file = stack.enter_context(open_for_writing(self._target, binary=True, force=force))
+                movie_file = stack.enter_context(
+                    open_for_writing(self._target, binary=True, force=force)
+                )
                 if shown.sound is not None:
                     stretch = instants[0], instants[0] + n / movie_options.rate
                     stretch_sound = _sound(shown.sound, *stretch)
                 video_file = VideoFile(
-                    file, self._suffix, self._size, movie_options.rate, stretch_sound
+                    movie_file, self._suffix, self._size, movie_options.rate, stretch_sound
                 )
                 stack.callback(video_file.discard)
             progress = stack.enter_context(report.progress("drawing", n, movie_options.rate))
@@ -184,12 +186,12 @@ class MovieMaker:
         )
 
 
-def _size(text: str) -> tuple[int, int]:
-    match = _SIZE.fullmatch(text)
+def _size(size_text: str) -> tuple[int, int]:
+    match = _SIZE.fullmatch(size_text)
     sides = [int(side) for side in match.groups()] if match else []
     if not sides or any(s % 2 or not _SIDE_MIN <= s <= _SIDE_MAX for s in sides):
         reason = f"write two even numbers from {_SIDE_MIN} to {_SIDE_MAX}, such as 1920x1080"
-        raise OptionError("size", reason, value=text)
+        raise OptionError("size", reason, value=size_text)
     return sides[0], sides[1]
 
 
@@ -197,11 +199,11 @@ def _stops(views_text: str) -> list[tuple[int, float]]:
     """Views, and when each is reached [s]."""
     stops: list[tuple[int, float]] = []
     for word in views_text.split():
-        match = _STOP.fullmatch(word)
-        if match is None or (match[2] is None and stops):
+        stop_match = _STOP.fullmatch(word)
+        if stop_match is None or (stop_match[2] is None and stops):
             reason = "write views and when they are reached, such as '1@0s 3@12s'"
             raise OptionError("camera", reason, value=views_text)
-        stops.append((int(match[1]), float(match[2] or 0.0)))
+        stops.append((int(stop_match[1]), float(stop_match[2] or 0.0)))
     times = [when for _, when in stops]
     if not stops or any(
         instant_after <= instant_before for instant_before, instant_after in pairwise(times)
@@ -239,13 +241,15 @@ def _check_folder(folder: Path) -> None:
         raise OptionError("movie", reason) from None
 
 
-def _sound(path: Path, start: float, end: float) -> Sound:
+def _sound(path: Path, start_seconds: float, end_seconds: float) -> Sound:
     """A stretch [s] of a WAV file."""
     from ergon.exchange import sound
     from ergon.workshop.movies.video import Sound
 
     format = sound.read_info(path).format
-    first_frame, last_frame = (round(seconds * format.rate) for seconds in (start, end))
+    first_frame, last_frame = (
+        round(seconds * format.rate) for seconds in (start_seconds, end_seconds)
+    )
     return Sound(_between(path, first_frame, last_frame), format.rate, format.n_channels)
 
 

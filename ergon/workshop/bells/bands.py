@@ -53,7 +53,7 @@ class Bands:
         return np.fft.ifft(bins) * (2.0 * n_bins / self.n), rate, centre * self.rate / self.n
 
     def occupied(
-        self, low: float, high_hertz: float, band_width: float
+        self, low_hertz: float, high_hertz: float, band_width: float
     ) -> Iterator[tuple[float, float]]:
         """Bands about `band_width` wide [Hz] with a peak above the noise; they are cut where the
         spectrum is low.
@@ -61,12 +61,12 @@ class Bands:
         power_spectrum = np.abs(self.spectrum) ** 2
         bin_width = self.rate / self.n
         smooth = np.convolve(power_spectrum, np.full(_SMOOTH, 1.0 / _SMOOTH), "same")
-        edges = [low]
+        edges = [low_hertz]
         while edges[-1] < high_hertz - 1.5 * band_width:
-            begin, end = (
+            band_begin, band_end = (
                 int((edges[-1] + part * band_width) / bin_width) for part in (_NEAR, _FAR)
             )
-            edges.append((begin + int(np.argmin(smooth[begin:end]))) * bin_width)
+            edges.append((band_begin + int(np.argmin(smooth[band_begin:band_end]))) * bin_width)
         edges.append(high_hertz)
         for low_edge, high_edge in pairwise(edges):
             power_in_band = power_spectrum[int(low_edge / bin_width) : int(high_edge / bin_width)]

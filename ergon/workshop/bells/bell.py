@@ -64,8 +64,8 @@ class Bell:
         return float(self.f[int(np.argmax(np.abs(self.levels[:, 0] * self.listened)))])
 
 
-def bell_from_strokes(strokes: Sequence[tuple[str, Stroke]], count: int | None = None) -> Bell:
-    """The bell that made these strokes, each given with its place; its `count` loudest modes.
+def bell_from_strokes(strokes: Sequence[tuple[str, Stroke]], mode_count: int | None = None) -> Bell:
+    """The bell that made these strokes, each given with its place; its `mode_count` loudest modes.
 
     Raises NotAStrokeError if modes leave more than a quarter of the energy of a stroke.
     """
@@ -87,7 +87,7 @@ def bell_from_strokes(strokes: Sequence[tuple[str, Stroke]], count: int | None =
     mode_frequencies, decay_rates = _merged_modes(stroke_modes)
     fits = [_fit(recorded, mode_frequencies, decay_rates) for _, recorded in strokes]
     shares = np.stack([fit.energy for fit in fits]).max(axis=0)
-    loudest = np.argsort(shares)[::-1][:count]
+    loudest = np.argsort(shares)[::-1][:mode_count]
     audible = np.sort(loudest[shares[loudest] > _FAINT])
     if audible.size < mode_frequencies.size:
         mode_frequencies, decay_rates = mode_frequencies[audible], decay_rates[audible]
@@ -121,13 +121,13 @@ def _fit(stroke: Stroke, mode_frequencies: Array, decay_rates: Array) -> _Fit:
 
 def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tuple[Array, Array]:
     """f and d of all modes; a mode found in several strokes appears once."""
-    rows = [
+    mode_rows = [
         (float(f), float(d), float(max(sf, 1e-9)), float(max(sd, 1e-9)), stroke_index)
         for stroke_index, (modes, errors) in enumerate(modes_and_errors)
         for f, d, sf, sd in zip(modes.f, modes.d, errors.f, errors.d, strict=True)
     ]
     mode_groups: list[list[tuple[float, float, float, float, int]]] = []
-    for mode_row in sorted(rows):
+    for mode_row in sorted(mode_rows):
         near_groups = [
             group
             for group in mode_groups[-4:]
@@ -147,10 +147,10 @@ def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tupl
     mode_frequencies: list[float] = []
     decay_rates: list[float] = []
     for group in mode_groups:
-        table = np.array(group)
+        group_table = np.array(group)
         for errors, stroke_index in ((mode_frequencies, 0), (decay_rates, 1)):
-            weight = 1.0 / table[:, stroke_index + 2] ** 2
-            errors.append(float(np.sum(table[:, stroke_index] * weight) / np.sum(weight)))
+            weight = 1.0 / group_table[:, stroke_index + 2] ** 2
+            errors.append(float(np.sum(group_table[:, stroke_index] * weight) / np.sum(weight)))
     order = np.argsort(mode_frequencies)
     return np.array(mode_frequencies)[order], np.array(decay_rates)[order]
 
@@ -161,13 +161,13 @@ def _bell(stroke_places: Sequence[str], strokes: Sequence[Stroke], fits: Sequenc
     level_table = np.zeros((bell_modes.f.size, len(place_names)))
     impulse_and_length: dict[int, tuple[float, float | None]] = {}
     contact_lengths = []
-    for column, name in enumerate(place_names):
+    for place_index, name in enumerate(place_names):
         place_rows = [i for i, place in enumerate(stroke_places) if place == name]
         amplitudes = np.stack([np.abs(fits[i].modes.c) for i in place_rows])
         errors = np.stack([fits[i].deviation.level for i in place_rows])
         contact_levels = contact.levels(bell_modes.f, amplitudes, errors)
         hardest = place_rows[int(np.argmax(contact_levels.impulses))]
-        level_table[:, column] = contact_levels.levels * _signs(fits[hardest].modes)
+        level_table[:, place_index] = contact_levels.levels * _signs(fits[hardest].modes)
         shortest = contact_levels.lengths[int(np.argmax(contact_levels.impulses))]
         contact_lengths += [] if shortest is None else [shortest]
         for i, impulse, contact_length in zip(
@@ -182,7 +182,7 @@ def _bell(stroke_places: Sequence[str], strokes: Sequence[Stroke], fits: Sequenc
     best_fits = [
         np.min([getattr(fit.deviation, field_name) for fit in fits], axis=0) for field_name in "fd"
     ]
-    level = np.min([fit.deviation.level for fit in fits], axis=0)
+    level_deviation = np.min([fit.deviation.level for fit in fits], axis=0)
     stroke_contacts = tuple(
         StrokeReport(recorded.name, place, *impulse_and_length[i], fits[i].explained)
         for i, (place, recorded) in enumerate(zip(stroke_places, strokes, strict=True))
@@ -194,7 +194,7 @@ def _bell(stroke_places: Sequence[str], strokes: Sequence[Stroke], fits: Sequenc
         levels,
         listened,
         loudest.energy,
-        Uncertainty(best_fits[0], best_fits[1], level),
+        Uncertainty(best_fits[0], best_fits[1], level_deviation),
         stroke_contacts,
         contact_length,
         reference,
@@ -228,14 +228,15 @@ def _signs(bell_modes: Modes) -> Array:
 
 
 def bell_from_table(
-    resonance_rows: Sequence[tuple[float, float, float]], count: int | None = None
+    resonance_rows: Sequence[tuple[float, float, float]], mode_count: int | None = None
 ) -> Bell:
-    """The bell of a table of resonances, each f [Hz], t60 [s] and amplitude; the loudest `count`.
+    """The bell of a table of resonances, each f [Hz], t60 [s] and amplitude; the loudest
+    `mode_count`.
 
     A table has no full scale: the amplitudes of all modes together are set to half of it.
     """
     loudest_rows = sorted(resonance_rows, key=lambda row: -(row[2] ** 2) * row[1])[
-        : count or len(resonance_rows)
+        : mode_count or len(resonance_rows)
     ]
     f, t60, a = (np.array(column) for column in zip(*sorted(loudest_rows), strict=True))
     loudness, place_levels = _split((a / np.abs(a).max())[:, None])

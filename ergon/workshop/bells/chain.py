@@ -26,7 +26,7 @@ class Chain:
     grounds: Array
 
 
-def chain(mode_frequencies: Array, t60: Array, mode_shares: Array, mass: float) -> Chain:
+def chain(mode_frequencies: Array, t60: Array, mode_shares: Array, chain_mass: float) -> Chain:
     """The chain whose first mass [kg] has modes f [Hz] with shares `mode_shares` of its movement.
 
     Lanczos' process from the weights (de Boor and Golub, 1978); dampers by non-negative least
@@ -44,7 +44,7 @@ def chain(mode_frequencies: Array, t60: Array, mode_shares: Array, mass: float) 
     diagonal, off_diagonal, basis = _lanczos(eigen, np.sqrt(mode_shares / mode_shares.sum()))
     n = mode_frequencies.size
     masses, springs = np.zeros(n), np.zeros(n)
-    masses[0] = mass
+    masses[0] = chain_mass
     stiffness_before = 0.0
     for i in range(n):
         springs[i] = masses[i] * diagonal[i] - stiffness_before
@@ -65,11 +65,11 @@ def chain(mode_frequencies: Array, t60: Array, mode_shares: Array, mass: float) 
     return Chain(masses, springs, z[:n], z[n:])
 
 
-def _lanczos(eigen: Array, start: Array) -> tuple[Array, Array, Array]:
+def _lanczos(eigen: Array, start_vector: Array) -> tuple[Array, Array, Array]:
     n = eigen.size
     basis = np.zeros((n, n))  # a row for each mass
     diagonal, off_diagonal = np.zeros(n), np.zeros(max(0, n - 1))
-    basis[0] = start
+    basis[0] = start_vector
     for i in range(n):
         image = eigen * basis[i]
         diagonal[i] = basis[i] @ image
@@ -90,18 +90,18 @@ def _not_negative(a: Array, b: Array) -> Array:
     for _ in range(10 * n):
         rise = a.T @ (b - a @ x)
         rise[active] = -np.inf
-        row = int(np.argmax(rise))
-        if rise[row] <= 1e-12:
+        largest_row = int(np.argmax(rise))
+        if rise[largest_row] <= 1e-12:
             break
-        active[row] = True
+        active[largest_row] = True
         while True:
             trial = np.zeros(n)
             trial[active] = np.linalg.lstsq(a[:, active], b, rcond=None)[0]
-            low = active & (trial <= 0.0)
-            if not low.any():
+            low_rows = active & (trial <= 0.0)
+            if not low_rows.any():
                 x = trial
                 break
-            share = np.min(x[low] / (x[low] - trial[low]))
+            share = np.min(x[low_rows] / (x[low_rows] - trial[low_rows]))
             x = x + share * (trial - x)
             active &= x > 1e-15
             x[~active] = 0.0

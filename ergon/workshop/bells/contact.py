@@ -34,11 +34,11 @@ def spectrum(f: Array, length: float) -> Array:
     return np.abs(np.where(near_pole, np.pi / 4.0, value))
 
 
-def stiffness(length: float, mass: float = HAMMER, speed: float = SPEED) -> float:
-    """K [N/m^1.5] of a Hertz contact that stays closed for `length` [s] when a mass [kg] hits it at
-    a speed [m/s].
+def stiffness(push_length: float, hammer_mass: float = HAMMER, speed: float = SPEED) -> float:
+    """K [N/m^1.5] of a Hertz contact that stays closed for `push_length` [s] when a mass [kg] hits
+    it at a speed [m/s].
     """
-    return 1.25 * mass * float((2.943 / (length * speed**0.2)) ** 2.5)
+    return 1.25 * hammer_mass * float((2.943 / (push_length * speed**0.2)) ** 2.5)
 
 
 @dataclass(frozen=True)
@@ -74,10 +74,10 @@ def levels(mode_frequencies: Array, amplitudes: Array, errors: Array) -> Strokes
         for s in range(n_strokes)
         if s != hardest
     }
-    total = np.sum([cost.min(axis=1) for cost in costs.values()], axis=0)
-    likely = np.flatnonzero(total <= total.min() + _RANGE)
+    total_costs = np.sum([cost.min(axis=1) for cost in costs.values()], axis=0)
+    likely = np.flatnonzero(total_costs <= total_costs.min() + _RANGE)
     is_told = _TRIED_LENGTHS[likely[-1]] <= _RANGE_RATIO_MIN * _TRIED_LENGTHS[likely[0]]
-    row = int(np.argmin(total)) if is_told else int(likely[0])
+    row = int(np.argmin(total_costs)) if is_told else int(likely[0])
     chosen_rows = [row if s == hardest else int(np.argmin(costs[s][row])) for s in range(n_strokes)]
     is_told &= all(
         np.count_nonzero(mode_frequencies * _TRIED_LENGTHS[length_index] < _REACH) >= _LEAST

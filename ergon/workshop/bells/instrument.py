@@ -28,28 +28,33 @@ class FormError(ErgonError):
     """
 
 
-def text(bell: Bell, name: str = "bell", form: str = "modes") -> str:
+def text(bell: Bell, instrument_name: str = "bell", form: str = "modes") -> str:
     """The file of an instrument, with the measured figures in its comments. Raises FormError."""
     if form not in _FORMS:
         raise FormError(f"{quote(form)} is not a form of a bell; write modes, cels or chain")
     body = {"modes": _modes, "cels": _cels, "chain": _chain}[form]
     header_lines = [f"# {line}".rstrip() for line in _head(bell, form)]
-    lines = ["ergon: 1", "instruments:", f"  {name}:", f"    f: {_number(bell.pitch)}Hz"]
-    lines += [
+    yaml_lines = [
+        "ergon: 1",
+        "instruments:",
+        f"  {instrument_name}:",
+        f"    f: {_number(bell.pitch)}Hz",
+    ]
+    yaml_lines += [
         "    modules:",
         *_hammer(),
     ]
-    return "\n".join([*header_lines, *lines, *body(bell)]) + "\n"
+    return "\n".join([*header_lines, *yaml_lines, *body(bell)]) + "\n"
 
 
-def _head(bell: Bell, form: str) -> Iterator[str]:
+def _head(bell: Bell, network_form: str) -> Iterator[str]:
     yield f"{len(bell.f)} modes, struck at {', '.join(bell.places)}."
     for stroke in bell.strokes:
         length = "" if stroke.contact is None else f", contact {1e3 * stroke.contact:.2g} ms"
         share = f"{100.0 * stroke.explained:.2f} % of its energy explained"
         yield f"{stroke.name} at {stroke.place}: impulse {stroke.impulse:.3g}{length}, {share}"
     yield "Masses are chosen, for a recording tells levels only."
-    if form == "modes":
+    if network_form == "modes":
         loud = f"{20.0 * np.log10(bell.reference):.1f} dBFS"
         loudness_note = " as in the recording" if bell.strokes else ""
         yield (
@@ -74,10 +79,11 @@ def _mass(bell: Bell) -> float:
     return PLACE_MASS * float(np.sum(bell.levels[:, 0] ** 2))
 
 
-def _contact_line(bell: Bell, place: str, name: str = "felt") -> str:
+def _contact_line(bell: Bell, place_name: str, instrument_name: str = "felt") -> str:
     k = contact.stiffness(bell.contact)
     return (
-        f"      {name}: {{BUT: {{between: [hammer, {place}], K: {k:.4g}, exponent: 1.5, gap: "
+        f"      {instrument_name}: "
+        f"{{BUT: {{between: [hammer, {place_name}], K: {k:.4g}, exponent: 1.5, gap: "
         "7mm}}"
     )
 
@@ -100,10 +106,10 @@ def _modes(bell: Bell) -> list[str]:
 
 def _cels(bell: Bell) -> list[str]:
     weight = np.abs(bell.levels[:, 0] * bell.listened)
-    mass = PLACE_MASS * float(np.sum(weight))
+    cel_mass = PLACE_MASS * float(np.sum(weight))
     yaml_rows, link_rows = [], []
     for i, (f, t60, modal_weight) in enumerate(zip(bell.f, bell.t60, weight, strict=True), 1):
-        grams = _number(1e3 * mass / max(modal_weight, 1e-9))
+        grams = _number(1e3 * cel_mass / max(modal_weight, 1e-9))
         yaml_rows.append(
             f"      p{i}: {{CEL: {{M: {grams}g, f: {_number(f)}Hz, t60: {_number(t60, 6)}s}}}}"
         )
@@ -137,13 +143,15 @@ def _number(value: float, digits: int = 10) -> str:
     return f"{float(value):.{digits}g}"
 
 
-def _list(line_head: str, words: Sequence[str]) -> list[str]:
+def _list(line_head: str, list_words: Sequence[str]) -> list[str]:
     """`head [a, b, …]`, broken into lines of limited width."""
     yaml_lines, yaml_line = [], line_head + "["
-    for i, word in enumerate(words):
-        word += "]" if i == len(words) - 1 else ","
-        if len(yaml_line) + len(word) > _WIDTH:
+    for i, list_word in enumerate(list_words):
+        list_word += "]" if i == len(list_words) - 1 else ","
+        if len(yaml_line) + len(list_word) > _WIDTH:
             yaml_lines.append(yaml_line.rstrip())
             yaml_line = " " * (len(line_head) + 1)
-        yaml_line += word if yaml_line.endswith("[") or not yaml_line.strip() else f" {word}"
+        yaml_line += (
+            list_word if yaml_line.endswith("[") or not yaml_line.strip() else f" {list_word}"
+        )
     return [*yaml_lines, yaml_line]

@@ -90,10 +90,10 @@ def find_modes(stroke_sound: Array, rate: float) -> tuple[Modes, Array]:
 
 def _unknown(bell_modes: Modes, errors: Uncertainty) -> list[int]:
     """Modes whose decay is not known, the worst first; of neighbours only the worst."""
-    share = errors.d / bell_modes.d
+    decay_share = errors.d / bell_modes.d
     chosen_modes: list[int] = []
-    for mode_index in np.argsort(-share):
-        if share[mode_index] < _KNOWN:
+    for mode_index in np.argsort(-decay_share):
+        if decay_share[mode_index] < _KNOWN:
             break
         reach = _reach(bell_modes, mode_index)
         if all(
@@ -113,7 +113,7 @@ def _reach(modes: Modes, mode: int) -> float:
 
 
 def _without_modes(
-    bell_modes: Modes, residual: Array, worst_modes: list[int], sound: Array, rate: float
+    bell_modes: Modes, residual: Array, worst_modes: list[int], stroke_sound: Array, rate: float
 ) -> tuple[Modes, Array]:
     """The modes without some; neighbours of each removed mode are fitted again to take over its
     energy.
@@ -127,12 +127,12 @@ def _without_modes(
         if not other_modes.size:
             continue
         near_sound = residual + synthesise(bell_modes.some(near_modes), residual.size, rate)
-        low, top = (
+        low_hertz, top = (
             float(mode_frequencies[near_modes].min()) - mode_reach,
             float(mode_frequencies[near_modes].max()) + mode_reach,
         )
-        signal, band_rate, centre = Bands(near_sound, rate).take(max(low, 1.0), top)
-        skip = ceil(_SKIP * band_rate / (top - low))
+        signal, band_rate, centre = Bands(near_sound, rate).take(max(low_hertz, 1.0), top)
+        skip = ceil(_SKIP * band_rate / (top - low_hertz))
         signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _POLISHED))]
         z = np.exp(
             (-decay_rates[other_modes] + 2j * np.pi * (mode_frequencies[other_modes] - centre))
@@ -154,20 +154,27 @@ def _without_modes(
         )
     remaining = np.delete(np.arange(mode_frequencies.size), worst_modes)
     remaining = remaining[np.argsort(mode_frequencies[remaining])]
-    return fit_amplitudes(sound, rate, mode_frequencies[remaining], decay_rates[remaining])
+    return fit_amplitudes(stroke_sound, rate, mode_frequencies[remaining], decay_rates[remaining])
 
 
-def _in_band(bands: Bands, low_hertz: float, top_hertz: float, width: float) -> tuple[Array, Array]:
+def _in_band(
+    bands: Bands, low_hertz: float, top_hertz: float, band_width: float
+) -> tuple[Array, Array]:
     signal, rate, centre = bands.take(low_hertz, top_hertz)
     skip = ceil(_SKIP * rate / (top_hertz - low_hertz))
     signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _LONGEST))]
     if signal.size < _SHORTEST:
         return np.zeros(0), np.zeros(0)
     z, _ = exponentials(signal, min(_BAND_MODES_MAX, signal.size // 5))
-    f = centre + np.angle(z) * rate / (2.0 * np.pi)
+    band_frequencies = centre + np.angle(z) * rate / (2.0 * np.pi)
     d = -np.log(np.abs(z)) * rate
-    is_ours = (f >= low_hertz) & (f < top_hertz) & (d > _DECAYS[0]) & (d < _DECAYS[1] * width)
-    return f[is_ours], d[is_ours]
+    is_ours = (
+        (band_frequencies >= low_hertz)
+        & (band_frequencies < top_hertz)
+        & (d > _DECAYS[0])
+        & (d < _DECAYS[1] * band_width)
+    )
+    return band_frequencies[is_ours], d[is_ours]
 
 
 def fit_amplitudes(
@@ -206,24 +213,24 @@ def _sum(s: NDArray[Any], n: int) -> Complex:
     return np.asarray(np.expm1(s * n) / np.expm1(s))
 
 
-def _exponential_products(exponent_steps: NDArray[Any], sound: Array) -> Complex:
+def _exponential_products(exponent_steps: NDArray[Any], stroke_sound: Array) -> Complex:
     """Σ of sound[k]·e^(s·k), for each s (m,)."""
-    step = np.exp(np.arange(_BLOCK)[:, None] * exponent_steps)
-    total = np.zeros(exponent_steps.size, complex)
-    for begin in range(0, sound.size, _BLOCK):
-        block = sound[begin : begin + _BLOCK]
-        total += np.exp(begin * exponent_steps) * (block @ step[: block.size])
-    return total
+    block_step = np.exp(np.arange(_BLOCK)[:, None] * exponent_steps)
+    product_sum = np.zeros(exponent_steps.size, complex)
+    for begin in range(0, stroke_sound.size, _BLOCK):
+        block = stroke_sound[begin : begin + _BLOCK]
+        product_sum += np.exp(begin * exponent_steps) * (block @ block_step[: block.size])
+    return product_sum
 
 
 def synthesise(modes: Modes, n: int, rate: float) -> Array:
     """The sum of modes as a sound (n,)."""
-    sound = np.zeros(n)
-    step = np.exp(np.arange(_BLOCK)[:, None] / rate * modes.poles)
+    synthesised_sound = np.zeros(n)
+    block_step = np.exp(np.arange(_BLOCK)[:, None] / rate * modes.poles)
     for begin in range(0, n, _BLOCK):
         c = modes.c * np.exp(begin / rate * modes.poles)
-        sound[begin : begin + _BLOCK] = (step[: n - begin] @ c).real
-    return sound
+        synthesised_sound[begin : begin + _BLOCK] = (block_step[: n - begin] @ c).real
+    return synthesised_sound
 
 
 @dataclass(frozen=True)
@@ -239,12 +246,12 @@ def uncertainty(bell_modes: Modes, residual: Array, rate: float) -> Uncertainty:
     """The Cramér-Rao bound for modes in noise as strong as the residual around each mode."""
     duration = residual.size / rate
     n = bell_modes.f.size
-    s = bell_modes.poles.conj()[:, None] + bell_modes.poles[None, :]
-    s = np.where(np.abs(s) * duration < 1e-3, -1e-3 / duration, s)
-    end = np.exp(s * duration)
-    i0 = (end - 1.0) / s
-    i1 = (duration * end - i0) / s
-    i2 = (duration * duration * end - 2.0 * i1) / s
+    pole_sums = bell_modes.poles.conj()[:, None] + bell_modes.poles[None, :]
+    pole_sums = np.where(np.abs(pole_sums) * duration < 1e-3, -1e-3 / duration, pole_sums)
+    end_values = np.exp(pole_sums * duration)
+    i0 = (end_values - 1.0) / pole_sums
+    i1 = (duration * end_values - i0) / pole_sums
+    i2 = (duration * duration * end_values - 2.0 * i1) / pole_sums
     weight = bell_modes.c.conj()[:, None] * bell_modes.c[None, :]
     fisher = np.block([[i2 * weight, i1 * weight], [i1 * weight, i0 * weight]])
     size = np.sqrt(np.maximum(fisher.diagonal().real, 1e-300))

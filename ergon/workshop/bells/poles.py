@@ -103,7 +103,7 @@ def polish_poles(band_signal: Complex, z: Complex) -> tuple[Complex, Complex, Co
     pole_logarithms, last_cost = np.log(z), np.inf
     best_logarithms = pole_logarithms
     pole_amplitudes, residual = _amplitudes(band_signal, z)
-    for step in range(_POLISH):
+    for polish_step in range(_POLISH):
         basis = np.exp(sample_indices * pole_logarithms)
         q, _ = np.linalg.qr(basis)
         amplitudes = _complex(np.linalg.lstsq(basis, band_signal, rcond=None)[0])
@@ -120,7 +120,7 @@ def polish_poles(band_signal: Complex, z: Complex) -> tuple[Complex, Complex, Co
         tangents = sample_indices * basis * amplitudes
         tangents = tangents - q @ (q.conj().T @ tangents)
         change = np.linalg.lstsq(tangents, residual_now, rcond=None)[0]
-        if step == 0:
+        if polish_step == 0:
             change *= min(1.0, _FIRST_STEP / max(1e-300, float(np.abs(change).max())))
         pole_logarithms = pole_logarithms + change
         pole_logarithms = _complex(

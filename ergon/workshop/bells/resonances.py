@@ -26,21 +26,21 @@ def read(path: Path) -> list[tuple[float, float, float]]:
     with bandwidth b falls by 60 dB in 3·ln 10/(π·b). Raises TableError.
     """
     try:
-        data = read_bounded(path, _BYTES_MAX)
-        if len(data) > _BYTES_MAX:
+        table_bytes = read_bounded(path, _BYTES_MAX)
+        if len(table_bytes) > _BYTES_MAX:
             raise TableError(f"{path}: it is larger than {_BYTES_MAX >> 20} MB")
-        lines = data.decode("utf-8").splitlines()
+        table_lines = table_bytes.decode("utf-8").splitlines()
     except UnicodeDecodeError:
         if (foreign := foreign_file(path)) is not None:
             raise TableError(f"{path}: {foreign}") from None
         message = f"{path}: it is neither WAV, FLAC or AIFF nor a text; give a recorded stroke or "
         raise TableError(message + "a table of resonances") from None
     resonance_rows = []
-    for number, line in enumerate(lines[:_LINES_MAX], 1):
-        words = line[:_LINES_MAX].replace(",", " ").split()
-        if not words or words[0][0] in ";#":
+    for line_number, line in enumerate(table_lines[:_LINES_MAX], 1):
+        line_words = line[:_LINES_MAX].replace(",", " ").split()
+        if not line_words or line_words[0][0] in ";#":
             continue
-        resonance_rows.append(_row(f"{path}:{number}", words))
+        resonance_rows.append(_row(f"{path}:{line_number}", line_words))
     if not resonance_rows:
         raise TableError(f"{path}: it has no resonances; write lines such as 1 220.5 0.8 0.35")
     is_db = any(a < 0.0 for _, a, _ in resonance_rows)

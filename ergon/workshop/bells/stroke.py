@@ -96,33 +96,35 @@ def stroke(file_name: str, stroke_sound: Array, rate: float) -> Stroke:
     return Stroke(file_name, audible[skip:], rate, min(skip / rate, _AFTER))
 
 
-def _onset(sound: Array, rate: float) -> int:
+def _onset(stroke_sound: Array, rate: float) -> int:
     """The first sample of the stroke, within 1 ms."""
     n = max(1, round(0.001 * rate))
-    power = np.convolve(sound * sound, np.full(n, 1.0 / n))[: sound.size]
+    power = np.convolve(stroke_sound * stroke_sound, np.full(n, 1.0 / n))[: stroke_sound.size]
     return max(0, int(np.argmax(power > 0.01 * power.max())) - n // 2)
 
 
-def _refuse_clipped(name: str, sound: Array) -> None:
+def _refuse_clipped(file_name: str, sound: Array) -> None:
     for side in (sound, -sound):
         is_peak = side > (1.0 - _FLAT) * side.max()
         edges = np.flatnonzero(np.diff(np.concatenate([[0], is_peak.astype(int), [0]])))
         runs = edges[1::2] - edges[::2]
         if int(np.sum(runs >= _CLIPPED_RUN)) >= _CLIPPED_RUNS:
             times = int(np.sum(runs >= _CLIPPED_RUN))
-            message = f"{name}: it is clipped: {times} times it stays at its peak; record softer"
+            message = (
+                f"{file_name}: it is clipped: {times} times it stays at its peak; record softer"
+            )
             raise NotAStrokeError(message)
 
 
-def _refuse_steady(name: str, sound: Array) -> None:
+def _refuse_steady(file_name: str, sound: Array) -> None:
     parts = np.array_split(sound, 4)
     powers = [float(np.mean(part * part)) for part in parts]
     if powers[-1] > 0.5 * max(powers):
-        message = f"{name}: it does not die away: its last quarter is as loud as the others; "
+        message = f"{file_name}: it does not die away: its last quarter is as loud as the others; "
         raise NotAStrokeError(message + "a stroke is needed, recorded until it is quiet")
 
 
-def _refuse_second(name: str, stroke_sound: Array, rate: float) -> None:
+def _refuse_second(file_name: str, stroke_sound: Array, rate: float) -> None:
     """Refuse a second stroke: it raises most partials at once, whereas beats raise single partials,
     slowly.
     """
@@ -144,5 +146,7 @@ def _refuse_second(name: str, stroke_sound: Array, rate: float) -> None:
         weight = power_spectrum[frame_index] > 1e-4 * power_spectrum[frame_index].max()
         if is_raised.sum() >= 3 and (is_raised & weight).sum() > _STRUCK * (weight).sum():
             seconds = frame_index * _HOP / rate
-            message = f"{name}: something strikes again {seconds:.2f} s after the first stroke; "
+            message = (
+                f"{file_name}: something strikes again {seconds:.2f} s after the first stroke; "
+            )
             raise NotAStrokeError(message + "cut the recording before it")

@@ -68,11 +68,11 @@ def _chart(folder: Path, score_name: str) -> str:
 
 def _maps(folder: Path, method_name: str) -> str:
     surveys = survey_all(map_catalogue.built_in(method_name), lambda done: None)
-    title = f"where {method_name} is stable, and where its sound is right"
+    maps_title = f"where {method_name} is stable, and where its sound is right"
     map_name = "stability" if method_name == "ca" else f"stability-{method_name}"
     stem = folder / map_name
-    write_text(targets(stem)[0], map_table.csv(surveys, title), force=True)
-    save(lambda: draw_maps.draw(surveys, title), stem, force=True, png=False)
+    write_text(targets(stem)[0], map_table.csv(surveys, maps_title), force=True)
+    save(lambda: draw_maps.draw(surveys, maps_title), stem, force=True, png=False)
     print(map_table.lines(surveys), flush=True)
     return (
         f"![Maps: where {method_name} is stable, and where its sound is right]({map_name}.svg)\n\n"

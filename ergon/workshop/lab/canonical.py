@@ -170,20 +170,20 @@ def rattle(f: float, ratio: float) -> Bare:
 
     def build(network: _core.Network) -> None:
         network.part("rattle")
-        ground, stop = network.sol("g"), network.sol("s", X0=-_GAP)
-        mass = network.mas("m", M=_MASS, X0=_START)
-        network.ref("r", ground, mass, K=k)
-        network.but("c", stop, mass, K=ratio * k)
-        network.listen("m", positions=[(mass, 1, 1.0)])
+        ground, stop_mat = network.sol("g"), network.sol("s", X0=-_GAP)
+        mass_mat = network.mas("m", M=_MASS, X0=_START)
+        network.ref("r", ground, mass_mat, K=k)
+        network.but("c", stop_mat, mass_mat, K=ratio * k)
+        network.listen("m", positions=[(mass_mat, 1, 1.0)])
 
     return Bare(build, RATE)
 
 
-def risen(frames: Floats) -> float:
+def risen(run_frames: Floats) -> float:
     """How far the energy of `rattle` rose, over what it was: where the mass turns away from the
     stop, all of it is in the spring, and goes as the square of the distance.
     """
-    spans = np.array_split(frames[:, 0], _SPANS)
+    spans = np.array_split(run_frames[:, 0], _SPANS)
     peaks = np.array([span.max() for span in spans]) ** 2
     return float(max(0.0, peaks.max() / peaks[0] - 1.0))
 
@@ -257,7 +257,7 @@ def struck(speed: float) -> Bare:
     return Bare(build, RATE)
 
 
-def struck_load(speed: float, times: float, method_name: str) -> float:
+def struck_load(speed: float, speed_times: float, method_name: str) -> float:
     """λ over the limit if all the energy of the stroke is in one spring: an upper bound.
 
     The elongation d then satisfies ½k·d² + ¼q·d⁴ = ½m·v², and the slope is k + 3q·d².
@@ -266,4 +266,4 @@ def struck_load(speed: float, times: float, method_name: str) -> float:
     square = (sqrt(k * k + 2.0 * q * m * speed * speed) - k) / q
     # Modes do not step laws: there CA does.
     stepped = _PLAIN if method_name == "modal" else method_name
-    return (1.0 + 3.0 * q * square / k) * string_load(_STRUCK, RATE * times, stepped)
+    return (1.0 + 3.0 * q * square / k) * string_load(_STRUCK, RATE * speed_times, stepped)

@@ -114,13 +114,13 @@ class _Bench:
 
     def play(self, setting: Setting, run: Run) -> Floats | None:
         try:
-            frames = run.frames(self.n_frames)
+            run_frames = run.frames(self.n_frames)
         except _core.DivergedError as error:
             self.failed[setting] = Point(setting, "diverged", _sentence(error))
             return None
         self.done += self.n_frames * setting.oversampling
         self.progress(self.done)
-        return frames
+        return run_frames
 
     def sound(self, setting: Setting) -> Floats | None:
         run = self.begin(setting)
@@ -224,19 +224,19 @@ def _play_settings(
     """All settings, in order. Their costs are those of interleaved rounds."""
     for setting in settings_wanted:
         run = bench.begin(setting)
-        frames = None if run is None else bench.play(setting, run)
-        if run is not None and frames is not None:
+        run_frames = None if run is None else bench.play(setting, run)
+        if run is not None and run_frames is not None:
             bench.ready[setting] = run
-            bench.sounds[setting] = bench.scene.hear(frames)
+            bench.sounds[setting] = bench.scene.hear(run_frames)
     costs = _costs(bench)
     # `refine` may add failures of settings that were not asked for; these are not failures of the
     # chart.
     played_by_setting = {setting: Played(point, None) for setting, point in bench.failed.items()}
     for setting, run in bench.ready.items():
-        point = Point(setting, "ok", run.chosen, costs[setting])
+        chart_point = Point(setting, "ok", run.chosen, costs[setting])
         if has_energy:
-            point = _with_energy(bench, point)
-        played_by_setting[setting] = Played(point, bench.sounds[setting])
+            chart_point = _with_energy(bench, chart_point)
+        played_by_setting[setting] = Played(chart_point, bench.sounds[setting])
     return [played_by_setting[setting] for setting in settings_wanted]
 
 
@@ -270,10 +270,10 @@ def played_beside(
         run.rewind()
         bench.play(setting, run)
         costs_in_rounds.append(run.spent)
-    point = Point(setting, "ok", run.chosen, median(costs_in_rounds) * scene.rate / n_frames)
+    chart_point = Point(setting, "ok", run.chosen, median(costs_in_rounds) * scene.rate / n_frames)
     if has_energy:
-        point = _with_energy(bench, point)
-    return Played(point, scene.hear(played_frames)), median(beside)
+        chart_point = _with_energy(bench, chart_point)
+    return Played(chart_point, scene.hear(played_frames)), median(beside)
 
 
 def yardstick() -> float:
@@ -406,7 +406,10 @@ def _marked(
 
 
 def _front(
-    points: list[Point], metric: Metric, floor: float | None, alike: Sequence[Sequence[str]] = ()
+    chart_points: list[Point],
+    metric: Metric,
+    floor: float | None,
+    alike: Sequence[Sequence[str]] = (),
 ) -> Iterator[Setting]:
     """Settings that no other setting of about the same cost beats in error; all errors below the
     floor are equal.
@@ -418,7 +421,7 @@ def _front(
     echoes = {method for group in alike for method in group[1:]}
     candidates = [
         (point.cost, error if floor is None else max(error, floor), point_index, point.setting)
-        for point_index, point in enumerate(points)
+        for point_index, point in enumerate(chart_points)
         if point.setting.method not in (None, *echoes)
         and point.cost is not None
         and (error := point.error(metric)) is not None

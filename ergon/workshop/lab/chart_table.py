@@ -11,12 +11,12 @@ from ergon.workshop.lab.names import METRICS
 _MEASURES = [f.name for f in names_of(Point) if f.name not in ("setting", "status", "reason")]
 
 
-def csv(chart: Chart, title: str, machine: str) -> str:
+def csv(chart: Chart, chart_title: str, machine: str) -> str:
     """The whole file."""
-    rows = [fields(point) for point in chart.points]
+    table_rows = [fields(point) for point in chart.points]
     reference_text = ", ".join(f"{k} {v}" for k, v in reference(chart).items() if v is not None)
     facts = [
-        f"chart of {title}, the first {chart.seconds:g} s at {chart.rate:g} Hz",
+        f"chart of {chart_title}, the first {chart.seconds:g} s at {chart.rate:g} Hz",
         f"measured on {machine}",
         "cost: seconds of one core per second of sound, median of interleaved rounds",
         f"reference: {reference_text or 'none'}",
@@ -24,7 +24,7 @@ def csv(chart: Chart, title: str, machine: str) -> str:
         *(f"the same samples: {', '.join(group)}" for group in chart.alike),
     ]
     names = [*_HEAD, *_MEASURES, "reason"]
-    return table.text(facts, names, ([row[name] for name in names] for row in rows))
+    return table.text(facts, names, ([row[name] for name in names] for row in table_rows))
 
 
 _HEAD = ("method", "oversampling", "precision", "budget_db", "status")
@@ -64,7 +64,7 @@ def lines(chart: Chart) -> str:
     for chart_point in chart.points:
         error = chart_point.error(chart.metric)
         star = "*" if chart_point.on_front else " "
-        note = f"  {chart_point.reason}" if chart_point.reason else ""
+        reason_note = f"  {chart_point.reason}" if chart_point.reason else ""
         if chart_point.status != "ok":
             table_rows.append(
                 f"  {chart_point.setting!s:<14} {chart_point.status}: {chart_point.reason}\n"
@@ -72,7 +72,8 @@ def lines(chart: Chart) -> str:
         elif chart_point.cost is not None:
             shown = _shown(chart, chart_point, error)
             table_rows.append(
-                f"{star} {chart_point.setting!s:<14} {chart_point.cost:9.3g} {shown:>9}{note}\n"
+                f"{star} {chart_point.setting!s:<14} {chart_point.cost:9.3g} "
+                f"{shown:>9}{reason_note}\n"
             )
     if chart.reference is not None:
         order = chart.reference.order
@@ -87,10 +88,10 @@ def lines(chart: Chart) -> str:
     return f"{'':16}   s per s  {METRICS[chart.metric]}\n" + "".join(table_rows)
 
 
-def _shown(chart: Chart, point: Point, error: float | None) -> str:
+def _shown(chart: Chart, chart_point: Point, error: float | None) -> str:
     """The error in the metric of the chart, no smaller than the reference's own."""
     if error is None:
         return "unknown"
-    if point.is_bounded and chart.floor is not None:
+    if chart_point.is_bounded and chart.floor is not None:
         return f"<{chart.floor:.3g}"
     return f"{error:.3g}"

@@ -90,10 +90,14 @@ class Workers:
             yield Played(worker_point, sound_samples.reshape(n_frames, worker_sound["n_channels"]))
 
     def surveyors(
-        self, method: str, seconds: float, accurate: float | None, metric: MapMetric = "waveform"
+        self,
+        method: str,
+        run_seconds: float,
+        accurate: float | None,
+        metric: MapMetric = "waveform",
     ) -> Surveyors:
         """The surveyors of columns of maps, for `maps`."""
-        which = _Which(method=method, seconds=seconds, accurate=accurate, metric=metric)
+        which = _Which(method=method, seconds=run_seconds, accurate=accurate, metric=metric)
         if self.content is not None:
             which["content"] = self.content
         return Surveyors(self.cluster, which)
@@ -111,11 +115,11 @@ class Surveyors:
     ) -> Iterator[tuple[str, list[Spot]]]:
         """Each column with its spots. Raises ClusterError."""
         engine_version = version()
-        for (name, _), spots in self.cluster.computed(
+        for (map_name, _), spots in self.cluster.computed(
             columns_wanted,
             lambda pool, column: pool.submit(survey, engine_version, self.which, *column),
         ):
-            yield name, [Spot(**spot) for spot in spots]
+            yield map_name, [Spot(**spot) for spot in spots]
 
 
 # --- at a worker --------------------------------------------------------------------------------
@@ -134,7 +138,7 @@ def play(
     check_version(versions_asked)
     with lock, unpack(score_content) as path:
         scene = Score(scores.piece_of(scores.read(path)))
-        run_result, seconds = played_beside(
+        run_result, run_seconds = played_beside(
             scene, Setting(**setting), n_frames, has_energy=has_energy
         )
         point_fields = {
@@ -145,14 +149,18 @@ def play(
         point_fields["reason"] = with_local_paths(point_fields["reason"], path, score_content)
     sound = np.zeros((0, 1)) if run_result.sound is None else run_result.sound
     samples = sound.astype("<f8", copy=False).tobytes()
-    return _Sound(point=point_fields, samples=samples, n_channels=sound.shape[1], yardstick=seconds)
+    return _Sound(
+        point=point_fields, samples=samples, n_channels=sound.shape[1], yardstick=run_seconds
+    )
 
 
-def survey(versions_asked: list[Any], which: _Which, name: str, x: float) -> list[dict[str, Any]]:
+def survey(
+    versions_asked: list[Any], which: _Which, map_name: str, x: float
+) -> list[dict[str, Any]]:
     """Survey a column of a map. Raises ClusterError if another version of ergon asks."""
     check_version(versions_asked)
     with lock:
-        surveyed_map = _map(which, name)
+        surveyed_map = _map(which, map_name)
         return [asdict(compute_spot(surveyed_map, x, y)) for y in surveyed_map.ys]
 
 

@@ -76,15 +76,19 @@ def _cost(point: Point) -> float:
     return point.cost
 
 
-def _method(ax: Axes, chart: Chart, points: list[Point], method: str, method_label: str) -> None:
+def _method(
+    ax: Axes, chart: Chart, chart_points: list[Point], method: str, method_label: str
+) -> None:
     colour = COLOURS[METHODS.index(method)]
-    for precision, marker, line in (("f64", "o", "-"), ("f32", "s", ":")):
-        chart_row = [p for p in points if p.setting.precision == precision]
+    for precision, marker, line_style in (("f64", "o", "-"), ("f32", "s", ":")):
+        chart_row = [p for p in chart_points if p.setting.precision == precision]
         chart_row.sort(key=lambda p: p.setting.oversampling)
         if chart_row:
             label = method_label if precision == "f64" else f"{method_label}, single precision"
             x, y = [_cost(p) for p in chart_row], [_height(chart, p) for p in chart_row]
-            ax.plot(x, y, line, color=colour, marker=marker, markersize=5, label=label, zorder=3)
+            ax.plot(
+                x, y, line_style, color=colour, marker=marker, markersize=5, label=label, zorder=3
+            )
         for point in chart_row:
             position = _cost(point), _height(chart, point)
             _word(ax, f"×{point.setting.oversampling}", position, colour)
@@ -131,10 +135,13 @@ def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
         ax.set_ylim(top=2.5 * max(*heights, 1e-3))
     else:
         heights_and_floor = heights if floor is None else [*heights, max(floor, _LEAST_DB)]
-        low, high = min(heights_and_floor), max(heights)
-        room = max(6.0, 0.08 * (high - low))
+        lowest_height, highest_height = min(heights_and_floor), max(heights)
+        room = max(6.0, 0.08 * (highest_height - lowest_height))
         rows = len(_failed_methods(chart))
-        ax.set_ylim(low - room, high + 2 * room + rows * _ROW * (high - low + 3 * room))
+        ax.set_ylim(
+            lowest_height - room,
+            highest_height + 2 * room + rows * _ROW * (highest_height - lowest_height + 3 * room),
+        )
     costs = [cost for p in chart.points if (cost := likely_cost(chart, p))] or [0.3]
     ax.set_xlim(min(costs) / 1.5, max(costs) * 2.0)
     if ax.get_xlim()[0] < 1.0 < ax.get_xlim()[1]:
@@ -148,10 +155,10 @@ def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
         bottom = min(bottom, floor / 3.0)
         ax.set_ylim(bottom=bottom)
     ax.axhspan(bottom, floor, facecolor="#eeeeee", edgecolor="#cccccc", hatch="///", zorder=0)
-    sentence = f"the reference ({chart.reference.setting}) is itself no surer than this"
+    limit_sentence = f"the reference ({chart.reference.setting}) is itself no surer than this"
     paper = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     # At the lower edge, where no point is: the floor is the lowest height of a point.
-    ax.annotate(sentence, (0.0, 0.0), xycoords="axes fraction", xytext=(6, 4),
+    ax.annotate(limit_sentence, (0.0, 0.0), xycoords="axes fraction", xytext=(6, 4),
                 textcoords="offset points", fontsize=8, va="bottom", bbox=paper)  # fmt: skip
 
 
@@ -162,11 +169,11 @@ def _failures(ax: Axes, chart: Chart) -> None:
     left_limit = ax.get_xlim()[0]
     for row, method in enumerate(_failed_methods(chart)):
         failed = [p for p in chart.points if p.status != "ok" and p.setting.method == method]
-        height = 1.0 - _ROW * row
+        row_height = 1.0 - _ROW * row
         colour = COLOURS[METHODS.index(method)] if method else "black"
         costs = [likely_cost(chart, point) or left_limit for point in failed]
         label = f"{method or 'the planner'}: {_what_failed(failed)}"
-        ax.plot(costs, [height] * len(costs), "X", color=colour, markersize=8, label=label,
+        ax.plot(costs, [row_height] * len(costs), "X", color=colour, markersize=8, label=label,
                 transform=ax.get_xaxis_transform(), clip_on=False, zorder=5)  # fmt: skip
 
 
@@ -178,19 +185,25 @@ def _failed_methods(chart: Chart) -> list[str | None]:
 
 def _what_failed(failed: list[Point]) -> str:
     """`×1, ×2 refused, ×4 diverged`."""
-    words = []
+    failure_words = []
     for status in dict.fromkeys(point.status for point in failed):
         settings = (point.setting for point in failed if point.status == status)
         names = [str(setting).split(" ", 1)[1] if setting.method else "" for setting in settings]
-        words.append(f"{', '.join(filter(None, names))} {status}".strip())
-    return ", ".join(words)
+        failure_words.append(f"{', '.join(filter(None, names))} {status}".strip())
+    return ", ".join(failure_words)
 
 
 def _word(
-    ax: Axes, word: str, position: tuple[float, float], colour: str, *, below: bool = False
+    ax: Axes,
+    failure_word: str,
+    word_position: tuple[float, float],
+    colour: str,
+    *,
+    below: bool = False,
 ) -> None:
     """A word beside a point: above it, or below it where other words are above."""
     shift = (8, -12) if below else (5, 4)
     paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8}
-    ax.annotate(word, position, xytext=shift, textcoords="offset points", fontsize=8, color=colour,
-                bbox=paper if below else None, zorder=6)  # fmt: skip
+    box = paper if below else None
+    ax.annotate(failure_word, word_position, xytext=shift, textcoords="offset points",
+                fontsize=8, color=colour, bbox=box, zorder=6)  # fmt: skip

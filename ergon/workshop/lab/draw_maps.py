@@ -37,12 +37,12 @@ def draw(surveyed: Surveyed, title: str) -> Figure:
     from matplotlib.figure import Figure
 
     column_count = min(_COLUMNS, len(surveyed))
-    rows = -(-len(surveyed) // column_count)
+    row_count = -(-len(surveyed) // column_count)
     # The keys of the legend take more rows below a single panel.
     legend = 1.0 if column_count > 1 else 1.5
-    figure = Figure(figsize=(_PANEL * column_count, 3.4 * rows + legend), layout="constrained")
+    figure = Figure(figsize=(_PANEL * column_count, 3.4 * row_count + legend), layout="constrained")
     figure.suptitle(fill(title, int(_TITLE * _PANEL * column_count)), fontweight="bold")
-    grid = figure.subplots(rows, column_count, squeeze=False).ravel()
+    grid = figure.subplots(row_count, column_count, squeeze=False).ravel()
     for ax, (surveyed_map, spots) in zip(grid, surveyed.values(), strict=False):
         _panel(ax, surveyed_map, spots)
     for ax in grid[len(surveyed) :]:
@@ -58,11 +58,11 @@ def _panel(ax: Axes, surveyed_map: Map, spots: Sequence[Spot]) -> None:
     ax.set_ylabel(surveyed_map.y_label)
     ax.set_xscale("log" if surveyed_map.log_x else "linear")
     ax.set_yscale("log" if surveyed_map.log_y else "linear")
-    for axis, values in ((ax.xaxis, surveyed_map.xs), (ax.yaxis, surveyed_map.ys)):
+    for axis, axis_values in ((ax.xaxis, surveyed_map.xs), (ax.yaxis, surveyed_map.ys)):
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter("")
-        if len(values) <= 5:
-            axis.set_ticks(values)
+        if len(axis_values) <= 5:
+            axis.set_ticks(axis_values)
     _colours(ax, surveyed_map, spots)
     _marks(ax, spots)
     _borders(ax, surveyed_map, spots)
@@ -82,10 +82,12 @@ def _colours(ax: Axes, surveyed_map: Map, spots: Sequence[Spot]) -> None:
         )
         for stable, run in happened:
             columns = [column for column, _ in run]
-            left, right = x[columns[0]], x[columns[-1] + 1]
-            size = float(right - left), float(y[map_row + 1] - y[map_row])
+            left_edge, right = x[columns[0]], x[columns[-1] + 1]
+            size = float(right - left_edge), float(y[map_row + 1] - y[map_row])
             colour = _HAPPENED[stable]
-            ax.add_patch(Rectangle((float(left), float(y[map_row])), *size, color=colour, zorder=0))
+            ax.add_patch(
+                Rectangle((float(left_edge), float(y[map_row])), *size, color=colour, zorder=0)
+            )
     ax.set_xlim(x[0], x[-1])
     ax.set_ylim(y[0], y[-1])
 
@@ -95,10 +97,12 @@ def _second(pair: tuple[int, bool | None]) -> bool | None:
 
 
 def _marks(ax: Axes, spots: Sequence[Spot]) -> None:
-    for accurate, marker, size in ((True, "o", 2.6), (False, "x", 3.0)):
+    for accurate, marker, marker_size in ((True, "o", 2.6), (False, "x", 3.0)):
         x = [s.x for s in spots if s.accurate is accurate]
         y = [s.y for s in spots if s.accurate is accurate]
-        ax.plot(x, y, marker, color="#1f3b57", markersize=size, markeredgewidth=0.7, zorder=2)
+        ax.plot(
+            x, y, marker, color="#1f3b57", markersize=marker_size, markeredgewidth=0.7, zorder=2
+        )
 
 
 def _borders(ax: Axes, surveyed_map: Map, spots: Sequence[Spot]) -> None:
@@ -118,10 +122,10 @@ def _borders(ax: Axes, surveyed_map: Map, spots: Sequence[Spot]) -> None:
             ax.contour(x, y, load, levels=[0.0], colors="black", linewidths=1.4)
     allowed = np.array([s.certified is not False for s in spots]).reshape(len(surveyed_map.ys), -1)
     x, y = _edges(surveyed_map.xs, surveyed_map.log_x), _edges(surveyed_map.ys, surveyed_map.log_y)
-    for row, column in np.argwhere(allowed[:, 1:] != allowed[:, :-1]):
-        _parting(ax, [x[column + 1]] * 2, y[row : row + 2])
-    for row, column in np.argwhere(allowed[1:] != allowed[:-1]):
-        _parting(ax, x[column : column + 2], [y[row + 1]] * 2)
+    for row_index, column_index in np.argwhere(allowed[:, 1:] != allowed[:, :-1]):
+        _parting(ax, [x[column_index + 1]] * 2, y[row_index : row_index + 2])
+    for row_index, column_index in np.argwhere(allowed[1:] != allowed[:-1]):
+        _parting(ax, x[column_index : column_index + 2], [y[row_index + 1]] * 2)
 
 
 def _parting(ax: Axes, x: Sequence[float] | Floats, y: Sequence[float] | Floats) -> None:
@@ -130,12 +134,12 @@ def _parting(ax: Axes, x: Sequence[float] | Floats, y: Sequence[float] | Floats)
 
 def _edges(values: Sequence[float], is_log: bool) -> Floats:
     """The boundaries of cells centred on some values."""
-    positions = np.log(values) if is_log else np.array(values)
-    if len(positions) == 1:
-        edges = np.array([positions[0] - 0.5, positions[0] + 0.5])
+    log_positions = np.log(values) if is_log else np.array(values)
+    if len(log_positions) == 1:
+        edges = np.array([log_positions[0] - 0.5, log_positions[0] + 0.5])
     else:
-        middle = 0.5 * (positions[1:] + positions[:-1])
-        first_edge, last_edge = 2 * positions[0] - middle[0], 2 * positions[-1] - middle[-1]
+        middle = 0.5 * (log_positions[1:] + log_positions[:-1])
+        first_edge, last_edge = 2 * log_positions[0] - middle[0], 2 * log_positions[-1] - middle[-1]
         edges = np.concatenate([[first_edge], middle, [last_edge]])
     return np.exp(edges) if is_log else edges
 

@@ -80,11 +80,11 @@ def chart(
     """
     chart_options, report = chart_options or ChartOptions(), report or Report()
     methods = tuple(chart_options.methods) or tuple(METHODS)
-    for option, names, allowed_names in (
+    for option, chosen_names, allowed_names in (
         ("methods", methods, METHODS),
         ("metric", (chart_options.metric,), METRICS),
     ):
-        for method_name in names:
+        for method_name in chosen_names:
             if method_name not in allowed_names:
                 meant = nearest(method_name, allowed_names)
                 advice = (

@@ -35,13 +35,13 @@ def _truth_of(scene: Scene) -> Callable[[int], Truth]:
 def maps(
     method_name: str,
     piece: Piece | None,
-    seconds: float,
+    run_seconds: float,
     error_db_max: float | None,
     metric: MapMetric = "waveform",
 ) -> dict[str, Map]:
     """The maps of a method, or of a piece; an error up to `error_db_max` [dB] counts as right."""
     if piece is not None:
-        maps_by_name = maps_of_score(piece, seconds, method_name)
+        maps_by_name = maps_of_score(piece, run_seconds, method_name)
         maps_by_name = {
             name: replace(survey_map, metric=metric) for name, survey_map in maps_by_name.items()
         }
@@ -178,7 +178,7 @@ _CUTS = {
 _PRESERVED = ((10.0, -75.0), (inf, -70.0))
 
 
-def _cut(name: str, slow_key: slow_key_scene.Key, modes_label: str) -> Map:
+def _cut(map_name: str, slow_key: slow_key_scene.Key, modes_label: str) -> Map:
     def case(stiffness: float, frames_per_pull: float) -> MapPoint:
         return slow_key_scene.SlowKeyPoint(
             slow_key_scene.SlowKeyScene(slow_key, 1e3 * stiffness, round(frames_per_pull))
@@ -189,7 +189,7 @@ def _cut(name: str, slow_key: slow_key_scene.Key, modes_label: str) -> Map:
 
     title = f"a slow key, modes to {modes_label}, pulls a string"
     pull_spacings = tuple(float(frames) for frames in range(2, 61, 2))
-    return Map(name, title, "K of the spring between [kN/m]", "frames from pull to pull",
+    return Map(map_name, title, "K of the spring between [kN/m]", "frames from pull to pull",
                _spaced(0.01, 1e3, 21), pull_spacings, 4.0, case, load,
                log_y=False, right=_PRESERVED, judged=1.0)  # fmt: skip
 
@@ -200,16 +200,16 @@ _FACTORS = tuple(2.0**i for i in range(-2, 9))
 _RATE_FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0)
 
 
-def maps_of_score(piece: Piece, seconds: float, method: str) -> dict[str, Map]:
+def maps_of_score(piece: Piece, run_seconds: float, method: str) -> dict[str, Map]:
     """Two maps: all springs stiffer, and, if there are contacts, contacts alone stiffer."""
-    maps = [_stiffer(piece, seconds, method, "springs", contacts_only=False)]
+    maps = [_stiffer(piece, run_seconds, method, "springs", contacts_only=False)]
     if has_contacts(piece):
-        maps.append(_stiffer(piece, seconds, method, "contacts", contacts_only=True))
+        maps.append(_stiffer(piece, run_seconds, method, "contacts", contacts_only=True))
     return {survey_map.name: survey_map for survey_map in maps}
 
 
 def _stiffer(
-    piece: Piece, run_seconds: float, method: str, name: str, *, contacts_only: bool
+    piece: Piece, run_seconds: float, method: str, map_name: str, *, contacts_only: bool
 ) -> Map:
     top_factor = _RATE_FACTORS[-1]
 
@@ -222,14 +222,16 @@ def _stiffer(
         n_frames = round(run_seconds * piece.rate * top_factor) + 1
         return motion(scene(factor, top_factor), n_frames, finer=4)
 
-    def case(factor: float, times: float) -> MapPoint:
+    def case(factor: float, stiffness_times: float) -> MapPoint:
         def truth(n_frames: int) -> Truth:
             found = finest(factor)
-            return UNKNOWN if found is None else found.sampled(piece.rate * times, n_frames)
+            return (
+                UNKNOWN if found is None else found.sampled(piece.rate * stiffness_times, n_frames)
+            )
 
-        return Stepped(scene(factor, times), _setting(method), truth)
+        return Stepped(scene(factor, stiffness_times), _setting(method), truth)
 
     noun = "all its contacts" if contacts_only else "all its springs"
     title = f"{piece.title or 'the score'}: {noun} stiffer"
-    return Map(name, title, "stiffness, times the score's", "rate, times the score's", _FACTORS,
+    return Map(map_name, title, "stiffness, times the score's", "rate, times the score's", _FACTORS,
                _RATE_FACTORS, run_seconds, case, as_written=(1.0, 1.0))  # fmt: skip

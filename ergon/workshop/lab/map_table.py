@@ -57,12 +57,13 @@ def lines(surveyed: Surveyed) -> str:
     failed.
     """
     map_rows = []
-    for name, (surveyed_map, spots) in surveyed.items():
+    for map_name, (surveyed_map, spots) in surveyed.items():
         stable = sum(1 for spot in spots if spot.stable)
-        right = sum(1 for spot in spots if spot.accurate)
+        right_count = sum(1 for spot in spots if spot.accurate)
         missed, strict = disagreements(spots)
         outcome_words = (
-            f"{name}: {surveyed_map.title}. Of {len(spots)} spots {stable} are stable, {right} "
+            f"{map_name}: {surveyed_map.title}. Of {len(spots)} spots {stable} are stable, "
+            f"{right_count} "
             "accurate"
         )
         if missed:

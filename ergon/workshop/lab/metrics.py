@@ -49,10 +49,10 @@ def onset(x: Floats) -> int | None:
     return int(np.argmax(size >= _ONSET * peak)) if peak > 0.0 else None
 
 
-def early_db(y: Floats, x: Floats, rate: float, seconds: float = EARLY) -> float:
-    """`waveform_db` over the first `seconds` of sound, by default 0.1 s."""
+def early_db(y: Floats, x: Floats, rate: float, run_seconds: float = EARLY) -> float:
+    """`waveform_db` over the first `run_seconds` of sound, by default 0.1 s."""
     first_frame = onset(x) or 0
-    span = slice(first_frame, first_frame + max(1, round(seconds * rate)))
+    span = slice(first_frame, first_frame + max(1, round(run_seconds * rate)))
     return waveform_db(y[span], x[span])
 
 
@@ -74,11 +74,14 @@ def spectral(y: Floats, x: Floats) -> Spectral:
     return Spectral(*(float(np.mean(column)) for column in zip(*by_window, strict=True)))
 
 
-def _by_frames(y: Floats, x: Floats, size: int) -> tuple[float, float]:
-    """(mean |ΔdB|, convergence) with windows of `size` frames."""
+def _by_frames(y: Floats, x: Floats, window_size: int) -> tuple[float, float]:
+    """(mean |ΔdB|, convergence) with windows of `window_size` frames."""
     total_db, n_bins, error, energy = 0.0, 0, 0.0, 0.0
     for ours, theirs in zip(_columns(y).T, _columns(x).T, strict=True):
-        magnitudes, reference_magnitudes = _magnitudes(ours, size), _magnitudes(theirs, size)
+        magnitudes, reference_magnitudes = (
+            _magnitudes(ours, window_size),
+            _magnitudes(theirs, window_size),
+        )
         error += float(np.sum((magnitudes - reference_magnitudes) ** 2))
         energy += float(np.sum(reference_magnitudes**2))
         peak = reference_magnitudes.max(axis=1, keepdims=True)
@@ -93,19 +96,21 @@ def _by_frames(y: Floats, x: Floats, size: int) -> tuple[float, float]:
     return total_db / n_bins, float(np.sqrt(error / energy))
 
 
-def _magnitudes(x: Floats, size: int) -> Floats:
+def _magnitudes(x: Floats, window_size: int) -> Floats:
     """Short-time magnitudes (n_windows, n_bins) by Hann windows a quarter apart."""
-    padded = np.pad(x, (0, max(0, size - len(x))))
-    window = np.hanning(size + 1)[:-1]
-    return np.abs(np.fft.rfft(sliding_window_view(padded, size)[:: size // 4] * window, axis=1))
+    padded = np.pad(x, (0, max(0, window_size - len(x))))
+    window = np.hanning(window_size + 1)[:-1]
+    return np.abs(
+        np.fft.rfft(sliding_window_view(padded, window_size)[:: window_size // 4] * window, axis=1)
+    )
 
 
 def third_octaves(x: Floats, rate: float) -> tuple[Floats, Floats]:
     """Centres [Hz] and rms levels [dB re 1] of the third octaves from 25 Hz to 0.45·rate."""
-    columns = _columns(x)
-    power = np.sum(np.abs(np.fft.rfft(columns, axis=0)) ** 2, axis=1) / len(columns) ** 2
+    band_columns = _columns(x)
+    power = np.sum(np.abs(np.fft.rfft(band_columns, axis=0)) ** 2, axis=1) / len(band_columns) ** 2
     power[1:] *= 2.0  # negative frequencies
-    frequency = np.fft.rfftfreq(len(columns), 1.0 / rate)
+    frequency = np.fft.rfftfreq(len(band_columns), 1.0 / rate)
     centres = np.array(list(_centres(min(20e3, 0.45 * rate))))
     low, high = (np.searchsorted(frequency, centres * 2.0**step) for step in (-1 / 6, 1 / 6))
     sums = np.concatenate([[0.0], np.cumsum(power)])

@@ -38,7 +38,7 @@ def compare(y: Floats, x: Floats, partial_frequency: float, rate: float) -> Part
     Both are shifted to zero frequency and smoothed. With ρ their ratio, the slopes of arg ρ and
     ln|ρ|, weighted by |X|², are the difference of frequency (2πΔf) and of decay (-Δσ).
     """
-    start, Y, X = _baseband(y, x, partial_frequency, rate)
+    start_samples, Y, X = _baseband(y, x, partial_frequency, rate)
     ringing_span = _ringing(np.abs(X))
     if (
         ringing_span is None
@@ -47,7 +47,7 @@ def compare(y: Floats, x: Floats, partial_frequency: float, rate: float) -> Part
     ):
         return None
     t, amplitude_ratio, amplitude_weight = (
-        start[ringing_span] / rate,
+        start_samples[ringing_span] / rate,
         Y[ringing_span] / X[ringing_span],
         np.abs(X[ringing_span]) ** 2,
     )
@@ -77,15 +77,15 @@ def strongest(x: Floats, rate: float, count: int = 5, window: Floats | None = No
         window = np.hanning(len(x) + 1)[:-1]
     magnitude = np.abs(np.fft.rfft(x * window, window_size))
     reach = max(2, int(_APART * window_size / rate))
-    low, high = int(1.5 * reach), int(0.45 * window_size)
+    low_bin, high_bin = int(1.5 * reach), int(0.45 * window_size)
     # The rise towards a stronger peak's neighbour is not a peak.
     nearby = sliding_window_view(np.pad(magnitude, reach), 2 * reach + 1)
     tops: list[int] = []
-    for index in np.argsort(magnitude[low:high])[::-1] + low:
-        if len(tops) == count or magnitude[index] < _DOWN * magnitude[low:high].max():
+    for bin_index in np.argsort(magnitude[low_bin:high_bin])[::-1] + low_bin:
+        if len(tops) == count or magnitude[bin_index] < _DOWN * magnitude[low_bin:high_bin].max():
             break
-        if magnitude[index] > 0.0 and magnitude[index] == nearby[index].max():
-            tops.append(int(index))
+        if magnitude[bin_index] > 0.0 and magnitude[bin_index] == nearby[bin_index].max():
+            tops.append(int(bin_index))
     return [_between(magnitude, index) * rate / window_size for index in tops]
 
 
@@ -125,8 +125,11 @@ def _ringing(amplitude_sizes: Floats) -> slice | None:
     return max(spans, key=lambda span: float(np.sum(amplitude_sizes[span] ** 2)), default=None)
 
 
-def _slope(t: Floats, value: Floats, weight: Floats) -> float:
+def _slope(t: Floats, phase_values: Floats, weight: Floats) -> float:
     """The slope of the line fitted by weighted least squares."""
     total = np.sum(weight)
-    t, value = t - np.sum(weight * t) / total, value - np.sum(weight * value) / total
-    return float(np.sum(weight * t * value) / np.sum(weight * t * t))
+    t, phase_values = (
+        t - np.sum(weight * t) / total,
+        phase_values - np.sum(weight * phase_values) / total,
+    )
+    return float(np.sum(weight * t * phase_values) / np.sum(weight * t * t))

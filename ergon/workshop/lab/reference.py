@@ -129,12 +129,12 @@ def _rival(run: Callable[[Setting], Floats | None], rival: Setting) -> Reference
     A plan of the scene at twice the rate may take the very same steps: then nothing is compared.
     """
     sound_before = run(rival)
-    for times in (2, 4, 8, 16):
-        setting = replace(rival, oversampling=times * rival.oversampling)
+    for step_times in (2, 4, 8, 16):
+        setting = replace(rival, oversampling=step_times * rival.oversampling)
         setting_sound = run(setting)
         if sound_before is None or setting_sound is None:
             return None
-        (change,) = _changes([(1, sound_before), (times, setting_sound)])
+        (change,) = _changes([(1, sound_before), (step_times, setting_sound)])
         if change > EXACT_DB:
             return Reference(setting, setting_sound, sound_before, (change,))
         sound_before = setting_sound
@@ -149,14 +149,14 @@ def _refined(
 ) -> Reference:
     """The best method, taken further."""
     for _ in range(doublings):
-        row = ladder(sounds, method_name)
-        if waveform_db(row[-2][1], row[-1][1]) < EXACT_DB:
+        method_ladder = ladder(sounds, method_name)
+        if waveform_db(method_ladder[-2][1], method_ladder[-1][1]) < EXACT_DB:
             break
-        further = Setting(method_name, 2 * row[-1][0])
-        sound = run(further)
-        if sound is None:
+        further = Setting(method_name, 2 * method_ladder[-1][0])
+        finer_sound = run(further)
+        if finer_sound is None:
             break
-        sounds[further] = sound
+        sounds[further] = finer_sound
     return _top(sounds, method_name)
 
 

@@ -63,12 +63,12 @@ class Oversampled(NetworkAndTimeline):
     def from_scene(cls, scene: Scene, rate_multiple: int) -> Oversampled:
         """A scene at `rate_multiple` its rate. Raises EngineError or StageError."""
         scene_at_rate = scene.build_at(scene.rate * rate_multiple)
-        positions = scene_at_rate.network.undifferentiated()
+        differentiated_positions = scene_at_rate.network.undifferentiated()
         # At its own rate the engine derives speeds itself, and nothing is left to derive.
         output_network, derived = (
-            (scene_at_rate.network, positions)
+            (scene_at_rate.network, differentiated_positions)
             if rate_multiple == 1
-            else (positions, scene_at_rate.network)
+            else (differentiated_positions, scene_at_rate.network)
         )
         return cls(output_network, scene_at_rate.timeline, rate_multiple, derived, scene.rate)
 
@@ -101,11 +101,11 @@ class Run:
         stride = self._oversampled.times
         block = np.empty((min(_BLOCK, n_frames) * stride, self.n_out))
         for first_frame in range(0, n_frames, _BLOCK):
-            part = block[: min(_BLOCK, n_frames - first_frame) * stride]
+            block_part = block[: min(_BLOCK, n_frames - first_frame) * stride]
             begin = time.thread_time()
-            self._simulation.process(part)
+            self._simulation.process(block_part)
             self.spent += time.thread_time() - begin
-            output_frames[first_frame : first_frame + _BLOCK] = part[::stride]
+            output_frames[first_frame : first_frame + _BLOCK] = block_part[::stride]
         self._derivatives.process(output_frames)
         return output_frames
 

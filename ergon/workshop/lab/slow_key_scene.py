@@ -86,12 +86,12 @@ class SlowKeyScene:
 def reference_truth(key: Key, K: float, n_frames: int) -> Truth:
     """The reference: the same scene with all springs at every frame."""
     played = SlowKeyScene(key, K, None).build_at(RATE)
-    frames = np.zeros((n_frames, 1))
+    truth_frames = np.zeros((n_frames, 1))
     try:
-        _core.Simulation(played.network, played.timeline).process(frames)
+        _core.Simulation(played.network, played.timeline).process(truth_frames)
     except _core.UnstableError:
         return Truth(None, np.inf)
-    return Truth(frames, EXACT_DB)
+    return Truth(truth_frames, EXACT_DB)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,11 +115,11 @@ class SlowKeyPoint:
             try:
                 played, plan = _planned(scene)
             except _core.UnstableError as error:
-                reason = str(error)
+                failure_reason = str(error)
                 scene = replace(scene, hidden=scene.hidden * _HIDING_STEP)
             else:
                 return self._ran(played, plan, n_frames)
-        return Outcome(None, reason=reason)
+        return Outcome(None, reason=failure_reason)
 
     def _ran(self, played: NetworkAndTimeline, plan: _core.Plan, n_frames: int) -> Outcome:
         run_frames = np.zeros((n_frames, 1))
@@ -158,7 +158,7 @@ def _planned(scene: SlowKeyScene) -> tuple[NetworkAndTimeline, _core.Plan]:
 
 
 @cache
-def load(key: Key, K: float) -> float:
+def load(slow_key: Key, K: float) -> float:
     """λ over the limit of the part that is stepped at every frame: the string and the mass that
     pulls it.
 
@@ -174,6 +174,6 @@ def load(key: Key, K: float) -> float:
     stiffness *= k * (1.0 + 4.0 * sigma / omega**2 * RATE)
     joint_row = np.zeros(n + 1)
     joint_row[[_PULLED_MASS, n]] = 1.0, -1.0
-    root_mass = np.sqrt(np.array([m] * n + [key.M[-1]])) * RATE
+    root_mass = np.sqrt(np.array([m] * n + [slow_key.M[-1]])) * RATE
     scaled = (stiffness + K * np.outer(joint_row, joint_row)) / np.outer(root_mass, root_mass)
     return float(np.linalg.eigvalsh(scaled)[-1]) / 4.0

@@ -9,20 +9,22 @@ from collections.abc import Iterable, Sequence
 Value = str | float | int | bool | None
 
 
-def text(facts: Sequence[str], names: Sequence[str], rows: Iterable[Sequence[Value]]) -> str:
+def text(
+    facts: Sequence[str], column_names: Sequence[str], table_rows: Iterable[Sequence[Value]]
+) -> str:
     """The whole file. A value that was not measured is an empty field."""
     out = io.StringIO()
     for fact in ("made by ergon", *facts):
         out.write(f"# {' '.join(fact.split())}\n")
     table = csv.writer(out, lineterminator="\n")
-    table.writerow(names)
-    table.writerows([_written(value) for value in row] for row in rows)
+    table.writerow(column_names)
+    table.writerows([_written(value) for value in row] for row in table_rows)
     return out.getvalue()
 
 
-def _written(value: Value) -> str:
-    if value is None:
+def _written(table_value: Value) -> str:
+    if table_value is None:
         return ""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(table_value, bool):
+        return "yes" if table_value else "no"
+    return f"{table_value:.6g}" if isinstance(table_value, float) else str(table_value)

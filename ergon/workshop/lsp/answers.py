@@ -53,12 +53,12 @@ def _completions(
     for cursor, read in cursors.cursors_at_unwritten(document_text, text_index, score_file):
         for part in music_parts.parts_beside(cursor, read):
             by_word[part.id] = Completion(part.id, "value", music_parts.about(part))
-        words = (
+        completion_words = (
             _key_completions(cursor)
             if cursor.is_name
             else _value_completions(cursor.shape, catalogue, number_text)
         )
-        for word in words:
+        for word in completion_words:
             by_word.setdefault(word.word, word)
     return list(by_word.values())
 
@@ -110,10 +110,10 @@ def _value_completions(
         yield from _word_completions(value_shape)
     elif (
         value_shape is not None
-        and (item := value_shape.inner(0)) is not None
-        and item is not value_shape
+        and (inner_shape := value_shape.inner(0)) is not None
+        and inner_shape is not value_shape
     ):
-        yield from _value_completions(item, catalogue, number_text)
+        yield from _value_completions(inner_shape, catalogue, number_text)
 
 
 def _word_completions(shape: Shape) -> Iterator[Completion]:
@@ -130,22 +130,24 @@ def _name_completions(definitions: Iterable[Definition]) -> Iterator[Completion]
         )
 
 
-def _number_before(text: str, index: int) -> str:
+def _number_before(document_text: str, text_index: int) -> str:
     """The digits that end at a character: a unit may follow them."""
-    start = index
-    while start > 0 and (text[start - 1].isdigit() or text[start - 1] in ".-+/"):
-        start -= 1
-    digits = text[start:index]
+    number_start = text_index
+    while number_start > 0 and (
+        document_text[number_start - 1].isdigit() or document_text[number_start - 1] in ".-+/"
+    ):
+        number_start -= 1
+    digits = document_text[number_start:text_index]
     return digits if any(c.isdigit() for c in digits) else ""
 
 
-def explanation(index: int, file: Document, catalogue: Catalogue) -> str | None:
+def explanation(text_index: int, score_file: Document, catalogue: Catalogue) -> str | None:
     """The explanation of the text under a character, in Markdown; None if there is none."""
-    cursor = cursors.cursor_at(file, index)
+    cursor = cursors.cursor_at(score_file, text_index)
     if cursor is None:
         return None
     with tuning.used(_tuning_at(cursor, catalogue)):
-        return _explanation(index, cursor, file, catalogue)
+        return _explanation(text_index, cursor, score_file, catalogue)
 
 
 def _tuning_at(cursor: Cursor, catalogue: Catalogue) -> tuning.Tuning | None:
@@ -178,27 +180,29 @@ def _explanation(
     heights = None if cursor.is_name else _pitch_text(text_index, cursor, score_file.text)
     if definition_place is None or heights is not None:
         return heights
-    line = (
+    meaning_line = (
         score_file.line(definition_place.place.line).strip()
         if definition_place.place.file == score_file.file
         else ""
     )
-    source = f"\n```yaml\n{line}\n```" if line else f" of {definition_place.place.file}"
+    source = (
+        f"\n```yaml\n{meaning_line}\n```" if meaning_line else f" of {definition_place.place.file}"
+    )
     return f"{definition_place.noun} **{definition_place.name}**{source}"
 
 
-def _meaning(index: int, cursor: Cursor, text: str) -> str | None:
+def _meaning(text_index: int, cursor: Cursor, document_text: str) -> str | None:
     """What the word under a character means in texts of this shape; None if they have none."""
     words = {} if cursor.shape is None else cursor.shape.vocabulary()
-    word = cursors.word_at(text, index)
+    word = cursors.word_at(document_text, text_index)
     return f"**{word}**: {words[word]}" if word in words else None
 
 
-def _pitch_text(index: int, cursor: Cursor, text: str) -> str | None:
+def _pitch_text(text_index: int, cursor: Cursor, document_text: str) -> str | None:
     """The frequency of the pitch under a character; None if there is none. Fractions are ratios
     only in lists of notes and in names, for elsewhere they are times.
     """
-    cursor_word = cursors.pitch_at(text, index)
+    cursor_word = cursors.pitch_at(document_text, text_index)
     is_notes = cursor.field is not None and isinstance(cursor.field.shape, Notes)
     is_sure = is_notes or isinstance(cursor.shape, Reference)
     if cursor_word is None or not (
@@ -219,10 +223,10 @@ def _hertz_text(frequency: float) -> str:
     return f"{frequency:.3f} Hz, {note}" + (f" {cents:+.1f} cents" if abs(cents) >= 0.05 else "")
 
 
-def definition(index: int, file: Document, catalogue: Catalogue) -> Definition | None:
+def definition(text_index: int, score_file: Document, catalogue: Catalogue) -> Definition | None:
     """Where the name under a character is defined."""
-    cursor = cursors.cursor_at(file, index)
-    cursor_word = cursors.word_at(file.text, index).strip("/-")
+    cursor = cursors.cursor_at(score_file, text_index)
+    cursor_word = cursors.word_at(score_file.text, text_index).strip("/-")
     if cursor is None or cursor.is_name or not cursor_word:
         return None
     value_shape = cursor.shape

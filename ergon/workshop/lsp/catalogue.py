@@ -70,12 +70,12 @@ def catalogue(loaded: Loaded) -> Catalogue:
             name: Definition(name, noun, key.place) for name, (key, _) in entries.items()
         }
     for section_name in ("instruments", "keys"):
-        for name, entry in score_names.tables[section_name].items():
+        for defined_name, entry in score_names.tables[section_name].items():
             values, _ = uses.resolved(section_name, entry)
             modules = None if values is None else values.by_name.get("modules")
             for module, fields_read in (modules or {}).items():
                 if isinstance(fields_read, Values):
-                    full = f"{name}.{module}"
+                    full = f"{defined_name}.{module}"
                     sections[MODULES][full] = Definition(
                         full, fields_read.kind or "module", fields_read.place
                     )

@@ -39,11 +39,11 @@ class Cursor:
     written: frozenset[str]  # names that stand beside it in the same mapping
 
 
-def cursor_at(file: Document, text_index: int) -> Cursor | None:
+def cursor_at(score_file: Document, text_index: int) -> Cursor | None:
     """What is under the character `text_index`; None between values."""
-    if file.root is None:
+    if score_file.root is None:
         return None
-    cursor_node: Node = file.root
+    cursor_node: Node = score_file.root
     value_shape: Shape | None = SCORE
     value_table: Record | None = None
     cursor_field: Field | None = None
@@ -54,13 +54,13 @@ def cursor_at(file: Document, text_index: int) -> Cursor | None:
         if isinstance(cursor_node, document.Mapping):
             if isinstance(value_shape, Record):
                 value_table = value_shape
-            entry = _last_before(
+            entry_before = _last_before(
                 ((key.start, (key, child)) for key, child in cursor_node.entries.values()),
                 text_index,
             )
-            if entry is None:
+            if entry_before is None:
                 return None
-            key_node, child = entry
+            key_node, child = entry_before
             entry_names = frozenset(cursor_node.entries)
             inner_shape = None if value_shape is None else value_shape.inner(key_node.text)
             cursor_field = (
@@ -91,7 +91,7 @@ def cursor_at(file: Document, text_index: int) -> Cursor | None:
 
 
 def cursors_at_unwritten(
-    document_text: str, text_index: int, file: Document
+    document_text: str, text_index: int, score_file: Document
 ) -> list[tuple[Cursor, Document]]:
     """What the word that is being written at `text_index` may be: a value, a name, or both.
 
@@ -112,25 +112,25 @@ def cursors_at_unwritten(
         changed = (
             document_text[:line_begin] + line + ("" if line_end < 0 else document_text[line_end:])
         )
-        read = document.compose(changed, file.file, Collector())
-        cursor = cursor_at(read, line_begin + len(text_before))
+        read_document = document.compose(changed, score_file.file, Collector())
+        cursor = cursor_at(read_document, line_begin + len(text_before))
         if cursor is not None and _PLACEHOLDER in cursor.node.text:
-            cursors.append((cursor, read))
+            cursors.append((cursor, read_document))
     return cursors
 
 
-def _last_before(entries: Iterable[tuple[int, _T]], index: int) -> _T | None:
+def _last_before(entries: Iterable[tuple[int, _T]], text_index: int) -> _T | None:
     """The entry that begins last at or before a character. The order of entries does not tell: an
     alias has the position of its definition.
     """
-    entries_before = [(start, value) for start, value in entries if start <= index]
+    entries_before = [(start, value) for start, value in entries if start <= text_index]
     return max(entries_before, key=lambda entry: entry[0])[1] if entries_before else None
 
 
-def _closing_brackets(line: str) -> str:
+def _closing_brackets(line_text: str) -> str:
     """The closing brackets for those that a line leaves open."""
     opened = []
-    for character in line:
+    for character in line_text:
         if character in _CLOSING:
             opened.append(_CLOSING[character])
         elif opened and character == opened[-1]:
@@ -144,12 +144,14 @@ def word_before(text: str, index: int) -> str:
     return match.group() if match else ""
 
 
-def pitch_at(text: str, text_index: int) -> str | None:
+def pitch_at(document_text: str, text_index: int) -> str | None:
     """The pitch round a character, as members are called by it: `A4+50cents`, `c4` of `c4.min`,
     `3to2` of `wires.3/2.m`; None if there is none.
     """
-    begin = text.rfind("\n", 0, text_index) + 1
-    for match in _PITCHES.finditer(text, begin, min(len(text), text_index + _WORD_MAX)):
+    begin = document_text.rfind("\n", 0, text_index) + 1
+    for match in _PITCHES.finditer(
+        document_text, begin, min(len(document_text), text_index + _WORD_MAX)
+    ):
         if match.start() <= text_index <= match.end():
             for word in tuning.spelled(match[0].strip(".")).split("."):
                 if (pitch := word_of(word[:1].upper() + word[1:])) is not None:

@@ -20,10 +20,10 @@ def parts_beside(cursor: Cursor, score_file: Document) -> tuple[XmlPart, ...]:
     """
     if cursor.is_name or cursor.field is None or cursor.field.name != "channel":
         return ()
-    node = score_file.root
+    cursor_node = score_file.root
     for name in cursor.path[:2]:
-        node = node.get(name) if isinstance(node, document.Mapping) else None
-    take = node.get("file") if isinstance(node, document.Mapping) else None
+        cursor_node = cursor_node.get(name) if isinstance(cursor_node, document.Mapping) else None
+    take = cursor_node.get("file") if isinstance(cursor_node, document.Mapping) else None
     if not isinstance(take, Scalar) or Path(take.text).suffix.lower() not in SUFFIXES:
         return ()
     folder = Path(score_file.file).parent

@@ -193,12 +193,14 @@ class Server(LanguageServer):
 
     # --- places -----------------------------------------------------------------------------------
 
-    def range(self, uri: str, place: Place) -> t.Range:
+    def range(self, uri: str, symbol_place: Place) -> t.Range:
         """The range of a place, in the client's units."""
-        text = self._document(uri)
-        start = t.Position(place.line - 1, place.column - 1)
-        end = t.Position(place.line - 1, place.column - 1 + place.length)
-        return text.position_codec.range_to_client_units(text.lines, t.Range(start, end))
+        text_document = self._document(uri)
+        start = t.Position(symbol_place.line - 1, symbol_place.column - 1)
+        end = t.Position(symbol_place.line - 1, symbol_place.column - 1 + symbol_place.length)
+        return text_document.position_codec.range_to_client_units(
+            text_document.lines, t.Range(start, end)
+        )
 
     def _document(self, uri: str) -> TextDocument:
         """An open document, or a file that one of them uses."""
@@ -206,19 +208,19 @@ class Server(LanguageServer):
         if open_text is not None:
             return open_text
         try:
-            source = read_bounded(_path(uri), MAX_BYTES).decode("utf-8", "replace")
+            file_text = read_bounded(_path(uri), MAX_BYTES).decode("utf-8", "replace")
         except OSError:
-            source = ""
-        return TextDocument(uri, source, position_codec=self.workspace.position_codec)
+            file_text = ""
+        return TextDocument(uri, file_text, position_codec=self.workspace.position_codec)
 
     def locate(
         self, uri: str, position: t.Position
     ) -> tuple[TextDocument, int, Document, Catalogue]:
         """An open document, the index of a position in it, its nodes, and the names it knows."""
-        text = self.workspace.get_text_document(uri)
-        file = document.compose(text.source, str(_path(uri)), Collector())
+        text_document = self.workspace.get_text_document(uri)
+        file = document.compose(text_document.source, str(_path(uri)), Collector())
         catalogue_read = self._open.setdefault(uri, _OpenDocument()).catalogue
-        return text, text.offset_at_position(position), file, catalogue_read
+        return text_document, text_document.offset_at_position(position), file, catalogue_read
 
 
 def serve() -> int:
@@ -263,33 +265,43 @@ def _closed(ls: Server, params: t.DidCloseTextDocumentParams) -> None:
 
 
 def _complete(ls: Server, params: t.CompletionParams) -> t.CompletionList:
-    text, index, file, catalogue_now = ls.locate(params.text_document.uri, params.position)
+    text_document, text_index, file, catalogue_now = ls.locate(
+        params.text_document.uri, params.position
+    )
     is_score = ls.is_score(params.text_document.uri)
-    completions = answers.completions(text.source, index, file, catalogue_now) if is_score else []
-    begin = index - len(cursor.word_before(text.source, index))
-    word_range = t.Range(_client_position(text, begin), _client_position(text, index))
+    completions = (
+        answers.completions(text_document.source, text_index, file, catalogue_now)
+        if is_score
+        else []
+    )
+    begin = text_index - len(cursor.word_before(text_document.source, text_index))
+    word_range = t.Range(
+        _client_position(text_document, begin), _client_position(text_document, text_index)
+    )
     return t.CompletionList(is_incomplete=True, items=list(_items(completions, word_range)))
 
 
-def _client_position(text_document: TextDocument, index: int) -> t.Position:
+def _client_position(text_document: TextDocument, text_index: int) -> t.Position:
     """The position of an index; that of the end is on the last line, unless this line is ended."""
-    if index < len(text_document.source):
-        return text_document.client_position_at_offset(index)
-    lines = text_document.lines
-    if not lines or text_document.source.endswith(("\n", "\r")):
-        return t.Position(len(lines), 0)
-    return t.Position(len(lines) - 1, text_document.position_codec.client_num_units(lines[-1]))
+    if text_index < len(text_document.source):
+        return text_document.client_position_at_offset(text_index)
+    document_lines = text_document.lines
+    if not document_lines or text_document.source.endswith(("\n", "\r")):
+        return t.Position(len(document_lines), 0)
+    return t.Position(
+        len(document_lines) - 1, text_document.position_codec.client_num_units(document_lines[-1])
+    )
 
 
 def _items(
     completions: Iterable[answers.Completion], word_range: t.Range
 ) -> Iterable[t.CompletionItem]:
-    for number, completion in enumerate(completions):
+    for item_number, completion in enumerate(completions):
         yield t.CompletionItem(
             completion.word,
             kind=_KINDS[completion.kind],
             detail=completion.detail,
-            sort_text=f"{number:05d}",
+            sort_text=f"{item_number:05d}",
             filter_text=completion.word,
             text_edit=t.TextEdit(word_range, completion.word + completion.suffix),
         )
@@ -361,19 +373,19 @@ def _symbols(ls: Server, params: t.DocumentSymbolParams) -> list[t.DocumentSymbo
     root = ls.locate(uri, t.Position(0, 0))[2].root if ls.is_score(uri) else None
     entries = root.entries.items() if isinstance(root, document.Mapping) else ()
     symbols = []
-    for name, (key, child) in entries:
+    for symbol_name, (key_node, child) in entries:
         inner = child.entries.items() if isinstance(child, document.Mapping) else ()
         children = [_symbol(ls, uri, word, node.place) for word, (node, _) in inner]
-        symbols.append(_symbol(ls, uri, name, key.place, children))
+        symbols.append(_symbol(ls, uri, symbol_name, key_node.place, children))
     return symbols
 
 
 def _symbol(
-    ls: Server, uri: str, name: str, place: Place, children: Sequence[t.DocumentSymbol] = ()
+    ls: Server, uri: str, symbol_name: str, place: Place, children: Sequence[t.DocumentSymbol] = ()
 ) -> t.DocumentSymbol:
     symbol_range = ls.range(uri, place)
     kind = t.SymbolKind.Namespace if children else t.SymbolKind.Field
-    return t.DocumentSymbol(name, kind, symbol_range, symbol_range, children=children)
+    return t.DocumentSymbol(symbol_name, kind, symbol_range, symbol_range, children=children)
 
 
 def _format(ls: Server, params: t.DocumentFormattingParams) -> list[t.TextEdit] | None:

@@ -68,10 +68,10 @@ def _fit_figures(fit: Fit) -> tuple[list[str], Floats, Floats]:
             -parameter_row[w] / parameter_row[k],
             {k: parameter_row[w] / parameter_row[k] ** 2, w: -1 / parameter_row[k]},
         )
-    for name, parameter in _KEY_FIELDS:
+    for field_name, parameter in _KEY_FIELDS:
         index = INDEX[parameter]
         if index in fitted_columns and not (has_spring and index == w):
-            add(name, parameter_row[index], {index: 1.0})
+            add(field_name, parameter_row[index], {index: 1.0})
     for mode in range(n_modes(parameter_row)):
         m, f, z = mode_indices(mode)
         decay = t60(float(parameter_row[f]), float(parameter_row[z]))
@@ -97,11 +97,11 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     deviations = np.sqrt(np.diag(covariance))
     value_and_deviation = dict(zip(figure_names, zip(values, deviations, strict=True), strict=True))
     yaml_lines = ["ergon: 1"]
-    for figure_name, (value, deviation) in value_and_deviation.items():
+    for figure_name, (figure_value, deviation) in value_and_deviation.items():
         if figure_name in UNITS:
             unit, scale = UNITS[figure_name]
             yaml_lines.append(
-                f"{figure_name}: {value * scale:.7g}{unit} # ± {deviation * scale:.3g}"
+                f"{figure_name}: {figure_value * scale:.7g}{unit} # ± {deviation * scale:.3g}"
             )
     if n_modes(fit.row):
         yaml_lines.append("modes:")
@@ -115,10 +115,10 @@ def text(measured: Measured, takes: Sequence[str], day: str) -> str:
         yaml_lines.append(
             f"  - {{M: {m:.6g}g, f: {f:.6g}Hz, t60: {decay:.6g}s}} # ± {dm:.3g} {df:.3g} {dt:.3g}"
         )
-    size = np.where(deviations > 0, deviations, 1.0)
+    deviation_sizes = np.where(deviations > 0, deviations, 1.0)
     yaml_lines.append("correlations:")
     for i, figure_name in enumerate(figure_names):
-        correlations = covariance[i, :i] / (size[i] * size[:i])
+        correlations = covariance[i, :i] / (deviation_sizes[i] * deviation_sizes[:i])
         yaml_lines.append(" ".join([f"  - {figure_name}", *(f"{x:.6f}" for x in correlations)]))
     if measured.noise is not None:
         yaml_lines.append(f"noise: {measured.noise * 1e3:.4g}mm")
@@ -202,7 +202,7 @@ class Calibration:
         )
 
 
-def read(source: str) -> Calibration:
+def read(file_text: str) -> Calibration:
     """The calibration in a file's text. Raises MeasurementError if `text` did not write it."""
     figures: dict[str, float] = {}
     deviations: dict[str, float] = {}
@@ -210,7 +210,7 @@ def read(source: str) -> Calibration:
     lines_before: list[str] = []
     calibration_modes: list[tuple[float, float, float]] = []
     date = section_name = ""
-    for text_line in source.splitlines():
+    for text_line in file_text.splitlines():
         if not text_line.startswith(" "):
             section_name = text_line
         if line_match := _MODE.match(text_line):
@@ -218,11 +218,11 @@ def read(source: str) -> Calibration:
                 _mode(line_match, f"mode{len(calibration_modes) + 1}", figures, deviations)
             )
         elif section_name == "correlations:" and (line_match := _CORRELATED.match(text_line)):
-            numbers = map(float, line_match[2].split())
+            correlation_numbers = map(float, line_match[2].split())
             # If a row is damaged, the part of it that exists is used.
             correlations |= {
                 (line_match[1], name): max(-1.0, min(x, 1.0))
-                for name, x in zip(lines_before, numbers, strict=False)
+                for name, x in zip(lines_before, correlation_numbers, strict=False)
             }
             lines_before.append(line_match[1])
         elif text_line.startswith("date: "):
@@ -252,19 +252,22 @@ def read(source: str) -> Calibration:
 
 
 def _mode(
-    match: re.Match[str], name: str, figures: dict[str, float], deviations: dict[str, float]
+    mode_match: re.Match[str],
+    mode_name: str,
+    figures: dict[str, float],
+    deviations: dict[str, float],
 ) -> tuple[float, float, float]:
     """A mode from a line: mass, frequency, damping ratio; its figures are also added under its
     name.
     """
-    *number_texts, deviations_text = match.groups()
+    *number_texts, deviations_text = mode_match.groups()
     mode_mass, frequency, decay = (float("inf") if x is None else float(x) for x in number_texts)
     if not (mode_mass > 0.0 and 0.0 < frequency < np.inf and decay > 0.0):
-        raise MeasurementError(f"{name} must have a mass, a frequency and a decay above 0")
+        raise MeasurementError(f"{mode_name} must have a mass, a frequency and a decay above 0")
     wobbles = (deviations_text or "").split()
     for i, (figure_name, (_, per_unit)) in enumerate(MODE_FIELDS.items()):
-        figures[f"{name}.{figure_name}"] = (mode_mass, frequency, decay)[i] / per_unit
+        figures[f"{mode_name}.{figure_name}"] = (mode_mass, frequency, decay)[i] / per_unit
         if len(wobbles) == len(MODE_FIELDS) and re.fullmatch(_NUMBER, wobbles[i]):
-            deviations[f"{name}.{figure_name}"] = float(wobbles[i]) / per_unit
+            deviations[f"{mode_name}.{figure_name}"] = float(wobbles[i]) / per_unit
     ratio = LN_1000 / (2 * np.pi * frequency * decay) if np.isfinite(decay) else 0.0
     return mode_mass / 1e3, frequency, float(ratio)

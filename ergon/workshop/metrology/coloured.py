@@ -16,31 +16,33 @@ _USUAL = 2  # the window whose correlations of parameters count
 N_WINDOWS = len(_WINDOWS)
 
 
-def long_run(scores: Floats, rate: float, total: int) -> Floats:
+def long_run(scores: Floats, rate: float, lag_total: int) -> Floats:
     """Covariances (windows, p, p) of the sum of scores (n, p), which are correlated in time.
 
     Bartlett's kernel (Newey and West 1987, equation 5), as the mean square of the sums over all
-    stretches of its length. A long window sees few independent stretches of the `total` scores of
-    all gestures, so that variances are too small; they are lifted by the square of
+    stretches of its length. A long window sees few independent stretches of the `lag_total` scores
+    of all gestures, so that variances are too small; they are lifted by the square of
     `_critical_value` over that of a normal distribution.
     """
     n, p = scores.shape
     sums = np.concatenate([np.zeros((1, p)), np.cumsum(scores, axis=0)])
     covariances = []
     for window in _WINDOWS:
-        length = max(1, min(round(window * rate), n // 2))
-        stretch_ends = np.arange(1, n + length)
-        stretches = sums[np.minimum(stretch_ends, n)] - sums[np.maximum(stretch_ends - length, 0)]
-        lift = (_critical_value(length / total) / _critical_value(0.0)) ** 2
-        covariances.append(lift * (stretches.T @ stretches) / length)
+        window_length = max(1, min(round(window * rate), n // 2))
+        stretch_ends = np.arange(1, n + window_length)
+        stretches = (
+            sums[np.minimum(stretch_ends, n)] - sums[np.maximum(stretch_ends - window_length, 0)]
+        )
+        lift = (_critical_value(window_length / lag_total) / _critical_value(0.0)) ** 2
+        covariances.append(lift * (stretches.T @ stretches) / window_length)
     return np.array(covariances)
 
 
-def _critical_value(share: float) -> float:
+def _critical_value(tail_share: float) -> float:
     """The critical value of a two-sided test at 5 %, by the share of the data that Bartlett's
     kernel covers (Kiefer and Vogelsang 2005, table 1).
     """
-    return float(np.polyval([-0.5324, 0.4160, 2.9694, 1.9600], share))
+    return float(np.polyval([-0.5324, 0.4160, 2.9694, 1.9600], tail_share))
 
 
 def covariance(square: Floats, scores: Floats) -> Floats:

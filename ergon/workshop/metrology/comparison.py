@@ -51,11 +51,11 @@ class Replay:
         return float(np.abs(self.residual).max())
 
 
-def replay(row: Floats, gesture: Gesture) -> Replay:
+def replay(parameter_row: Floats, gesture: Gesture) -> Replay:
     """Apply the forces of a real key to its model, which begins where and as fast as the key."""
-    followed = output_error.follow(row, gesture)
+    followed = output_error.follow(parameter_row, gesture)
     (gesture,) = followed.recovered([gesture.with_unknown_speed()])
-    model = output_error.path(row, gesture, followed.starts[0])
+    model = output_error.path(parameter_row, gesture, followed.starts[0])
     ticks = np.flatnonzero(gesture.counts)
     return Replay(gesture, model, ticks / gesture.rate, gesture.position[ticks] - model[ticks])
 
@@ -67,14 +67,14 @@ def replay_difference(first_row: Floats, second_row: Floats) -> float:
     """
     guided = first_row.copy()
     guided[INDEX["stiffness"]] = max(first_row[1], 1e-3)
-    force = excitation.knocks(guided, _RATE, _SECONDS, _REACH, _FORCE_MAX)
+    knock_forces = excitation.knocks(guided, _RATE, _SECONDS, _REACH, _FORCE_MAX)
     paths = []
     for row in (first_row, second_row):
         held_row = row.copy()
         # Each path begins at rest at 0, so that only the motion is compared.
         held_row[START] = held_row[INDEX["weight"]] = 0.0
         try:
-            paths.append(_core.key_path(held_row, force, _RATE, columns=())[0])
+            paths.append(_core.key_path(held_row, knock_forces, _RATE, columns=())[0])
         except _core.EngineError as error:
             raise MeasurementError(f"the motion of this key cannot be computed: {error}") from None
     return float(np.sqrt(np.mean((paths[0] - paths[1]) ** 2)))
@@ -157,10 +157,12 @@ def chi_squared(calibration: Calibration, second_calibration: Calibration) -> tu
     first_names, second_names = ([d.names[i] for d in comparable] for i in (0, 1))
     covariance = calibration.covariance(first_names) + second_calibration.covariance(second_names)
     size = np.sqrt(np.diag(covariance))
-    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    eigen_values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     components = vectors.T @ np.array([d.deviations for d in comparable])
-    is_certain = values > _CERTAIN
-    return float(np.sum(components[is_certain] ** 2 / values[is_certain])), int(is_certain.sum())
+    is_certain = eigen_values > _CERTAIN
+    return float(np.sum(components[is_certain] ** 2 / eigen_values[is_certain])), int(
+        is_certain.sum()
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,11 +189,13 @@ def gains(plain: Calibration, loaded: Calibration, known_mass: float) -> dict[st
     # Derivatives of the logarithms with respect to figures of the first file, and of the second.
     grows = {"M": 1.0 / heavier}, {"M": -1.0 / heavier}
     by_name = {"mass": _gain(force_gain, plain, loaded, *grows)}
-    for name in ("M", "K", "Z"):
-        plain_value = plain.figures[name]
+    for figure_name in ("M", "K", "Z"):
+        plain_value = plain.figures[figure_name]
         first_gains = dict(grows[0])
-        first_gains[name] = first_gains.get(name, 0.0) + (1.0 / plain_value if plain_value else 0.0)
-        by_name[name] = _gain(force_gain * plain_value, plain, loaded, first_gains, grows[1])
+        first_gains[figure_name] = first_gains.get(figure_name, 0.0) + (
+            1.0 / plain_value if plain_value else 0.0
+        )
+        by_name[figure_name] = _gain(force_gain * plain_value, plain, loaded, first_gains, grows[1])
     rests = (plain.figures.get("rest"), loaded.figures.get("rest"))
     if rests[0] is None or rests[1] is None:
         return by_name

@@ -19,12 +19,12 @@ _STRIKES = 60.0  # a second
 
 def strokes(n: int, rate: float, chance: np.random.Generator) -> Floats:
     """Forces from -1 to 1 that jump every 0.1 to 0.6 s, (n,)."""
-    force, start = np.zeros(n), 0
-    while start < n:
-        stroke_stop = start + int(chance.uniform(0.1, 0.6) * rate)
-        force[start:stroke_stop] = chance.uniform(-1, 1)
-        start = stroke_stop
-    return force
+    stroke_forces, stroke_start = np.zeros(n), 0
+    while stroke_start < n:
+        stroke_stop = stroke_start + int(chance.uniform(0.1, 0.6) * rate)
+        stroke_forces[stroke_start:stroke_stop] = chance.uniform(-1, 1)
+        stroke_start = stroke_stop
+    return stroke_forces
 
 
 def rain(n: int, chance: np.random.Generator) -> Floats:
@@ -36,27 +36,32 @@ def strikes(n: int, rate: float, chance: np.random.Generator) -> Floats:
     """Pushes of two ticks at random instants, each of random sign and followed at once by its
     opposite, (n,).
     """
-    force = np.zeros(n)
+    strike_forces = np.zeros(n)
     for start in np.flatnonzero(chance.random(n - 4) < _STRIKES / rate):
-        force[start : start + 4] = chance.choice([-1.0, 1.0]) * np.array([1.0, 1.0, -1.0, -1.0])
-    return force
+        strike_forces[start : start + 4] = chance.choice([-1.0, 1.0]) * np.array(
+            [1.0, 1.0, -1.0, -1.0]
+        )
+    return strike_forces
 
 
-def jolts(n: int, rate: float, chance: np.random.Generator, length: float = 1.0) -> Floats:
+def jolts(n: int, rate: float, chance: np.random.Generator, jolt_length: float = 1.0) -> Floats:
     """Pushes of 6 to 16 ms, each followed at once by its opposite, so that the key keeps no speed,
     (n,).
 
-    `length` multiplies their duration.
+    `jolt_length` multiplies their duration.
     """
-    jolt_forces, start = np.zeros(n), 0
-    while start < n:
-        half = int(length * chance.uniform(0.006, 0.016) * rate)
+    jolt_forces, jolt_start = np.zeros(n), 0
+    while jolt_start < n:
+        half = int(jolt_length * chance.uniform(0.006, 0.016) * rate)
         direction = chance.choice([-1.0, 1.0])
-        jolt_forces[start : start + half], jolt_forces[start + half : start + 2 * half] = (
+        (
+            jolt_forces[jolt_start : jolt_start + half],
+            jolt_forces[jolt_start + half : jolt_start + 2 * half],
+        ) = (
             direction,
             -direction,
         )
-        start += 2 * half
+        jolt_start += 2 * half
     return jolt_forces
 
 
@@ -96,13 +101,15 @@ def scaled_to_reach(
             all_of_it *= 0.85
 
 
-def knocks(row: Floats, rate: float, seconds: float, reach: float, force_max: float) -> Floats:
+def knocks(
+    parameter_row: Floats, rate: float, gesture_seconds: float, reach: float, force_max: float
+) -> Floats:
     """Forces [N] of a gesture of knocks, a slow push and quick knocks of many heights, by a rough
     model of the key.
 
     They move a key without dry friction by `reach` [m], or as far as `force_max` [N] can.
     """
-    n, chance = round(seconds * rate), np.random.default_rng(99)
+    n, chance = round(gesture_seconds * rate), np.random.default_rng(99)
     x, push_start = np.zeros(n), 0
 
     def go(target_position: float, duration: float, rest_duration: float = 0.0) -> None:
@@ -110,11 +117,11 @@ def knocks(row: Floats, rate: float, seconds: float, reach: float, force_max: fl
         push_steps = min(int(duration * rate), n - 1 - push_start)
         if push_steps <= 0:
             return
-        s = np.arange(1, push_steps + 1) / push_steps
+        step_shares = np.arange(1, push_steps + 1) / push_steps
         position_before = x[push_start]
         x[push_start : push_start + push_steps] = position_before + (
             target_position - position_before
-        ) * s**3 * (10 - 15 * s + 6 * s * s)
+        ) * step_shares**3 * (10 - 15 * step_shares + 6 * step_shares * step_shares)
         x[push_start + push_steps :] = target_position
         push_start = min(push_start + push_steps + int(rest_duration * rate), n - 1)
 
@@ -127,28 +134,36 @@ def knocks(row: Floats, rate: float, seconds: float, reach: float, force_max: fl
         for _ in range(12):
             go(chance.uniform(0.3, 0.9), 0.06)
             go(0.0, 0.07)
-    return _forces(reach * x, row, rate, force_max)
+    return _forces(reach * x, parameter_row, rate, force_max)
 
 
 def forces_along_path(
-    path: Floats, row: Floats, rate: float, reach: float, force_max: float
+    path: Floats, parameter_row: Floats, rate: float, reach: float, force_max: float
 ) -> Floats:
     """Forces [N] that move a rough model of a key along a path (n,) [m] from its rest, (n,).
 
     A path that goes farther than `reach` [m] is scaled down as a whole.
     """
     x = path - path[0]
-    return _forces(min(1.0, reach / max(np.abs(x).max(), 1e-12)) * x, row, rate, force_max)
+    return _forces(
+        min(1.0, reach / max(np.abs(x).max(), 1e-12)) * x, parameter_row, rate, force_max
+    )
 
 
-def _forces(x: Floats, row: Floats, rate: float, force_max: float) -> Floats:
+def _forces(x: Floats, parameter_row: Floats, rate: float, force_max: float) -> Floats:
     """Forces (n,) [N] that move a key without dry friction along x (n,) [m], at most "
     "`force_max`."""
     v = np.gradient(x) * rate
-    force = total_mass(row) * np.gradient(v) * rate + row[2] * v + row[1] * x
+    path_forces = (
+        total_mass(parameter_row) * np.gradient(v) * rate
+        + parameter_row[2] * v
+        + parameter_row[1] * x
+    )
     # Slow pushes need little force and knocks much: if only knocks need too much, only they are
     # clipped.
     clipped: Floats = np.clip(
-        force * min(1.0, 2.0 * force_max / max(np.abs(force).max(), 1e-12)), -force_max, force_max
+        path_forces * min(1.0, 2.0 * force_max / max(np.abs(path_forces).max(), 1e-12)),
+        -force_max,
+        force_max,
     )
     return clipped

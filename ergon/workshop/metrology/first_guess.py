@@ -48,12 +48,12 @@ def _equations(
         # A force is held for one tick, so its middle is half a tick after the position of that
         # tick.
         samples = np.arange(x.size)
-        force = np.interp(samples - delay - 0.5, samples, gesture.force)
-        force = _derivatives(force, gesture.rate, cutoff_hertz)[0]
+        delayed_forces = np.interp(samples - delay - 0.5, samples, gesture.force)
+        delayed_forces = _derivatives(delayed_forces, gesture.rate, cutoff_hertz)[0]
         edge = int(_EDGE * gesture.rate)
         inside = slice(edge, -edge if x.size > 4 * edge else None)
         equation_rows.append(np.stack([a, v, x, np.ones_like(x), np.tanh(v / _MOVES)], 1)[inside])
-        equation_forces.append(force[inside])
+        equation_forces.append(delayed_forces[inside])
     matrix: Floats = np.concatenate(equation_rows)
     force_of_rows: Floats = np.concatenate(equation_forces)
     return matrix, force_of_rows
@@ -70,12 +70,12 @@ def first_guess(gestures: Sequence[Gesture]) -> Floats:
     """The parameters of a key without modes, (10,)."""
     delay = min(_DELAYS, key=lambda ticks: _solved(gestures, float(ticks), _WIDER)[1])
     mass, damping, stiffness, weight, dry = _solved(gestures, float(delay), _CUT)[0]
-    row = np.zeros(N_KEY)
-    row[:3] = max(mass, 1e-3), max(stiffness, 0.0), max(damping, 1e-3)
-    row[INDEX["weight"]] = weight
-    row[INDEX["dry"]] = max(dry, 5e-3)
-    row[INDEX["delay"]] = delay / gestures[0].rate
-    return row
+    guessed_row = np.zeros(N_KEY)
+    guessed_row[:3] = max(mass, 1e-3), max(stiffness, 0.0), max(damping, 1e-3)
+    guessed_row[INDEX["weight"]] = weight
+    guessed_row[INDEX["dry"]] = max(dry, 5e-3)
+    guessed_row[INDEX["delay"]] = delay / gestures[0].rate
+    return guessed_row
 
 
 def signed_mass(gesture: Gesture) -> tuple[float, float]:
@@ -87,10 +87,10 @@ def signed_mass(gesture: Gesture) -> tuple[float, float]:
     matrix, equation_forces = _equations([gesture], float(delay), _CUT)
     column_norms = np.sqrt(np.mean(matrix**2, axis=0))
     column_norms[column_norms == 0] = 1.0
-    unit = matrix / column_norms
-    square = unit.T @ unit + 1e-9 * len(unit) * np.eye(5)
-    solution = np.linalg.solve(square, unit.T @ equation_forces)
-    residual = equation_forces - unit @ solution
+    unit_matrix = matrix / column_norms
+    square = unit_matrix.T @ unit_matrix + 1e-9 * len(unit_matrix) * np.eye(5)
+    solution = np.linalg.solve(square, unit_matrix.T @ equation_forces)
+    residual = equation_forces - unit_matrix @ solution
     independent = max(len(equation_forces) * 2 * _CUT / gesture.rate - 5, 1.0)
     variance = (
         np.linalg.inv(square)[0, 0] * len(equation_forces) * np.mean(residual**2) / independent

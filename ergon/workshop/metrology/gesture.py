@@ -162,14 +162,14 @@ def gesture_from_rows(
     tick_numbers = np.maximum.accumulate(np.round(exact).astype(np.int64))
     n = int(tick_numbers[-1]) + 1
     which = np.searchsorted(tick_numbers, np.arange(1, n + 1), side="right") - 1
-    force, even_positions = sent[which], np.zeros(n)
+    reply_forces, even_positions = sent[which], np.zeros(n)
     even_positions[tick_numbers], counts = key_positions, np.zeros(n, bool)
     counts[tick_numbers] = fresh
     last_read_tick = np.maximum.accumulate(
         np.where(np.isin(np.arange(n), tick_numbers), np.arange(n), 0)
     )
     retimed = replace(
-        gesture_from_arrays(force, even_positions[last_read_tick], rate), counts=counts
+        gesture_from_arrays(reply_forces, even_positions[last_read_tick], rate), counts=counts
     )
     tick_offsets = (exact - tick_numbers)[fresh]
     if np.sqrt(np.mean(tick_offsets**2)) >= _JITTER:
@@ -183,13 +183,17 @@ def gesture_from_rows(
 
 
 def _retimed(
-    gesture: Gesture, reply_ticks: Floats, sent: Floats, position: Floats, fresh: NDArray[np.bool_]
+    gesture: Gesture,
+    reply_ticks: Floats,
+    sent: Floats,
+    reply_positions: Floats,
+    fresh: NDArray[np.bool_],
 ) -> Gesture:
     """The gesture resampled from replies at instants `reply_ticks` (k,) [ticks] between its "
     "ticks."""
     n = gesture.force.size
     tick_edges = np.arange(n + 1.0)
-    replies, x = reply_ticks[fresh], position[fresh]
+    replies, x = reply_ticks[fresh], reply_positions[fresh]
     # Two replies at the same instant give no speed.
     apart = np.concatenate([[True], np.diff(replies) > 0])
     replies, x = replies[apart], x[apart]
@@ -230,11 +234,11 @@ def _unknown(
     return Unknown(ticks[differ], least[differ], highest[differ])
 
 
-def _means(begins: Floats, values: Floats, edges: Floats) -> Floats:
+def _means(begins: Floats, interval_values: Floats, edges: Floats) -> Floats:
     """Means (n,) between edges (n + 1,) of values (k,), each of which holds from its begin on."""
     first_instant, last_instant = min(begins[0], edges[0]), max(begins[-1], edges[-1])
     knots = np.concatenate([[first_instant], begins[1:], [last_instant]])
-    integral = np.concatenate([[0.0], np.cumsum(values * np.diff(knots))])
+    integral = np.concatenate([[0.0], np.cumsum(interval_values * np.diff(knots))])
     return np.asarray(np.diff(np.interp(edges, knots, integral)) / np.diff(edges))
 
 
@@ -319,11 +323,11 @@ def sensor_noise(gestures: Sequence[Gesture]) -> float | None:
     """
     # Second differences suppress slow creep; for white noise their variance is 6 times that of the
     # noise.
-    parts = [np.diff(g.position[: g.still], 2) for g in gestures if g.still >= _STILL]
-    if not parts:
+    still_differences = [np.diff(g.position[: g.still], 2) for g in gestures if g.still >= _STILL]
+    if not still_differences:
         return None
     rounding = (sensor_step(gestures) or 0.0) / np.sqrt(12)
-    return max(float(np.sqrt(np.mean(np.concatenate(parts) ** 2) / 6)), float(rounding))
+    return max(float(np.sqrt(np.mean(np.concatenate(still_differences) ** 2) / 6)), float(rounding))
 
 
 def sensor_step(gestures: Sequence[Gesture]) -> float | None:
@@ -334,7 +338,7 @@ def sensor_step(gestures: Sequence[Gesture]) -> float | None:
     apart = apart[apart > 1e-6 * np.ptp(read_places)]  # else the same, but for rounding
     if not apart.size:
         return None
-    count = np.round((read_places - read_places[0]) / apart.min())
-    if np.abs((read_places - read_places[0]) / apart.min() - count).max() > _OFF_GRID:
+    step_counts = np.round((read_places - read_places[0]) / apart.min())
+    if np.abs((read_places - read_places[0]) / apart.min() - step_counts).max() > _OFF_GRID:
         return None
-    return float((read_places - read_places[0]) @ count / (count @ count))
+    return float((read_places - read_places[0]) @ step_counts / (step_counts @ step_counts))

@@ -95,10 +95,10 @@ class Judge:
         """Rms of the difference from the held-out positions [m]."""
         if self.is_apart:
             return output_error.follow(fit.row, self.held_out).rms
-        start = fit.starts[-1]
+        start_position = fit.starts[-1]
         held_out = self.held_out.with_forces(fit.forces[-1])
-        held_out = output_error.recovered(fit.row, held_out, start)
-        errors = output_error.errors(fit.row, held_out, start)
+        held_out = output_error.recovered(fit.row, held_out, start_position)
+        errors = output_error.errors(fit.row, held_out, start_position)
         return float(np.sqrt(np.mean(errors**2)))
 
     def without(self, name: str, parameters: tuple[str, ...], stage_before: Stage) -> Stage:
@@ -114,7 +114,7 @@ class Judge:
     def best_of(
         self,
         stage_name: str,
-        rows: list[Floats],
+        trial_rows: list[Floats],
         fitted_columns: tuple[int, ...],
         stage_before: Stage,
         score: float | None = None,
@@ -129,7 +129,7 @@ class Judge:
             output_error.fit(
                 first_gesture, row, fitted_columns, starts, _ROUGH_ITERATIONS, is_rough=True
             )
-            for row in rows
+            for row in trial_rows
         ]
         rough = min(fits, key=lambda fit: fit.rms)
         residual = output_error.errors(stage_before.fit.row, first_gesture[0], starts[0])
@@ -139,12 +139,12 @@ class Judge:
         return replace(stage, is_accepted=False, is_worth=False)
 
 
-def with_values(row: Floats, values: dict[str, float]) -> Floats:
+def with_values(parameter_row: Floats, values_by_name: dict[str, float]) -> Floats:
     """A row with other values of the parameters of these names."""
-    row = row.copy()
-    for name, value in values.items():
-        row[INDEX[name]] = value
-    return row
+    parameter_row = parameter_row.copy()
+    for name, value in values_by_name.items():
+        parameter_row[INDEX[name]] = value
+    return parameter_row
 
 
 def knows(fit: Fit, columns: Iterable[int]) -> bool:
@@ -152,8 +152,11 @@ def knows(fit: Fit, columns: Iterable[int]) -> bool:
     return all(_is_known(fit, index) for index in columns if index in fit.columns)
 
 
-def _is_known(fit: Fit, index: int) -> bool:
+def _is_known(fit: Fit, parameter_index: int) -> bool:
     """Whether a parameter that cannot be zero is known to within a half of its value."""
-    if is_stiffest(fit.row, index):
+    if is_stiffest(fit.row, parameter_index):
         return False
-    return is_plain(index) or fit.deviation(index) < _UNKNOWN * fit.row[index]
+    return (
+        is_plain(parameter_index)
+        or fit.deviation(parameter_index) < _UNKNOWN * fit.row[parameter_index]
+    )

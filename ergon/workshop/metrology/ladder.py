@@ -174,7 +174,7 @@ DOUBTS = (
 
 def push(
     device_axis: Axis,
-    force: Floats,
+    push_forces: Floats,
     guide: Guide,
     still: int = 0,
     record: _core.RecordTarget | None = None,
@@ -189,7 +189,7 @@ def push(
     excited = _core.excite(
         device_axis.device,
         device_axis.number,
-        np.ascontiguousarray(force, float),
+        np.ascontiguousarray(push_forces, float),
         RATE,
         FRAMES,
         guide.for_core(),
@@ -280,12 +280,12 @@ def climb(
 
 def _rough(gestures: list[Gesture]) -> Floats:
     """A rough key fitted to takes: mass, spring, damper, weight and dry friction."""
-    row = first_guess(gestures)
+    guessed_row = first_guess(gestures)
     columns = [INDEX[name] for name in ("mass", "stiffness", "damping", "weight", "dry")]
     try:
-        return fit(gestures, row, columns, iterations=8).row
+        return fit(gestures, guessed_row, columns, iterations=8).row
     except _core.EngineError:
-        return row
+        return guessed_row
 
 
 class _Place:
@@ -343,13 +343,13 @@ class _Place:
             "motor, and let go of the key"
         )
 
-    def better(self, mass: float, gesture: Gesture) -> float:
-        """The mass estimated from a rung, limited to 0.2 to 1.5 times `mass`; `mass` itself if the
-        key hardly moved.
+    def better(self, guessed_mass: float, gesture: Gesture) -> float:
+        """The mass estimated from a rung, limited to 0.2 to 1.5 times `guessed_mass`;
+        `guessed_mass` itself if the key hardly moved.
         """
         if np.ptp(gesture.position) < 10 * self.shows:
-            return mass
-        return float(np.clip(first_guess([gesture])[0], 0.2 * mass, 1.5 * mass))
+            return guessed_mass
+        return float(np.clip(first_guess([gesture])[0], 0.2 * guessed_mass, 1.5 * guessed_mass))
 
     def guide(self, mass: float) -> Guide:
         """The guide and the brake of a key of about this mass."""

@@ -44,12 +44,12 @@ def _background(power_values: NDArray[np.floating], frequency: NDArray[np.floati
         np.concatenate([np.arange(min(n, 64)), np.geomspace(64, n - 1, 300).astype(int)])
     )
     low_lines = np.searchsorted(frequency, frequency[lines_tested] * 2**-0.25)
-    high = np.searchsorted(frequency, frequency[lines_tested] * 2**0.25) + 1
-    low_lines, high = (
+    high_lines = np.searchsorted(frequency, frequency[lines_tested] * 2**0.25) + 1
+    low_lines, high_lines = (
         np.minimum(low_lines, np.maximum(lines_tested - 8, 0)),
-        np.maximum(high, np.minimum(lines_tested + 9, n)),
+        np.maximum(high_lines, np.minimum(lines_tested + 9, n)),
     )
-    median = [np.median(power_values[i:j]) for i, j in zip(low_lines, high, strict=True)]
+    median = [np.median(power_values[i:j]) for i, j in zip(low_lines, high_lines, strict=True)]
     floor = np.maximum(np.array(median) / np.log(2), np.finfo(float).tiny)
     smooth: Floats = np.exp(np.interp(np.arange(n), lines_tested, np.log(floor)))
     return smooth
@@ -83,22 +83,24 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
             * np.sinc(frequency[band] / rate)
             * np.exp(-s * (parameter_row[INDEX["delay"]] + 0.5 / rate))
         )
-        answer = 1 / (
+        key_response = 1 / (
             total_mass(parameter_row) * s * s
             + parameter_row[INDEX["damping"]] * s
             + parameter_row[INDEX["stiffness"]]
         )
         white = 1 / np.sqrt(_background(np.abs(residual_spectrum) ** 2, frequency)[band])
         base, residual_spectrum = (
-            force_spectrum * answer**2 * s**4 * white,
+            force_spectrum * key_response**2 * s**4 * white,
             residual_spectrum[band] * white,
         )
-        for column, ratio in enumerate(_RATIOS):
-            for part in np.array_split(np.arange(_PITCHES), 12):
-                w = omega[part]
+        for ratio_column, ratio in enumerate(_RATIOS):
+            for pitch_part in np.array_split(np.arange(_PITCHES), 12):
+                w = omega[pitch_part]
                 template = base / (s * s + (2 * ratio * w) * s + w * w)
-                along[part, column] += np.real(template.conj() @ residual_spectrum)
-                square[part, column] += np.einsum("ij,ij->i", template, template.conj()).real
+                along[pitch_part, ratio_column] += np.real(template.conj() @ residual_spectrum)
+                square[pitch_part, ratio_column] += np.einsum(
+                    "ij,ij->i", template, template.conj()
+                ).real
     score = np.where(along > 0, 2 * along**2 / square, 0.0)
     i, j = divmod(int(np.argmax(score)), _RATIOS.size)
     mass = float(np.clip(along[i, j] / square[i, j], 1e-4, _SHARE_MAX * parameter_row[0]))

@@ -64,11 +64,11 @@ class Fit:
         return float(np.sqrt(self.covariance[position, position]))
 
 
-def path(row: Floats, gesture: Gesture, start: float) -> Floats:
+def path(parameter_row: Floats, gesture: Gesture, start_position: float) -> Floats:
     """The path of a key under the forces of a gesture, (n,) [m]."""
-    row = row.copy()
-    row[START] = start
-    return _core.key_path(row, gesture.force, gesture.rate, columns=())[0]
+    parameter_row = parameter_row.copy()
+    parameter_row[START] = start_position
+    return _core.key_path(parameter_row, gesture.force, gesture.rate, columns=())[0]
 
 
 def errors(row: Floats, gesture: Gesture, start: float) -> Floats:
@@ -77,10 +77,14 @@ def errors(row: Floats, gesture: Gesture, start: float) -> Floats:
     return gesture.position[counts] - path(row, gesture, start)[counts]
 
 
-def _squares(row: Floats, gestures: Sequence[Gesture], starts: Floats) -> tuple[float, float]:
+def _squares(
+    parameter_row: Floats, gestures: Sequence[Gesture], starts: Floats
+) -> tuple[float, float]:
     """Sums of squares: of position errors [m²], and of unknown forces in units of their spreads."""
     try:
-        errors_by_gesture = [errors(row, g, x) for g, x in zip(gestures, starts, strict=True)]
+        errors_by_gesture = [
+            errors(parameter_row, g, x) for g, x in zip(gestures, starts, strict=True)
+        ]
     except _core.EngineError:
         return np.inf, 0.0  # no such key, or too fast a one
     error_squares = sum(float(e @ e) for e in errors_by_gesture)
@@ -95,13 +99,13 @@ def _off(gesture: Gesture) -> Floats:
     return (gesture.force[unknown.ticks] - unknown.middle) / unknown.spread
 
 
-def _force_derivatives(parameter_row: Floats, gesture: Gesture, start: float) -> Floats:
+def _force_derivatives(parameter_row: Floats, gesture: Gesture, start_position: float) -> Floats:
     """Derivatives of the positions that count with respect to the unknown forces, (n, q)."""
     ticks = gesture.unknown.ticks
     if not ticks.size:
         return np.zeros((int(gesture.counts.sum()), 0))
     parameter_row = parameter_row.copy()
-    parameter_row[START] = start
+    parameter_row[START] = start_position
     derivatives = _core.key_force_derivatives(
         parameter_row, gesture.force, gesture.rate, ticks.tolist()
     )
@@ -159,13 +163,17 @@ def _columns(n_fitted: int, starts: Floats, gestures: Sequence[Gesture]) -> list
 
 
 def _linear(
-    parameter_row: Floats, columns: Sequence[int], gesture: Gesture, start: float, by_force: Floats
+    parameter_row: Floats,
+    fitted_columns: Sequence[int],
+    gesture: Gesture,
+    start_position: float,
+    by_force: Floats,
 ) -> tuple[Floats, Floats]:
     """Derivatives of the positions that count by the scaled variables of a gesture (n, variables),
     and the errors (n,).
     """
-    fitted, parameter_row = [*columns, START], parameter_row.copy()
-    parameter_row[START] = start
+    fitted, parameter_row = [*fitted_columns, START], parameter_row.copy()
+    parameter_row[START] = start_position
     x, jacobian = _core.key_path(parameter_row, gesture.force, gesture.rate, columns=fitted)
     counts = gesture.counts
     scaled = jacobian[counts] * scale(parameter_row, fitted)
@@ -173,7 +181,7 @@ def _linear(
 
 
 def _normal(
-    row: Floats,
+    parameter_row: Floats,
     fitted_columns: Sequence[int],
     gestures: Sequence[Gesture],
     starts: Floats,
@@ -188,7 +196,7 @@ def _normal(
     size = max(int(variables.max()) for variables in variables_by_gesture) + 1
     square, slope = np.zeros((size, size)), np.zeros(size)
     for i, (gesture, variables) in enumerate(zip(gestures, variables_by_gesture, strict=True)):
-        jacobian, error = _linear(row, fitted_columns, gesture, starts[i], by_force[i])
+        jacobian, error = _linear(parameter_row, fitted_columns, gesture, starts[i], by_force[i])
         square[np.ix_(variables, variables)] += jacobian.T @ jacobian
         slope[variables] += jacobian.T @ error
         forces = variables[len(fitted_columns) + 1 :]
@@ -197,14 +205,14 @@ def _normal(
     return square, slope
 
 
-def _forced(gestures: Sequence[Gesture], step: Floats) -> list[Gesture]:
+def _forced(gestures: Sequence[Gesture], force_step: Floats) -> list[Gesture]:
     """The gestures after a step of their unknown forces, (q,)."""
     pushed_gestures, force_offset = [], 0
     for gesture in gestures:
         ticks = gesture.unknown.ticks
         pushed_gestures.append(
             gesture.with_forces(
-                gesture.force[ticks] + step[force_offset : force_offset + ticks.size]
+                gesture.force[ticks] + force_step[force_offset : force_offset + ticks.size]
             )
         )
         force_offset += ticks.size
@@ -212,7 +220,11 @@ def _forced(gestures: Sequence[Gesture], step: Floats) -> list[Gesture]:
 
 
 def _damped_step(
-    row: Floats, fitted_columns: Sequence[int], square: Floats, slope: Floats, damping: float
+    parameter_row: Floats,
+    fitted_columns: Sequence[int],
+    square: Floats,
+    slope: Floats,
+    damping: float,
 ) -> Floats:
     """The step of all variables; a parameter at its bound stays there if the step leads beyond."""
     variable_sizes = np.sqrt(np.diag(square))
@@ -220,14 +232,16 @@ def _damped_step(
     lifted = square / np.outer(variable_sizes, variable_sizes) + damping * np.eye(len(slope))
     n_fitted, free = len(fitted_columns), np.ones(len(slope), bool)
     while True:
-        step = np.zeros(len(slope))
-        step[free] = (
+        damped_step = np.zeros(len(slope))
+        damped_step[free] = (
             np.linalg.solve(lifted[np.ix_(free, free)], (slope / variable_sizes)[free])
             / variable_sizes[free]
         )
-        beyond = free[:n_fitted] & leads_beyond(row, fitted_columns, step[:n_fitted])
+        beyond = free[:n_fitted] & leads_beyond(
+            parameter_row, fitted_columns, damped_step[:n_fitted]
+        )
         if not beyond.any():
-            return step
+            return damped_step
         free[:n_fitted] &= ~beyond
 
 
@@ -293,12 +307,12 @@ def fit(
             parameter_row, fitted_columns, gestures, start_positions, by_force, variance
         )
         for _ in range(_TRIALS):
-            step = _damped_step(parameter_row, fitted_columns, square, slope, damping)
+            damped_step = _damped_step(parameter_row, fitted_columns, square, slope, damping)
             stepped_row, stepped_starts = (
-                step_parameters(parameter_row, fitted_columns, step[:n_fitted]),
-                start_positions + step[n_fitted:first_force],
+                step_parameters(parameter_row, fitted_columns, damped_step[:n_fitted]),
+                start_positions + damped_step[n_fitted:first_force],
             )
-            pushed = _forced(gestures, step[first_force:])
+            pushed = _forced(gestures, damped_step[first_force:])
             new_error_squares, new_force_squares = _squares(stepped_row, pushed, stepped_starts)
             fall = 1.0 - (new_error_squares + variance * new_force_squares) / (
                 error_squares + variance * force_squares

@@ -45,11 +45,11 @@ _FACTOR = np.e  # by which a step changes a positive parameter at most
 _STIFFEST = {INDEX["presliding"]: 1e6}  # N/m; a stiffer contact holds rigidly
 
 
-def name(index: int) -> str:
+def name(parameter_index: int) -> str:
     """The name of a parameter; those of a mode end in its number from 1."""
-    if index < N_KEY:
-        return NAMES[index]
-    mode, which = divmod(index - N_KEY, N_MODE)
+    if parameter_index < N_KEY:
+        return NAMES[parameter_index]
+    mode, which = divmod(parameter_index - N_KEY, N_MODE)
     return f"{MODE_NAMES[which]}_{mode + 1}"
 
 
@@ -63,10 +63,13 @@ def n_modes(row: Floats) -> int:
     return (len(row) - N_KEY) // N_MODE
 
 
-def scale(row: Floats, columns: Sequence[int]) -> Floats:
+def scale(parameter_row: Floats, fitted_columns: Sequence[int]) -> Floats:
     """Derivatives of the parameters with respect to the fitted variables, (columns,)."""
     return np.array(
-        [1.0 if index in _PLAIN or _is_mass(index) else row[index] for index in columns]
+        [
+            1.0 if index in _PLAIN or _is_mass(index) else parameter_row[index]
+            for index in fitted_columns
+        ]
     )
 
 
@@ -74,12 +77,12 @@ def _is_mass(index: int) -> bool:
     return index == 0 or (index >= N_KEY and (index - N_KEY) % N_MODE == 0)
 
 
-def step_parameters(parameter_row: Floats, columns: Sequence[int], step: Floats) -> Floats:
+def step_parameters(parameter_row: Floats, fitted_columns: Sequence[int], step: Floats) -> Floats:
     """The row after a step of the fitted variables, (columns,), within the bounds of each
     parameter.
     """
     stepped_row = parameter_row.copy()
-    for parameter_index, parameter_step in zip(columns, step, strict=True):
+    for parameter_index, parameter_step in zip(fitted_columns, step, strict=True):
         value_before = parameter_row[parameter_index]
         if parameter_index in _PLAIN:
             stepped_row[parameter_index] = np.clip(

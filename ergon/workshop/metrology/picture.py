@@ -55,14 +55,14 @@ def rows(motion_comparison: Replay) -> list[tuple[str, list[Curve]]]:
 
 def _curve(curve_name: str, t: Floats, x: Floats) -> Curve:
     """A curve with its least and greatest value in each column of a picture."""
-    step = max(1, len(t) // _COLUMNS)
-    if step == 1:
+    column_step = max(1, len(t) // _COLUMNS)
+    if column_step == 1:
         return Curve(curve_name, t.tolist(), x.tolist())
-    n = len(t) // step
-    parts, starts = x[: n * step].reshape(n, step), np.arange(n) * step
-    low, high = (
-        starts + np.argmin(np.nan_to_num(parts, nan=np.inf), axis=1),
-        starts + np.argmax(np.nan_to_num(parts, nan=-np.inf), axis=1),
+    n = len(t) // column_step
+    column_parts, starts = x[: n * column_step].reshape(n, column_step), np.arange(n) * column_step
+    low_values, high_values = (
+        starts + np.argmin(np.nan_to_num(column_parts, nan=np.inf), axis=1),
+        starts + np.argmax(np.nan_to_num(column_parts, nan=-np.inf), axis=1),
     )
-    points = np.sort(np.stack([low, high], 1), axis=1).ravel()
+    points = np.sort(np.stack([low_values, high_values], 1), axis=1).ravel()
     return Curve(curve_name, t[points].tolist(), x[points].tolist())

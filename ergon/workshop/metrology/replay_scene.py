@@ -56,12 +56,12 @@ def write_scene(motion_comparison: Replay, folder: Path) -> Path:
     )
     take_columns, chains, comments = {}, "", []
     for together in curves:
-        unit, curve_size = together[0].unit
+        curve_unit, curve_size = together[0].unit
         a_centimetre = _rounded_scale(
             max(float(np.abs(curve.values).max()) for curve in together) / curve_size
         )
         names = " and ".join(curve.name for curve in together)
-        comments.append(f"{names} {a_centimetre:g} {unit} a cm")
+        comments.append(f"{names} {a_centimetre:g} {curve_unit} a cm")
         for curve in together:
             take_columns[curve.name] = (
                 curve.above + 0.01 / (a_centimetre * curve_size) * curve.values

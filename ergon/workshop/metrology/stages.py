@@ -153,12 +153,12 @@ class _Search:
         best_before = self.best
         if not part.is_open(best_before.fit) or self._was_refused(part.name):
             return False
-        columns = (*best_before.fit.columns, *(INDEX[name] for name in part.parameters))
-        rows = [
+        trial_columns = (*best_before.fit.columns, *(INDEX[name] for name in part.parameters))
+        trial_rows = [
             with_values(best_before.fit.row, dict(zip(part.parameters, values, strict=True)))
             for values in part.starts(best_before.fit.row, self.guess, self.judge.gestures[0].rate)
         ]
-        return self._decide(self.judge.best_of(part.name, rows, columns, best_before))
+        return self._decide(self.judge.best_of(part.name, trial_rows, trial_columns, best_before))
 
     def _add_mode(self) -> bool:
         """Whether one more mode was kept. The delay is fitted with it, because both act on the
@@ -179,11 +179,13 @@ class _Search:
             row = np.append(best_before.fit.row, [peak.mass, frequency * peak.frequency, ratio])
             row[0] -= peak.mass
             parameter_rows.append(row)
-        columns = dict.fromkeys(
+        trial_columns = dict.fromkeys(
             (*best_before.fit.columns, INDEX["delay"], *mode_indices(mode_number))
         )
         return self._decide(
-            self.judge.best_of(stage_name, parameter_rows, tuple(columns), best_before, peak.score)
+            self.judge.best_of(
+                stage_name, parameter_rows, tuple(trial_columns), best_before, peak.score
+            )
         )
 
     def add_against_held_out(self) -> bool:

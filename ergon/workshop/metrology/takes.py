@@ -47,11 +47,12 @@ def record(
     ladder: Ladder,
     kind: str,
     seconds: float,
-    target: Callable[[str, int], _core.RecordTarget | None],
+    record_target: Callable[[str, int], _core.RecordTarget | None],
     seed: int = 0,
     path: Floats | None = None,
 ) -> list[Take]:
-    """Takes of a kind that last so long [s] in all; `target` returns the file of each, or None.
+    """Takes of a kind that last so long [s] in all; `record_target` returns the file of each, or
+    None.
 
     `path` (n,) [m], by ticks, replaces the knocks of a held-out gesture.
 
@@ -66,7 +67,9 @@ def record(
         stream = _stream(ladder, kind, seconds_left, push_force, seed + part_number, path)
         framed, still = excitation.framed(stream, TICK_RATE)
         settle(device_axis, ladder.guide)
-        excited = push(device_axis, framed, guide, still, target(kind, part_number), forgiven=True)
+        excited = push(
+            device_axis, framed, guide, still, record_target(kind, part_number), forgiven=True
+        )
         n = excited.sent().size
         if n >= max(TICKS_MIN, still + TICK_RATE) or excited.end == "done":
             takes.append(Take(kind, part_number, gesture(excited)))
@@ -81,21 +84,21 @@ def record(
 
 
 def _bearable_force(
-    ladder: Ladder, kind: str, guide: Guide, seed: int, path: Floats | None
+    ladder: Ladder, take_kind: str, guide: Guide, seed: int, path: Floats | None
 ) -> float:
     """The force of such a take that the key can take [N], found by rungs as on the ladder."""
     axis, force_limit = ladder.axis, _FORCE_SHARE * ladder.axis.request_max
     push_force = min(force_limit, 0.5 * ladder.force)
     for rung in range(_RUNGS_MAX):
-        stream = _stream(ladder, kind, _RUNG, push_force, seed + 100 + rung, path)
+        stream = _stream(ladder, take_kind, _RUNG, push_force, seed + 100 + rung, path)
         settle(axis, ladder.guide)
         excited = push(axis, stream, guide, forgiven=True)
         if excited.end != "done" or excited.braked().any():
             return _FORCE_REDUCTION * push_force
-        share = float(np.abs(excited.positions() - guide.centre).max()) / guide.half
-        if share >= _REACH or push_force >= force_limit:
+        travel_share = float(np.abs(excited.positions() - guide.centre).max()) / guide.half
+        if travel_share >= _REACH or push_force >= force_limit:
             break
-        push_force = min(force_limit, push_force * min(2.0, _TARGET / max(share, 1e-6)))
+        push_force = min(force_limit, push_force * min(2.0, _TARGET / max(travel_share, 1e-6)))
     return push_force
 
 

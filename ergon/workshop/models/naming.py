@@ -22,11 +22,11 @@ class Names:
     def new(self, name_wanted: str) -> str:
         """The name, or the first free one with a number appended."""
         base = name_wanted[: NAME_MAX - 8].lstrip("_") or "m"
-        name, count = base, 2
-        while name in self.taken:
-            name, count = f"{base}_{count}", count + 1
-        self.taken.add(name)
-        return name
+        free_name, count = base, 2
+        while free_name in self.taken:
+            free_name, count = f"{base}_{count}", count + 1
+        self.taken.add(free_name)
+        return free_name
 
 
 class Params:
@@ -50,10 +50,10 @@ def metres(expression: str) -> str:
     return f"({expression})*1m"
 
 
-def times(count: int, expression: str) -> str:
-    """`count` times the value of an expression."""
+def times(multiplier: int, expression: str) -> str:
+    """`multiplier` times the value of an expression."""
     return (
-        f"{count}*{expression}"
+        f"{multiplier}*{expression}"
         if re.fullmatch(r"[\w.]+", expression)
-        else f"{count}*({expression})"
+        else f"{multiplier}*({expression})"
     )

@@ -147,10 +147,10 @@ def trailing_comment(comment: str) -> str:
     return f"  # {printable(comment)}" if comment else ""
 
 
-def _block(title: str, lines: Iterable[Line]) -> Iterator[str]:
+def _block(section_title: str, block_lines: Iterable[Line]) -> Iterator[str]:
     """A title and its lines; nothing where there are none."""
-    indent = " " * (len(title) - len(title.lstrip()) + 2)
-    for nth, line in enumerate(lines):
+    indent = " " * (len(section_title) - len(section_title.lstrip()) + 2)
+    for nth, block_line in enumerate(block_lines):
         if nth == 0:
-            yield title
-        yield from line.written(indent)
+            yield section_title
+        yield from block_line.written(indent)

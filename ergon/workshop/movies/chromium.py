@@ -198,10 +198,12 @@ class Browser:
             raise BrowserError("the browser has ended") from None
         while call_number not in self._answers:
             self.listen()
-        answer = self._answers.pop(call_number)
-        if "error" in answer:
-            raise BrowserError(f"the browser refuses {method}: {answer['error'].get('message')}")
-        result: dict[str, Any] = answer["result"]
+        call_answer = self._answers.pop(call_number)
+        if "error" in call_answer:
+            raise BrowserError(
+                f"the browser refuses {method}: {call_answer['error'].get('message')}"
+            )
+        result: dict[str, Any] = call_answer["result"]
         return result
 
     def listen(self) -> None:

@@ -68,10 +68,10 @@ class VideoFile:
         import av
 
         self._av = av
-        format, pictures, sounds, options = _KINDS[suffix]
+        format, pictures, sounds, codec_options = _KINDS[suffix]
         try:
             self._container: Any = av.open(file, "w", format=format)
-            stream = self._container.add_stream(pictures, rate=rate, options=options)
+            stream = self._container.add_stream(pictures, rate=rate, options=codec_options)
             self._video = cast("VideoStream", stream)
             self._video.width, self._video.height = size
             self._video.pix_fmt = "yuv420p"
@@ -131,10 +131,10 @@ class _SoundStream:
     def up_to(self, seconds: float) -> None:
         """Encode the sound up to an instant [s] of the film, as far as there is any."""
         while self._frame < seconds * self._sound.rate:
-            block = next(self._blocks, None)
-            if block is None:
+            sound_block = next(self._blocks, None)
+            if sound_block is None:
                 return
-            self._put(block)
+            self._put(sound_block)
 
     def end(self) -> None:
         """Encode what the codec holds."""
@@ -146,9 +146,9 @@ class _SoundStream:
         import numpy as np
 
         samples = np.ascontiguousarray(block.reshape(1, -1), dtype=np.float32)
-        frame = self._av.AudioFrame.from_ndarray(samples, format="flt", layout=self._layout)
-        frame.rate = self._sound.rate
-        frame.pts, frame.time_base = self._frame, Fraction(1, self._sound.rate)
+        audio_frame = self._av.AudioFrame.from_ndarray(samples, format="flt", layout=self._layout)
+        audio_frame.rate = self._sound.rate
+        audio_frame.pts, audio_frame.time_base = self._frame, Fraction(1, self._sound.rate)
         self._frame += len(block)
-        for resampled in self._to.resample(frame):
+        for resampled in self._to.resample(audio_frame):
             self._container.mux(self._stream.encode(resampled))

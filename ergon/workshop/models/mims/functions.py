@@ -83,23 +83,23 @@ def _value(
         raise TextError(f"functions are nested at most {MAX_DEPTH} deep")
     known_names, unread_from, plain = dict(model_names), 0, ""
     while (call := _CALL.search(expression_text, unread_from)) is not None:
-        arguments, end = _arguments(expression_text, call.end())
-        name = f"call_{depth}_{end}"
+        arguments, call_end = _arguments(expression_text, call.end())
+        call_name = f"call_{depth}_{call_end}"
         values = [_value(part, model_names, expected, depth + 1) for part in arguments]
-        known_names[name] = Amount(Fraction(_computed(call[1], values)), "")
-        plain += f"{expression_text[unread_from : call.start()]} {name} "
-        unread_from = end
+        known_names[call_name] = Amount(Fraction(_computed(call[1], values)), "")
+        plain += f"{expression_text[unread_from : call.start()]} {call_name} "
+        unread_from = call_end
     return evaluate(plain + expression_text[unread_from:], known_names, expected=expected)
 
 
-def _arguments(expression_text: str, start: int) -> tuple[list[str], int]:
+def _arguments(expression_text: str, argument_start: int) -> tuple[list[str], int]:
     """The arguments between parentheses, and where what follows them begins."""
-    call_arguments, depth, argument_begin = [], 0, start
-    for place in range(start, len(expression_text)):
-        next_sign = expression_text[place]
+    call_arguments, depth, argument_begin = [], 0, argument_start
+    for text_place in range(argument_start, len(expression_text)):
+        next_sign = expression_text[text_place]
         if depth == 0 and next_sign in ",)":
-            call_arguments.append(expression_text[argument_begin:place])
-            argument_begin = place + 1
+            call_arguments.append(expression_text[argument_begin:text_place])
+            argument_begin = text_place + 1
             if next_sign == ")":
                 return call_arguments, argument_begin
         depth += (next_sign == "(") - (next_sign == ")")
@@ -110,10 +110,10 @@ def _computed(function_name: str, operand_amounts: list[Amount]) -> float:
     if function_name not in _FUNCTIONS:
         message = f"{quote(function_name)} is not a function of gen~ that is read here"
         raise TextError(message, suggestion=nearest(function_name, _FUNCTIONS))
-    count, function = _FUNCTIONS[function_name]
-    if len(operand_amounts) != count:
-        message = f"{function_name} has {count} arguments, and here {len(operand_amounts)}"
-        raise TextError(message if count > 1 else message.replace("arguments", "argument"))
+    argument_count, function = _FUNCTIONS[function_name]
+    if len(operand_amounts) != argument_count:
+        message = f"{function_name} has {argument_count} arguments, and here {len(operand_amounts)}"
+        raise TextError(message if argument_count > 1 else message.replace("arguments", "argument"))
     if any(operand.unit for operand in operand_amounts):
         raise TextError(f"{function_name} takes plain numbers")
     try:

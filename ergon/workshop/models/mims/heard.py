@@ -13,11 +13,11 @@ from ergon.workshop.models.page import Out, gain
 from ergon.workshop.models.refused import REFUSED
 
 
-def _ending(writing: Writing, name: str) -> Iterator[Statement]:
+def _ending(writing: Writing, mass_name: str) -> Iterator[Statement]:
     return (
         statement
         for statement in writing.model.statements_of("link")
-        if any(point.name == name for point in statement.points)
+        if any(point.name == mass_name for point in statement.points)
     )
 
 
@@ -33,10 +33,10 @@ def audible_ends(writing: Writing) -> dict[int, str]:
         pushes = (i for i in writing.model.statements_of("input") if i.name in writing.inputs)
         if any(point.name == mass_name for push in pushes for point in push.points):
             raise ModelError(REFUSED["pushed force"], model_statement.line)
-        links = list(_ending(writing, mass_name))
-        if not links:
+        ending_links = list(_ending(writing, mass_name))
+        if not ending_links:
             raise ModelError(REFUSED["still force"], model_statement.line)
-        for link in links:
+        for link in ending_links:
             if names_by_link.setdefault(id(link), mass_name) != mass_name:
                 message = REFUSED["both ends"].format(link=quote(link.name))
                 raise ModelError(message, model_statement.line)
@@ -48,11 +48,13 @@ def output(writing: Writing, model_statement: Statement) -> None:
     channel_number = int(model_statement.name.removeprefix("out"))
     if model_statement.keyword == "posOutput":
         targets = points(writing, model_statement, model_statement.points[0])
-        for nth, (share, target) in enumerate(targets, 1):
+        for nth, (target_share, mass_target) in enumerate(targets, 1):
             link_name = (
                 model_statement.name if len(targets) == 1 else f"{model_statement.name}_{nth}"
             )
-            writing.outs.append(Out(link_name, f"SOX: {target}", channel_number, gain(share)))
+            writing.outs.append(
+                Out(link_name, f"SOX: {mass_target}", channel_number, gain(target_share))
+            )
         return
     mass = model_statement.points[0].name
     link_names = [name for link, name in writing.links if any(p.name == mass for p in link.points)]

@@ -38,13 +38,18 @@ def kick(
         - first_begin.x
         - (0.0 if "thresh" in link_law.fields else model_values.get("thresh", 0.0))
     )
-    step, jump = second_begin.step - first_begin.step, second_begin.jump - first_begin.jump
+    step_difference, jump = (
+        second_begin.step - first_begin.step,
+        second_begin.jump - first_begin.jump,
+    )
     if link_law.kind == "LNL":
         constants = {
             letter: model_values.get(name, 0.0) for letter, name in link_law.fields.items()
         }
         compiled_law = _core.Law(link_law.law or None, link_law.damping or None, constants)
-        return compiled_law.force(d, step + jump) - compiled_law.force(d, step)
+        return compiled_law.force(d, step_difference + jump) - compiled_law.force(
+            d, step_difference
+        )
     if link_law.kind == "BUT" and d >= 0.0:
         return 0.0
     return model_values.get("Z", 0.0) * jump

@@ -127,11 +127,11 @@ def followable(keyword: str, link_law: Link, led: Collection[str]) -> Link:
     if keyword in _CHANGING and not {"K", "Q", "lim"}.isdisjoint(led):
         link_law = _CHANGING[keyword]
     if link_law.rest in led:
-        fields = {**link_law.fields, link_law.rest: link_law.rest}
+        law_fields = {**link_law.fields, link_law.rest: link_law.rest}
         law_text, damping = (
             _D.sub(f"(d - {link_law.rest})", text) for text in (link_law.law, link_law.damping)
         )
-        link_law = replace(link_law, fields=fields, law=law_text, damping=damping, rest="")
+        link_law = replace(link_law, fields=law_fields, law=law_text, damping=damping, rest="")
     return link_law
 
 

@@ -111,18 +111,20 @@ def _law(writing: Writing, model_statement: Statement, model_values: Mapping[str
     )
 
 
-def _fields(writing: Writing, law: Link, values: Mapping[str, Value], share_text: str) -> list[str]:
+def _fields(
+    writing: Writing, law: Link, law_values: Mapping[str, Value], share_text: str
+) -> list[str]:
     """The values of a link as fields: constants, and those that follow a signal."""
     written_fields, follows = [], []
     for field_letter, name in law.fields.items():
-        value = values.get(name, _NONE)
-        if value.along:
-            follows.append(f"{field_letter}: {following(writing, value)}")
+        field_value = law_values.get(name, _NONE)
+        if field_value.along:
+            follows.append(f"{field_letter}: {following(writing, field_value)}")
         else:
             written_fields.append(
-                f"{field_letter}: {share_text}({value.text})"
+                f"{field_letter}: {share_text}({field_value.text})"
                 if share_text
-                else f"{field_letter}: {value.text}"
+                else f"{field_letter}: {field_value.text}"
             )
     return [*written_fields, f"follows: {{{', '.join(follows)}}}"] if follows else written_fields
 
@@ -175,12 +177,12 @@ def _between(
         comment = ""
 
 
-def _begin(writing: Writing, point: Point, mass_targets: list[tuple[float, str]]) -> Begin:
+def _begin(writing: Writing, link_point: Point, mass_targets: list[tuple[float, str]]) -> Begin:
     """The start of a point in the first step. A point of a macro is felt to jump there from 0,
     whatever the macro's x0.
     """
-    point_begin = writing.begins[point.name]
-    macro = writing.macros.get(point.name)
+    point_begin = writing.begins[link_point.name]
+    macro = writing.macros.get(link_point.name)
     if macro is None:
         return point_begin
     moving = sum(share for share, target in mass_targets if target not in writing.held)
@@ -190,9 +192,9 @@ def _begin(writing: Writing, point: Point, mass_targets: list[tuple[float, str]]
     return Begin(x, step, x - step)
 
 
-def _strike(writing: Writing, points: list[list[tuple[float, str]]], force: float) -> None:
+def _strike(writing: Writing, points: list[list[tuple[float, str]]], kick_force: float) -> None:
     """Strikes of a force on the first end of a link, and of its opposite on the second."""
-    for sign, targets in zip((force, -force), points, strict=True):
+    for force_sign, targets in zip((kick_force, -kick_force), points, strict=True):
         for share, target in targets:
-            if force and target not in writing.held:
-                writing.kicks[target] = writing.kicks.get(target, 0.0) + sign * share
+            if kick_force and target not in writing.held:
+                writing.kicks[target] = writing.kicks.get(target, 0.0) + force_sign * share

@@ -22,12 +22,14 @@ def push(writing: Writing, model_statement: Statement) -> None:
     """Apply a force from outside."""
     if model_statement.keyword != "frcInput":
         return
-    for share, target in points(writing, model_statement, model_statement.points[0]):
+    for target_share, mass_target in points(writing, model_statement, model_statement.points[0]):
         if model_statement.name in writing.inputs:
-            name = writing.names.new(f"{model_statement.name}_push")
-            scale = "" if share == 1.0 else f", scale: {share!r}"
+            push_name = writing.names.new(f"{model_statement.name}_push")
+            scale = "" if target_share == 1.0 else f", scale: {target_share!r}"
             start = writing.inputs[model_statement.name].start
-            writing.add(name, f"ENF: {{to: {target}, from: {model_statement.name}{start}{scale}}}")
+            writing.add(
+                push_name, f"ENF: {{to: {mass_target}, from: {model_statement.name}{start}{scale}}}"
+            )
 
 
 def not_negative(value: Value, name: str, line: int) -> None:
@@ -110,13 +112,13 @@ def _follows(values: dict[str, str]) -> str:
 
 
 def _start(
-    writing: Writing, model_statement: Statement, numbers: tuple[float, float, float]
+    writing: Writing, model_statement: Statement, mass_numbers: tuple[float, float, float]
 ) -> tuple[str, str]:
     """X0 and V0: a score begins where the model is after its first step, in which no link acts.
 
-    `numbers` are M, K and Z of the mass in that step.
+    `mass_numbers` are M, K and Z of the mass in that step.
     """
-    (mass_number, k, z), gravity = numbers, _gravity(writing, model_statement)
+    (mass_number, k, z), gravity = mass_numbers, _gravity(writing, model_statement)
     x0 = writing.value(model_statement, "x0")
     position_before = x0 - writing.value(model_statement, "v0") / RATE
     if "before" in model_statement.values:
@@ -136,10 +138,11 @@ def _start(
     ), f"V0: {(first_position - x0) * RATE!r}m/s"
 
 
-def _within(statement: Statement, name: str, value: float, value_max: float) -> None:
-    if not abs(value) <= value_max:
+def _within(statement: Statement, value_name: str, bound_value: float, value_max: float) -> None:
+    if not abs(bound_value) <= value_max:
         raise ModelError(
-            REFUSED["far"].format(name=name, value=value, most=value_max), statement.line
+            REFUSED["far"].format(name=value_name, value=bound_value, most=value_max),
+            statement.line,
         )
 
 
@@ -176,10 +179,10 @@ def _macro(writing: Writing, model_statement: Statement) -> None:
         name: value for name, value in model_values.items() if name in model_statement.values
     }
     _heavy(writing, model_statement)
-    for macro_name, value in model_values.items():
+    for macro_name, macro_value in model_values.items():
         if macro_name != "M":
-            not_negative(value, macro_name, model_statement.line)
-        if value.along and not (
+            not_negative(macro_value, macro_name, model_statement.line)
+        if macro_value.along and not (
             macro_name in ("K", "Z") and model_statement.keyword in ("string", "chain")
         ):
             message = REFUSED["signal"].format(
@@ -207,11 +210,11 @@ def _macro(writing: Writing, model_statement: Statement) -> None:
     writing.held.add(macro.edge)
     places.build(macro, writing.laws == "2019")
     _change(writing, macro, {name: value for name, value in model_values.items() if value.along})
-    for nth, (module, text) in enumerate(macro.modules):
-        writing.names.taken.add(module)
+    for nth, (macro_module, module_text) in enumerate(macro.modules):
+        writing.names.taken.add(macro_module)
         writing.add(
-            module,
-            text,
+            macro_module,
+            module_text,
             "" if nth else f"{model_statement.keyword} of {row_count * column_count} points",
         )
     if model_statement.keyword in ("string", "stiffString") and writing.value(
@@ -247,11 +250,11 @@ def _pull(writing: Writing, macro: places.Macro, z: Value) -> None:
         raise ModelError(REFUSED["pulling string"], macro.statement.line)
     damper_force = z.first * writing.value(macro.statement, "v0") / RATE
     corners = macro.point_name(0, 1), macro.point_name(0, macro.columns - 2)
-    for nth, end in enumerate(corners):
+    for nth, corner_mass in enumerate(corners):
         if damper_force:
             name = writing.names.new(f"{macro.name}_pull{nth or ''}")
             comment = "its fixed ends have a speed, which dampers feel" if nth == 0 else ""
-            writing.add(name, f"ENF: {{to: {end}, from: {damper_force!r}N}}", comment)
+            writing.add(name, f"ENF: {{to: {corner_mass}, from: {damper_force!r}N}}", comment)
 
 
 # --- inputs -------------------------------------------------------------------------------------
@@ -260,12 +263,12 @@ def _pull(writing: Writing, macro: places.Macro, z: Value) -> None:
 def _input(writing: Writing, model_statement: Statement) -> None:
     if model_statement.keyword == "frcInput":
         return
-    source = writing.inputs.get(model_statement.name)
-    name = writing.targets[model_statement.name] = fed(
+    input_source = writing.inputs.get(model_statement.name)
+    input_name = writing.targets[model_statement.name] = fed(
         writing, model_statement.name, model_statement.name
     )
-    first_value = 0.0 if source is None else source.first
-    writing.held.add(name)
+    first_value = 0.0 if input_source is None else input_source.first
+    writing.held.add(input_name)
     writing.begins[model_statement.name] = Begin(
         first_value, jump=first_value - writing.value(model_statement, "x0")
     )

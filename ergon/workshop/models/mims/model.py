@@ -60,10 +60,10 @@ class Model:
 
     def value(self, statement: Statement, name: str, default: float = 0.0) -> float:
         """A value of a statement as a number; `default` where it is left out. Raises ModelError."""
-        text = statement.values.get(name)
-        if text is None:
+        value_text = statement.values.get(name)
+        if value_text is None:
             return default
-        return self.number(text, f"{name} of {quote(statement.name)}", statement.line)
+        return self.number(value_text, f"{name} of {quote(statement.name)}", statement.line)
 
     def number(self, text: str, label: str, line: int) -> float:
         """The value of an expression, computed once. Raises ModelError."""

@@ -63,12 +63,12 @@ class Macro:
 
     def member(self, row: int, first: int, count: int = 1) -> str:
         """Moving points of a row, as a range of a module."""
-        first_column, size = self.span(row)
+        first_column, row_size = self.span(row)
         row_name, member_offset = self.row(row), first - first_column
         if self.is_whole:
             row_name = self.name
-            member_offset += (row - (self.statement.keyword == "closedMesh")) * size
-        if size == 1 and (self.statement.keyword == "chain" or not self.is_whole):
+            member_offset += (row - (self.statement.keyword == "closedMesh")) * row_size
+        if row_size == 1 and (self.statement.keyword == "chain" or not self.is_whole):
             return row_name  # a MAS
         return (
             f"{row_name}.{member_offset}"
@@ -79,10 +79,10 @@ class Macro:
     @property
     def moving(self) -> list[str]:
         """All moving points: one range for each module, split where a link cannot take as many."""
-        rows = [row for row in range(self.rows) if self.span(row)[1]]
-        if not self.is_whole or len(rows) == 1:
-            return [self.member(row, *self.span(row)) for row in rows]
-        count = len(rows) * self.span(rows[0])[1]
+        moving_rows = [row for row in range(self.rows) if self.span(row)[1]]
+        if not self.is_whole or len(moving_rows) == 1:
+            return [self.member(row, *self.span(row)) for row in moving_rows]
+        count = len(moving_rows) * self.span(moving_rows[0])[1]
         firsts = range(0, count, MAX_SPREAD)
         return [f"{self.name}.{a}..{min(a + MAX_SPREAD, count) - 1}" for a in firsts]
 
@@ -109,10 +109,10 @@ class Macro:
         """The name of the module of one row."""
         return self.name if self.rows == 1 else f"{self.name}_row{row}"
 
-    def point_name(self, row: int, column: int) -> str:
+    def point_name(self, row_index: int, column_index: int) -> str:
         """The name of one point."""
-        if not self.is_fixed(row, column):
-            return self.member(row, column)
+        if not self.is_fixed(row_index, column_index):
+            return self.member(row_index, column_index)
         self.is_joined = True
         return self.edge
 
@@ -126,20 +126,20 @@ class Macro:
         is_string = self.statement.keyword in STRINGS
         counts = (self.columns,) if is_string else (self.rows, self.columns)
         along = []
-        for side_share, count in zip(sides, counts, strict=True):
+        for side_share, side_count in zip(sides, counts, strict=True):
             if is_2019:
-                side_position = min(side_share * count, count - 1.0)
+                side_position = min(side_share * side_count, side_count - 1.0)
             else:
-                side_position = min(max(side_share, 0.0), 1.0) * (count - 1)
+                side_position = min(max(side_share, 0.0), 1.0) * (side_count - 1)
             if side_position < 0.0:
                 raise ModelError(
                     f"a place on {quote(self.statement.name)} is {side_share:g}, below 0", line
                 )
-            low, part = int(side_position), side_position - int(side_position)
-            if min(part, 1.0 - part) < _NEAR:
+            low_member, member_part = int(side_position), side_position - int(side_position)
+            if min(member_part, 1.0 - member_part) < _NEAR:
                 along.append([(round(side_position), 1.0)])
             else:
-                along.append([(low, 1.0 - part), (low + 1, part)])
+                along.append([(low_member, 1.0 - member_part), (low_member + 1, member_part)])
         if is_string:
             along.insert(0, [(0, 1.0)])
         shares: dict[str, float] = {}
@@ -228,13 +228,13 @@ def _rows(macro: Macro) -> None:
         first_moving, moving_count = macro.span(row_index)
         if not moving_count:
             continue
-        name = macro.row(row_index)
-        _body(macro, name, moving_count, f"STRING: {{masses: {moving_count}, ends: free")
+        row_name = macro.row(row_index)
+        _body(macro, row_name, moving_count, f"STRING: {{masses: {moving_count}, ends: free")
         if moving_count < macro.columns:
-            _join(macro, f"{name}_left", macro.edge, macro.member(row_index, first_moving))
+            _join(macro, f"{row_name}_left", macro.edge, macro.member(row_index, first_moving))
             _join(
                 macro,
-                f"{name}_right",
+                f"{row_name}_right",
                 macro.member(row_index, first_moving + moving_count - 1),
                 macro.edge,
             )
@@ -246,13 +246,14 @@ def _rows(macro: Macro) -> None:
                 macro.member(row_place, low, high - low) for row_place in (row_index, row_index + 1)
             )
             _join(macro, f"{macro.name}_rows{row_index}", *ends)
-        for column in (0, macro.columns - 1):
-            fixed = macro.is_fixed(row_index, column), macro.is_fixed(row_index + 1, column)
+        for end_column in (0, macro.columns - 1):
+            fixed = macro.is_fixed(row_index, end_column), macro.is_fixed(row_index + 1, end_column)
             if fixed[0] != fixed[1] and not (n == 0 or m == 0):
                 ends = (
-                    macro.point_name(row_place, column) for row_place in (row_index, row_index + 1)
+                    macro.point_name(row_place, end_column)
+                    for row_place in (row_index, row_index + 1)
                 )
-                _join(macro, f"{macro.name}_corner{row_index}_{column}", *ends)
+                _join(macro, f"{macro.name}_corner{row_index}_{end_column}", *ends)
         if (n == 0) != (m == 0):
             row_place, (first_moving, moving_count) = (
                 (row_index, (a, n)) if n else (row_index + 1, (b, m))

@@ -41,12 +41,14 @@ def _moving(writing: Writing, macro: places.Macro, macro_sides: list[Along]) -> 
     guides = []
     for side in macro_sides:
         guides.append(guide(writing, side.signal) if side.signal else _place(writing, macro, side))
-    key = (macro.name, *macro_sides)
-    if key not in writing.proxies:
-        writing.proxies[key] = writing.names.new(f"{macro.name}_point")
+    point_key = (macro.name, *macro_sides)
+    if point_key not in writing.proxies:
+        writing.proxies[point_key] = writing.names.new(f"{macro.name}_point")
         text = moving(macro, macro_sides, guides, is_2019=writing.laws == "2019")
-        writing.add(writing.proxies[key], text, f"a point of {macro.name}, which a signal moves")
-    return writing.proxies[key]
+        writing.add(
+            writing.proxies[point_key], text, f"a point of {macro.name}, which a signal moves"
+        )
+    return writing.proxies[point_key]
 
 
 def _place(writing: Writing, macro: places.Macro, side: Along) -> str:
@@ -57,10 +59,14 @@ def _place(writing: Writing, macro: places.Macro, side: Along) -> str:
     return writing.guides[start_place]
 
 
-def still(writing: Writing, point: Point, shares: list[tuple[float, str]]) -> str:
+def still(writing: Writing, macro_point: Point, shares: list[tuple[float, str]]) -> str:
     """Add a point between masses; returns its name."""
-    key = tuple(shares)
-    if key not in writing.proxies:
-        writing.proxies[key] = writing.names.new(f"{writing.macros[point.name].name}_point")
-        writing.add(writing.proxies[key], between_masses(shares), f"a point of {point.name}")
-    return writing.proxies[key]
+    shares_key = tuple(shares)
+    if shares_key not in writing.proxies:
+        writing.proxies[shares_key] = writing.names.new(
+            f"{writing.macros[macro_point.name].name}_point"
+        )
+        writing.add(
+            writing.proxies[shares_key], between_masses(shares), f"a point of {macro_point.name}"
+        )
+    return writing.proxies[shares_key]

@@ -36,10 +36,11 @@ def signals_in(model: Model, text: str) -> list[str]:
     return [word for word in dict.fromkeys(_WORD.findall(text)) if word in model.signals]
 
 
-def along(model: Model, point: Point, line: int) -> list[Along]:
+def along(model: Model, macro_point: Point, line_number: int) -> list[Along]:
     """The position of a point along each side of its macro. Raises ModelError."""
     return [
-        straight(model, text, f"the place on {quote(point.name)}", line) for text in point.along
+        straight(model, text, f"the place on {quote(macro_point.name)}", line_number)
+        for text in macro_point.along
     ]
 
 
@@ -94,10 +95,10 @@ def moving(macro: Macro, sides: Sequence[Along], guides: Sequence[str], *, is_20
         written_fields.append(f"rim: {macro.edge}")
     written_fields.append(f"follows: {_list(list(guides))}")
     side_offsets, side_spans = [], []
-    for macro_side, count in zip(sides, side_counts, strict=True):
+    for macro_side, side_count in zip(sides, side_counts, strict=True):
         # The laws of 2019 take N in place of N - 1, and hold a point beyond the last mass at the
         # last mass.
-        reach = (count - 1) / count if is_2019 else 1.0
+        reach = (side_count - 1) / side_count if is_2019 else 1.0
         slope = macro_side.slope if macro_side.signal else 1.0
         side_spans.append(f"{reach / slope!r}m")
         side_offsets.append(f"{macro_side.start / slope if macro_side.signal else 0.0!r}m")
@@ -125,12 +126,12 @@ def _row(macro: Macro) -> str:
     if _has_rim(macro):
         return _list([macro.row(row) for row in range(1, macro.rows - 1)])
     all_points: list[str] = []
-    for row in range(macro.rows):
-        first_moving, count = macro.span(row)
+    for row_index in range(macro.rows):
+        first_moving, moving_count = macro.span(row_index)
         edge_points = [macro.edge] * first_moving
-        macro.is_joined = macro.is_joined or bool(edge_points) or not count
-        moving = macro.member(row, first_moving, count) if count else ""
+        macro.is_joined = macro.is_joined or bool(edge_points) or not moving_count
+        moving = macro.member(row_index, first_moving, moving_count) if moving_count else ""
         all_points += (
-            [*edge_points, moving, *edge_points] if count else [macro.edge] * macro.columns
+            [*edge_points, moving, *edge_points] if moving_count else [macro.edge] * macro.columns
         )
     return f"[{', '.join(all_points)}]"

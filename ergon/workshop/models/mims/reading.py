@@ -66,18 +66,18 @@ def is_table(text: str) -> bool:
 
 
 def parse(
-    text: str, dialect: Dialect, file_name: str = "", overrides: Mapping[str, str] = {}
+    model_text: str, dialect: Dialect, file_name: str = "", overrides: Mapping[str, str] = {}
 ) -> Model:
     """A model in one dialect; `overrides` are values of parameters by name. Raises ModelError."""
-    words = _v1_words if dialect == "v1" else _v2_words
-    text_lines = _LINE_END.split(text)
+    words_of_line = _v1_words if dialect == "v1" else _v2_words
+    text_lines = _LINE_END.split(model_text)
     if len(text_lines) > LINES_MAX:
         raise ModelError(f"it has more than {LINES_MAX:,} lines", LINES_MAX + 1)
     try:
         statement_rows = [
             (line_number, row)
             for line_number, line in enumerate(text_lines, 1)
-            if (row := words(line, line_number))
+            if (row := words_of_line(line, line_number))
         ]
         if not statement_rows:
             raise ModelError(
@@ -102,11 +102,11 @@ def parse(
 # --- lines --------------------------------------------------------------------------------------
 
 
-def _v1_words(line: str, line_number: int) -> tuple[str, ...]:
-    content = line.split("#", 1)[0].strip()
-    if content and not content.startswith("@"):
+def _v1_words(model_line: str, line_number: int) -> tuple[str, ...]:
+    line_content = model_line.split("#", 1)[0].strip()
+    if line_content and not line_content.startswith("@"):
         raise ModelError("a line begins with @ and a name, or with # for a comment", line_number)
-    return _bounded(tuple(content.split()), line, line_number)
+    return _bounded(tuple(line_content.split()), model_line, line_number)
 
 
 def _v2_words(model_line: str, line_number: int) -> tuple[str, ...]:
@@ -118,12 +118,12 @@ def _v2_words(model_line: str, line_number: int) -> tuple[str, ...]:
     line_words = _bounded(tuple(_V2_WORD.findall(line_content)), model_line, line_number)
     if re.sub(r"\s", "", "".join(line_words)) != re.sub(r"\s", "", line_content):
         raise ModelError("brackets do not match; a value in brackets is [a + b]", line_number)
-    for word in line_words:
-        if word.startswith("#"):
+    for line_word in line_words:
+        if line_word.startswith("#"):
             message = "a comment behind a statement is read as values; give it a line of its own"
             raise ModelError(message, line_number)
-        if "+" in word and not word.startswith("["):
-            message = f"{quote(word)} is taken apart at the +; write it in brackets, [a + b]"
+        if "+" in line_word and not line_word.startswith("["):
+            message = f"{quote(line_word)} is taken apart at the +; write it in brackets, [a + b]"
             raise ModelError(message, line_number)
     return line_words
 
@@ -189,20 +189,26 @@ def _statement(
     )
 
 
-def _point(word: str, line: int) -> Point:
-    name, *along = word.strip("[]").split(None, 1)[:2] if word.strip("[] ") else ("",)
-    if not _NAME.fullmatch(name):
-        raise ModelError(f"{quote(word)} is not a point: write @ and its name", line)
-    return Point(name[1:], tuple(along[0].split()) if along else ())
+def _point(point_word: str, line_number: int) -> Point:
+    point_name, *along = (
+        point_word.strip("[]").split(None, 1)[:2] if point_word.strip("[] ") else ("",)
+    )
+    if not _NAME.fullmatch(point_name):
+        raise ModelError(f"{quote(point_word)} is not a point: write @ and its name", line_number)
+    return Point(point_name[1:], tuple(along[0].split()) if along else ())
 
 
 def _v1_points(
-    end_points: tuple[Point, ...], value_words: list[str], macros: set[str], keyword: str, line: int
+    end_points: tuple[Point, ...],
+    value_words: list[str],
+    macros: set[str],
+    keyword: str,
+    line_number: int,
 ) -> tuple[tuple[Point, ...], list[str]]:
     """The places on macros, which stand after the values, in the order of the points."""
     on = [point for point in end_points if point.name in macros]
     if len(value_words) < len(on):
-        raise ModelError(f"{keyword}: where on {quote(on[0].name)} is left out", line)
+        raise ModelError(f"{keyword}: where on {quote(on[0].name)} is left out", line_number)
     places = iter(value_words[len(value_words) - len(on) :])
     model_points = tuple(
         Point(point.name, tuple(next(places).split(":"))) if point.name in macros else point
@@ -211,31 +217,35 @@ def _v1_points(
     return model_points, value_words[: len(value_words) - len(on)]
 
 
-def _values(statement_form: Form, line_words: list[str], keyword: str, line: int) -> dict[str, str]:
+def _values(
+    statement_form: Form, line_words: list[str], keyword: str, line_number: int
+) -> dict[str, str]:
     least = len(statement_form.values) + len(statement_form.after)
     if not least <= len(line_words) <= least + len(statement_form.optional) or not all(line_words):
         raise ModelError(
             f"{keyword} is written {statement_form.words}; here it has {len(line_words)} values",
-            line,
+            line_number,
         )
-    names = (
+    value_names = (
         *statement_form.values,
         *statement_form.optional[: len(line_words) - least],
         *statement_form.after,
     )
-    return dict(zip(names, line_words, strict=True))
+    return dict(zip(value_names, line_words, strict=True))
 
 
-def _height(height_text: str, line: int) -> str:
+def _height(height_text: str, line_number: int) -> str:
     """The third component of [x y z], the only one that moves; or the number as written."""
-    words = height_text.split()
-    if len(words) == 1 or not all(re.fullmatch(r"[+-]?[\d.eE+-]+", word) for word in words):
+    height_words = height_text.split()
+    if len(height_words) == 1 or not all(
+        re.fullmatch(r"[+-]?[\d.eE+-]+", word) for word in height_words
+    ):
         return height_text
-    if len(words) != 3:
+    if len(height_words) != 3:
         raise ModelError(
-            f"{quote(height_text)}: a position has one number, or three in brackets", line
+            f"{quote(height_text)}: a position has one number, or three in brackets", line_number
         )
-    return words[2]
+    return height_words[2]
 
 
 # --- what statements mean together --------------------------------------------------------------

@@ -23,7 +23,7 @@ def written(
     model: Model,
     laws: Laws = "head",
     inputs_by_name: Mapping[str, Input] | None = None,
-    title: str = "",
+    score_title: str = "",
 ) -> str:
     """The text of a score with the same sound as a model. Raises ModelError with the line at fault.
 
@@ -60,10 +60,10 @@ def written(
         if macro.is_joined:
             place = "" if macro.height == "0" else f"X0: {metres(macro.height)}"
             writing.add(macro.edge, f"SOL: {{{place}}}", f"the fixed points of {macro.name}")
-    return _page(writing, title).written()
+    return _page(writing, score_title).written()
 
 
-def _page(writing: Writing, title: str) -> Page:
+def _page(writing: Writing, score_title: str) -> Page:
     model = writing.model
     law_year = "2019" if writing.laws == "2019" else "today"
     params = {
@@ -74,7 +74,7 @@ def _page(writing: Writing, title: str) -> Page:
     fed = [name for name in model.inputs if name in writing.inputs]
     return Page(
         head=[
-            f"From {title or 'a model'}, in the language of {NAMES[model.dialect]}, laws of "
+            f"From {score_title or 'a model'}, in the language of {NAMES[model.dialect]}, laws of "
             f"{law_year}.",
             f"One sample is 1/{RATE} s; the numbers are those of the discrete network.",
         ],

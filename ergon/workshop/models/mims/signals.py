@@ -32,8 +32,8 @@ def value_of(writing: Writing, model_statement: Statement, value_name: str) -> V
     """A value that may follow a signal; a constant if that signal has no file. Raises
     ModelError.
     """
-    text = model_statement.values.get(value_name, "0")
-    if not signals_in(writing.model, text):
+    value_text = model_statement.values.get(value_name, "0")
+    if not signals_in(writing.model, value_text):
         constant_number = writing.value(model_statement, value_name)
         return Value(
             writing.text(model_statement, value_name),
@@ -42,39 +42,46 @@ def value_of(writing: Writing, model_statement: Statement, value_name: str) -> V
             constant_number,
         )
     linear_side = straight(
-        writing.model, text, f"{value_name} of {quote(model_statement.name)}", model_statement.line
+        writing.model,
+        value_text,
+        f"{value_name} of {quote(model_statement.name)}",
+        model_statement.line,
     )
-    source = (
+    signal_source = (
         writing.inputs.get(writing.model.signals[linear_side.signal])
         if linear_side.signal
         else None
     )
-    if source is None or source.least == source.greatest:
-        signal = 0.0 if source is None else source.first
+    if signal_source is None or signal_source.least == signal_source.greatest:
+        signal = 0.0 if signal_source is None else signal_source.first
         constant_number = linear_side.start + linear_side.slope * signal
         return Value(repr(constant_number), constant_number, constant_number, constant_number)
-    positions = [
+    signal_positions = [
         linear_side.start + linear_side.slope * s
-        for s in (source.first, source.least, source.greatest)
+        for s in (signal_source.first, signal_source.least, signal_source.greatest)
     ]
-    return Value("", positions[0], min(positions[1:]), max(positions[1:]), linear_side)
+    return Value(
+        "", signal_positions[0], min(signal_positions[1:]), max(signal_positions[1:]), linear_side
+    )
 
 
-def following(writing: Writing, value: Value, *, is_ahead: bool = False) -> str:
+def following(writing: Writing, led_value: Value, *, is_ahead: bool = False) -> str:
     """How a value follows a signal, as the field of a module; with `is_ahead` it follows the next
     sample.
 
     The value is that of the model while the signal stays within the range of its file.
     """
-    side = value.along
+    side = led_value.along
     if side is None or side.signal is None:
         raise AssertionError("a constant follows nothing")
-    source = writing.inputs[writing.model.signals[side.signal]]
-    low, high = (side.start + side.slope * signal for signal in (source.least, source.greatest))
+    input_source = writing.inputs[writing.model.signals[side.signal]]
+    low_value, high_value = (
+        side.start + side.slope * signal for signal in (input_source.least, input_source.greatest)
+    )
     mat = guide(writing, side.signal, is_ahead=is_ahead)
-    span = source.greatest - source.least
-    offset = "" if source.least == 0.0 else f", offset: {-source.least!r}m"
-    return f"{{of: {mat}, from: {low!r}, to: {high!r}{offset}, span: {span!r}m}}"
+    span = input_source.greatest - input_source.least
+    offset = "" if input_source.least == 0.0 else f", offset: {-input_source.least!r}m"
+    return f"{{of: {mat}, from: {low_value!r}, to: {high_value!r}{offset}, span: {span!r}m}}"
 
 
 def guide(writing: Writing, signal_name: str, *, is_ahead: bool = False) -> str:

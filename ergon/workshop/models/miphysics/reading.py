@@ -70,7 +70,7 @@ def is_model(text: str) -> bool:
     return text.lstrip().startswith("<") and "<MAT>" in text[:20_000]
 
 
-def parse(text: str) -> Network:
+def parse(xml_text: str) -> Network:
     """The masses and links of a file. Raises ModelError with the line at fault."""
     reading = _Reading()
     parser = expat.ParserCreate("utf-8")
@@ -80,7 +80,7 @@ def parse(text: str) -> Network:
     parser.EndElementHandler = reading.end
     reading.line = lambda: parser.CurrentLineNumber
     try:
-        parser.Parse(text.encode("utf-8", "replace"), True)
+        parser.Parse(xml_text.encode("utf-8", "replace"), True)
     except expat.ExpatError as error:
         message = expat.errors.messages[error.code]
         raise ModelError(f"the XML is not well formed: {message}", error.lineno) from None
@@ -180,11 +180,11 @@ class _Reading:
         if attribute_text is None:
             raise ModelError(f"{name} is missing", self.line())
         try:
-            value = float(attribute_text)
+            attribute_value = float(attribute_text)
         except ValueError:
-            value = math.nan
-        if not math.isfinite(value) or "_" in attribute_text:
+            attribute_value = math.nan
+        if not math.isfinite(attribute_value) or "_" in attribute_text:
             raise ModelError(
                 f"{name} is {quote(attribute_text)}, which is not a number", self.line()
             )
-        return value
+        return attribute_value

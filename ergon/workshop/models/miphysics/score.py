@@ -39,7 +39,7 @@ class _Writing:
         return self.names.new(word if word[:1].isalpha() else f"m{word}")
 
 
-def written(network: Network, title: str, rate: int) -> str:
+def written(network: Network, score_title: str, rate: int) -> str:
     """The text of a score that moves as a model does at a rate [Hz]. Raises ModelError with the
     line.
     """
@@ -53,11 +53,11 @@ def written(network: Network, title: str, rate: int) -> str:
     for model_mass in network.masses:
         if "mass" in model_mass.values:
             _heavy(writing, model_mass)
-    begin = speeds(network, rate)
+    start_speeds = speeds(network, rate)
     for model_mass in network.masses:
         writing.masses[model_mass.name] = writing.new(model_mass.name)
         if model_mass.kind.endswith("3D"):
-            _point(writing, model_mass, begin.get(model_mass.name, (0.0, 0.0, 0.0)))
+            _point(writing, model_mass, start_speeds.get(model_mass.name, (0.0, 0.0, 0.0)))
         else:
             _mass(writing, model_mass)
     for model_link in network.links:
@@ -65,7 +65,7 @@ def written(network: Network, title: str, rate: int) -> str:
             _spring(writing, model_link, masses_by_name)
         else:
             _link(writing, model_link)
-    return "\n".join(_lines(writing, title)) + "\n"
+    return "\n".join(_lines(writing, score_title)) + "\n"
 
 
 def _joined(model_link: Part, masses_by_name: dict[str, Part]) -> None:
@@ -103,12 +103,12 @@ def _within(part: Part, field_name: str, value: float, value_max: float) -> None
         raise ModelError(f"{field_name} is {value:g}: a score holds up to {value_max:g}", part.line)
 
 
-def _heavy(writing: _Writing, part: Part) -> float:
-    mass = part.values["mass"]
-    if not mass > writing.network.friction:
-        message = f"mass is {mass:g}: it is above 0, and above the friction of the medium"
-        raise ModelError(message, part.line)
-    return mass
+def _heavy(writing: _Writing, model_part: Part) -> float:
+    part_mass = model_part.values["mass"]
+    if not part_mass > writing.network.friction:
+        message = f"mass is {part_mass:g}: it is above 0, and above the friction of the medium"
+        raise ModelError(message, model_part.line)
+    return part_mass
 
 
 def _number(value: float) -> str:

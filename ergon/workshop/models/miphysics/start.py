@@ -35,13 +35,13 @@ def speeds(network: Network, rate: float) -> dict[str, Vector]:
         for link in network.links:
             _push(forces_by_mass, link, places, speed_by_mass)
         next_speeds = {}
-        for mass_name, mass in masses.items():
+        for mass_name, mass_number in masses.items():
             speed_wanted = [
-                s + 0.5 * f / mass
+                s + 0.5 * f / mass_number
                 for s, f in zip(first_steps[mass_name], forces_by_mass[mass_name], strict=True)
             ]
             if network.friction:
-                a = drag(network.friction, mass) / mass
+                a = drag(network.friction, mass_number) / mass_number
                 speed_wanted = [component * a / math.expm1(a) for component in speed_wanted]
             next_speeds[mass_name] = (speed_wanted[0], speed_wanted[1], speed_wanted[2])
         change = max(
@@ -100,8 +100,10 @@ def _push(
     pairs = zip(
         mass_steps.get(first_end, still), mass_steps.get(second_end, still), direction, strict=True
     )
-    force = k * elongation + z * sum((q - p) * cosine for p, q, cosine in pairs)
-    for mass_name, sign in ((first_end, 1.0), (second_end, -1.0)):
+    link_force = k * elongation + z * sum((q - p) * cosine for p, q, cosine in pairs)
+    for mass_name, force_sign in ((first_end, 1.0), (second_end, -1.0)):
         if mass_name in forces_by_mass:
             for axis_index in range(3):
-                forces_by_mass[mass_name][axis_index] += sign * force * direction[axis_index]
+                forces_by_mass[mass_name][axis_index] += (
+                    force_sign * link_force * direction[axis_index]
+                )

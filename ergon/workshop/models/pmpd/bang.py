@@ -13,21 +13,23 @@ def first_bang(network: Network) -> dict[int, float]:
     In its first bang pmpd moves masses by the forces sent to it, then reads the links for the
     first time. Their dampers feel all movement since they were made.
     """
-    for mass in network.masses:
-        if mass.is_mobile:
-            mass.v += mass.f / mass.M
-            mass.x += mass.v
+    for model_mass in network.masses:
+        if model_mass.is_mobile:
+            model_mass.v += model_mass.f / model_mass.M
+            model_mass.x += model_mass.v
         else:
-            mass.v = 0.0
+            model_mass.v = 0.0
     extra_forces: dict[int, float] = {}
     for model_link in network.links:
         a, b = network.masses[model_link.a], network.masses[model_link.b]
-        length = a.x - b.x
-        length_change, relative_step = length - model_link.before, a.v - b.v
+        link_length = a.x - b.x
+        length_change, relative_step = link_length - model_link.before, a.v - b.v
         # A score's damper feels the step of a mass too, so only the rest counts, above rounding.
-        if abs(length_change - relative_step) <= 1e-12 * max(abs(length), abs(model_link.before)):
+        if abs(length_change - relative_step) <= 1e-12 * max(
+            abs(link_length), abs(model_link.before)
+        ):
             continue
-        if not (model_link.Lmin <= length < model_link.Lmax) or length == 0.0:
+        if not (model_link.Lmin <= link_length < model_link.Lmax) or link_length == 0.0:
             continue
         extra_force = _damping(network, model_link, length_change) - _damping(
             network, model_link, relative_step
@@ -41,8 +43,10 @@ def first_bang(network: Network) -> dict[int, float]:
     }
 
 
-def _damping(network: Network, link: Link, step: float) -> float:
-    if link.tables is None:
-        return link.D * step
-    _, _, array, table_length = link.tables
-    return link.D * table(network.arrays, array, link.line).interpolate(step / table_length)
+def _damping(network: Network, model_link: Link, length_step: float) -> float:
+    if model_link.tables is None:
+        return model_link.D * length_step
+    _, _, array, table_length = model_link.tables
+    return model_link.D * table(network.arrays, array, model_link.line).interpolate(
+        length_step / table_length
+    )

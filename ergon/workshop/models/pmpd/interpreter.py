@@ -109,7 +109,7 @@ def _obey(network: Network, message: Message) -> None:
     if network.has_run and message.word not in _ANY_TIME and not _asks(message.word):
         refusal_text = "masses and links that change while it plays are not built yet"
         raise ModelError(f"{message.word} behind the first bang: {refusal_text}", line_number)
-    values = [
+    message_values = [
         _value(
             network,
             value,
@@ -118,7 +118,7 @@ def _obey(network: Network, message: Message) -> None:
         )
         for index, value in enumerate(statement_form)
     ]
-    _MAKERS[network.kind, message.word](network, message.word, line_number, *values)
+    _MAKERS[network.kind, message.word](network, message.word, line_number, *message_values)
 
 
 def _asks(word: str) -> bool:
@@ -164,12 +164,12 @@ def _value(network: Network, value_kind: Value, value_word: str | None, line_num
     return literal
 
 
-def _index(network: Network, list_name: str, value: float, line: int) -> int:
+def _index(network: Network, list_name: str, index_value: float, line_number: int) -> int:
     things = getattr(network, list_name)
     noun = {"masses": "mass", "links": "link", "nl_links": "NLlink"}[list_name]
     if not things:
-        raise ModelError(f"there is no {noun} yet", line)
-    return _integer(value, 0, len(things) - 1, noun, line)
+        raise ModelError(f"there is no {noun} yet", line_number)
+    return _integer(index_value, 0, len(things) - 1, noun, line_number)
 
 
 def _integer(value: float, least: int, highest: int, label: str, line: int) -> int:
@@ -192,10 +192,16 @@ def _mass_audio(network: Network, word: str, line: int, M: float, x: float) -> N
 
 
 def _mass(
-    network: Network, word: str, line: int, class_name: str, mobile: float, M: float, x: float
+    network: Network,
+    word: str,
+    line_number: int,
+    class_name: str,
+    mobile: float,
+    M: float,
+    x: float,
 ) -> None:
-    _room(network.masses, line)
-    network.masses.append(Mass(class_name, int(mobile) > 0, M if M > 0.0 else 1.0, x, line))
+    _room(network.masses, line_number)
+    network.masses.append(Mass(class_name, int(mobile) > 0, M if M > 0.0 else 1.0, x, line_number))
 
 
 def _link_audio(
@@ -208,7 +214,7 @@ def _link_audio(
     D: float,
     *optional_values: float,
 ) -> None:
-    Pow, L, low, high = optional_values or (1.0, 0.0, -1e6, 1e6)
+    Pow, L, low_length, high_length = optional_values or (1.0, 0.0, -1e6, 1e6)
     things = network.nl_links if class_word == "NLlink" else network.links
     _room(things, line_number)
     if first_mass == second_mass:
@@ -223,8 +229,8 @@ def _link_audio(
             D,
             Pow,
             L,
-            low,
-            high,
+            low_length,
+            high_length,
             0.0,
             line_number,
         )
@@ -232,13 +238,13 @@ def _link_audio(
 
 
 def _joined(
-    network: Network, a: list[int], second_masses: list[int], line_number: int
+    network: Network, first_masses: list[int], second_masses: list[int], line_number: int
 ) -> Iterator[tuple[int, int]]:
     """Any two of two classes; within one class each two masses once."""
-    if len(a) == len(second_masses) == 1 and a == second_masses:
-        raise ModelError(f"a link joins mass {a[0]} to itself", line_number)
-    is_same = a == second_masses
-    for i in a:
+    if len(first_masses) == len(second_masses) == 1 and first_masses == second_masses:
+        raise ModelError(f"a link joins mass {first_masses[0]} to itself", line_number)
+    is_same = first_masses == second_masses
+    for i in first_masses:
         for j in second_masses:
             if i != j and not (is_same and i > j):
                 _room(network.links, line_number)
@@ -246,19 +252,27 @@ def _joined(
 
 
 def _link(
-    network: Network, word: str, line: int, group: str, a: list[int], b: list[int], *rest: float
+    network: Network,
+    word: str,
+    line_number: int,
+    group_word: str,
+    a: list[int],
+    b: list[int],
+    *rest: float,
 ) -> None:
-    K, D, Pow, low, high = rest
-    for i, j in _joined(network, a, b, line):
+    K, D, Pow, low_length, high_length = rest
+    for i, j in _joined(network, a, b, line_number):
         L = network.masses[i].x - network.masses[j].x
-        network.links.append(Link(group, "link", i, j, K, D, Pow, L, low, high, L, line))
+        network.links.append(
+            Link(group_word, "link", i, j, K, D, Pow, L, low_length, high_length, L, line_number)
+        )
 
 
 def _table_link(
     network: Network,
     word: str,
     line_number: int,
-    group: str,
+    group_word: str,
     a: list[int],
     b: list[int],
     *rest: Any,
@@ -272,7 +286,7 @@ def _table_link(
     )
     for i, j in _joined(network, a, b, line_number):
         L = network.masses[i].x - network.masses[j].x
-        link = Link(group, "table", i, j, 1.0, 1.0, 1.0, L, -1e6, 1e6, L, line_number, tables)
+        link = Link(group_word, "table", i, j, 1.0, 1.0, 1.0, L, -1e6, 1e6, L, line_number, tables)
         network.links.append(link)
 
 
@@ -299,35 +313,35 @@ def _nothing(network: Network, word: str, line: int) -> None:
     """It prints, and changes nothing."""
 
 
-def _set(things: str, name: str) -> Callable[..., None]:
+def _set(things: str, field_name: str) -> Callable[..., None]:
     """A setter of one value of some masses or links; an omitted value is left as it is."""
 
     def change(
-        network: Network, word: str, line: int, which: int | list[int], value: float
+        network: Network, word: str, line: int, which: int | list[int], set_value: float
     ) -> None:
         for index in [which] if isinstance(which, int) else which:
-            setattr(getattr(network, things)[index], name, value)
+            setattr(getattr(network, things)[index], field_name, set_value)
 
     return change
 
 
 def _add(things: str, collection_name: str) -> Callable[..., None]:
     def change(
-        network: Network, word: str, line: int, which: int | list[int], value: float
+        network: Network, word: str, line: int, which: int | list[int], added_value: float
     ) -> None:
         for index in [which] if isinstance(which, int) else which:
             thing = getattr(network, things)[index]
-            setattr(thing, collection_name, getattr(thing, collection_name) + value)
+            setattr(thing, collection_name, getattr(thing, collection_name) + added_value)
 
     return change
 
 
 def _set_mass(network: Network, word: str, line: int, which: int | list[int], M: float) -> None:
-    for index in [which] if isinstance(which, int) else which:
+    for mass_index in [which] if isinstance(which, int) else which:
         if network.kind == "pmpd~":
-            network.masses[index].is_mobile = M > 0.0
+            network.masses[mass_index].is_mobile = M > 0.0
         if M > 0.0:
-            network.masses[index].M = M
+            network.masses[mass_index].M = M
 
 
 def _put(network: Network, word: str, line: int, masses: list[int], x: float) -> None:

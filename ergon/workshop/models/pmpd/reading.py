@@ -58,15 +58,15 @@ def patch_words(text: str) -> str:
     )
 
 
-def messages(text: str, count_max: int = MESSAGES_MAX + 1) -> Iterator[Message]:
+def messages(patch_text: str, count_max: int = MESSAGES_MAX + 1) -> Iterator[Message]:
     """Split a text into messages, at `;` and `,`, and at line ends if there is no `;`.
 
     Lines that begin with `#` and a space are comments. Raises ModelError.
     """
-    lines = _LINE_END.split(text)
+    patch_lines = _LINE_END.split(patch_text)
     numbered_lines = [
         (line_number, line)
-        for line_number, line in enumerate(lines, 1)
+        for line_number, line in enumerate(patch_lines, 1)
         if not re.match(r"\s*#(\s|$)", line)
     ]
     is_pure = any(";" in line for _, line in numbered_lines)
@@ -95,12 +95,15 @@ def parse(text: str, dialect: Object | None) -> tuple[Object, list[Message]]:
     if len(parsed) > MESSAGES_MAX:
         raise ModelError(f"it has more than {MESSAGES_MAX:,} messages", parsed[-1].line)
     for sent in parsed:
-        for word in (sent.word, *sent.rest):
-            if word.startswith("#"):
+        for message_word in (sent.word, *sent.rest):
+            if message_word.startswith("#"):
                 message = "this is a patch; write the messages to its object in the order in which"
                 raise ModelError(f"{message} they are sent, one a line", sent.line)
-            if "$" in word:
-                message = f"{quote(word)} stands for a number that a patch gives; write the number"
+            if "$" in message_word:
+                message = (
+                    f"{quote(message_word)} stands for a number that a patch gives; write the "
+                    "number"
+                )
                 raise ModelError(message, sent.line)
     return _object(parsed, dialect), parsed
 

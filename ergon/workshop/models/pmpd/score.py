@@ -44,12 +44,12 @@ class _Writing:
         return name
 
 
-def written(network: Network, inputs: Mapping[str, Input], title: str) -> str:
+def written(network: Network, inputs_by_name: Mapping[str, Input], score_title: str) -> str:
     """The text of a score that moves as the object does. Raises ModelError with the line at fault.
 
-    `inputs` are files by `in0`, `in1` …, the inlets of pmpd~.
+    `inputs_by_name` are files by `in0`, `in1` …, the inlets of pmpd~.
     """
-    writing = _Writing(network, inputs)
+    writing = _Writing(network, inputs_by_name)
     if network.kind == "pmpd":
         writing.kicks = first_bang(network)
     else:
@@ -65,7 +65,7 @@ def written(network: Network, inputs: Mapping[str, Input], title: str) -> str:
             _link(writing, nth, link)
     _feeds(writing)
     _outputs(writing)
-    return _page(writing, title).written()
+    return _page(writing, score_title).written()
 
 
 # --- masses -------------------------------------------------------------------------------------
@@ -103,16 +103,21 @@ def _masses(writing: _Writing) -> None:
             _damper(writing, f"{class_word}_air", writing.masses[mass_index], model_mass.D)
 
 
-def _string(writing: _Writing, string_row: Row, mass: Mass, word: str) -> None:
+def _string(writing: _Writing, string_row: Row, string_mass: Mass, string_word: str) -> None:
     n = string_row.count
-    _within(mass)
-    M = nudge_to_goal(n * mass.M, lambda total_mass: total_mass / n, mass.M)
-    fields = [f"masses: {n}", "ends: free", f"M: {number(M)}", f"K: {number(string_row.link.K)}"]
-    fields += [f"Z: {number(string_row.link.D)}", *_start(mass)]
-    name = writing.add(
-        word, f"STRING: {{{', '.join(fields)}}}", f"masses {string_row.first} and on"
+    _within(string_mass)
+    M = nudge_to_goal(n * string_mass.M, lambda total_mass: total_mass / n, string_mass.M)
+    string_fields = [
+        f"masses: {n}",
+        "ends: free",
+        f"M: {number(M)}",
+        f"K: {number(string_row.link.K)}",
+    ]
+    string_fields += [f"Z: {number(string_row.link.D)}", *_start(string_mass)]
+    string_name = writing.add(
+        string_word, f"STRING: {{{', '.join(string_fields)}}}", f"masses {string_row.first} and on"
     )
-    writing.masses += [f"{name}.{member}" for member in range(n)]
+    writing.masses += [f"{string_name}.{member}" for member in range(n)]
     writing.joined |= string_row.links
 
 
@@ -121,22 +126,26 @@ def _start(mass: Mass) -> list[str]:
     return [*x0, f"V0: {mass.v * RATE!r}m/s"] if mass.v else x0
 
 
-def _within(mass: Mass) -> None:
-    for name, value, limit in (
-        ("x", mass.x, _FARTHEST),
-        ("the first step", mass.v * RATE, _FASTEST),
+def _within(bounded_mass: Mass) -> None:
+    for bound_name, bound_value, limit in (
+        ("x", bounded_mass.x, _FARTHEST),
+        ("the first step", bounded_mass.v * RATE, _FASTEST),
     ):
-        if not abs(value) <= limit:
-            raise ModelError(f"{name} is {value:g}: a score holds up to {limit:g}", mass.line)
+        if not abs(bound_value) <= limit:
+            raise ModelError(
+                f"{bound_name} is {bound_value:g}: a score holds up to {limit:g}", bounded_mass.line
+            )
 
 
-def _mass(writing: _Writing, index: int, mass: Mass, word: str) -> str:
-    _within(mass)
-    if index in writing.moved:
-        return _moved(writing, writing.moved[index], mass, word)
-    if not mass.is_mobile:
-        return writing.add(word, f"SOL: {{{''.join(_start(mass))}}}")
-    return writing.add(word, f"MAS: {{{', '.join([f'M: {number(mass.M)}', *_start(mass)])}}}")
+def _mass(writing: _Writing, mass_index: int, model_mass: Mass, mass_word: str) -> str:
+    _within(model_mass)
+    if mass_index in writing.moved:
+        return _moved(writing, writing.moved[mass_index], model_mass, mass_word)
+    if not model_mass.is_mobile:
+        return writing.add(mass_word, f"SOL: {{{''.join(_start(model_mass))}}}")
+    return writing.add(
+        mass_word, f"MAS: {{{', '.join([f'M: {number(model_mass.M)}', *_start(model_mass)])}}}"
+    )
 
 
 def _moved(writing: _Writing, port: Port, mass: Mass, class_word: str) -> str:
@@ -148,20 +157,20 @@ def _moved(writing: _Writing, port: Port, mass: Mass, class_word: str) -> str:
         return writing.add(class_word, "SOL: {}", "an inlet that nothing is connected to is 0")
     first_position = fed.first * port.gain
     x0 = f", X0: {first_position!r}m" if first_position else ""
-    name = writing.add(
+    moved_name = writing.add(
         class_word, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing: its path is imposed"
     )
     scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
     writing.add(
-        f"{class_word}_path", f"ENX: {{to: {name}, from: in{port.number}{fed.start}{scale}}}"
+        f"{class_word}_path", f"ENX: {{to: {moved_name}, from: in{port.number}{fed.start}{scale}}}"
     )
-    return name
+    return moved_name
 
 
-def _damper(writing: _Writing, class_word: str, mass: str, D: float) -> None:
+def _damper(writing: _Writing, class_word: str, mass_name: str, D: float) -> None:
     """Add a viscosity against the ground."""
     writing.ground = writing.ground or writing.add("ground", "SOL: {}", "what stands still")
-    between_text = f"between: [{writing.ground}, {mass}]"
+    between_text = f"between: [{writing.ground}, {mass_name}]"
     if D >= 0.0:
         writing.add(class_word, f"FRO: {{{between_text}, Z: {number(D)}}}")
     else:
@@ -171,43 +180,47 @@ def _damper(writing: _Writing, class_word: str, mass: str, D: float) -> None:
 # --- links --------------------------------------------------------------------------------------
 
 
-def _link(writing: _Writing, nth: int, link: Link) -> None:
+def _link(writing: _Writing, nth: int, model_link: Link) -> None:
     masses = writing.network.masses
-    class_word = _NO_LETTER.sub("_", link.class_name)
+    class_word = _NO_LETTER.sub("_", model_link.class_name)
     class_word = f"{class_word if class_word[:1].isalpha() else 'link'}{nth}"
     still = [
         mass_index in writing.moved or not masses[mass_index].is_mobile
-        for mass_index in (link.a, link.b)
+        for mass_index in (model_link.a, model_link.b)
     ]
     if all(still):
         return  # nothing of it moves
-    D = link.D
+    D = model_link.D
     # d is x_b - x_a in a score, and pmpd's length is x1 - x2.
-    between_text = f"between: [{writing.masses[link.b]}, {writing.masses[link.a]}]"
-    mobile = writing.masses[link.b if still[0] else link.a]
-    if D and any(mass_index in writing.moved for mass_index in (link.a, link.b)):
+    between_text = f"between: [{writing.masses[model_link.b]}, {writing.masses[model_link.a]}]"
+    mobile = writing.masses[model_link.b if still[0] else model_link.a]
+    if D and any(mass_index in writing.moved for mass_index in (model_link.a, model_link.b)):
         # In pmpd~ a mass that an inlet moves has no speed.
-        if link.form == "NLlink~" and not _is_open(link):
+        if model_link.form == "NLlink~" and not _is_open(model_link):
             message = "viscosity within bounds, on a mass that an inlet moves, is not built yet"
-            raise ModelError(message, link.line)
+            raise ModelError(message, model_link.line)
         _damper(writing, f"{class_word}_air", mobile, D)
         D = 0.0
-    if link.tables is not None:
-        for text in springs(writing.network.arrays, link):
+    if model_link.tables is not None:
+        for text in springs(writing.network.arrays, model_link):
             writing.add(class_word, f"LNL: {{{between_text}, {text}}}")
         return
-    rest_text = f", rest: {link.L!r}m" if link.L else ""
-    if abs(link.L) > _FARTHEST:
-        raise ModelError(f"its length is {link.L:g}: a score holds up to 1000", link.line)
-    if _is_plain(writing, link, D):
+    rest_text = f", rest: {model_link.L!r}m" if model_link.L else ""
+    if abs(model_link.L) > _FARTHEST:
+        raise ModelError(
+            f"its length is {model_link.L:g}: a score holds up to 1000", model_link.line
+        )
+    if _is_plain(writing, model_link, D):
         kind = "REF" if D else "RES"
         z = f", Z: {number(D)}" if D else ""
-        writing.add(class_word, f"{kind}: {{{between_text}, K: {number(link.K)}{z}{rest_text}}}")
-    elif _is_straight(writing, link):
-        law = f'law: "k*d", damping: "z*v", k: {number(link.K)}, z: {number(D)}'
+        writing.add(
+            class_word, f"{kind}: {{{between_text}, K: {number(model_link.K)}{z}{rest_text}}}"
+        )
+    elif _is_straight(writing, model_link):
+        law = f'law: "k*d", damping: "z*v", k: {number(model_link.K)}, z: {number(D)}'
         writing.add(class_word, f"LNL: {{{between_text}, {law}{rest_text}}}")
     else:
-        writing.add(class_word, f"LNL: {{{between_text}, {_law(link, D)}}}")
+        writing.add(class_word, f"LNL: {{{between_text}, {_law(model_link, D)}}}")
 
 
 def _is_plain(writing: _Writing, link: Link, D: float) -> bool:
@@ -215,10 +228,10 @@ def _is_plain(writing: _Writing, link: Link, D: float) -> bool:
     return _is_straight(writing, link) and link.K >= 0.0 and D >= 0.0
 
 
-def _is_straight(writing: _Writing, link: Link) -> bool:
-    a, b = writing.network.masses[link.a], writing.network.masses[link.b]
-    begins_as_one = link.form == "link" and link.L != 0.0 and a.x == b.x
-    is_linear = link.tables is None and link.Pow == 1.0 and _is_open(link)
+def _is_straight(writing: _Writing, model_link: Link) -> bool:
+    a, b = writing.network.masses[model_link.a], writing.network.masses[model_link.b]
+    begins_as_one = model_link.form == "link" and model_link.L != 0.0 and a.x == b.x
+    is_linear = model_link.tables is None and model_link.Pow == 1.0 and _is_open(model_link)
     return is_linear and not begins_as_one
 
 
@@ -309,27 +322,27 @@ def _outputs(writing: _Writing) -> None:
             output_mass.word.endswith("Mean"),
             output_mass.word.startswith("massSpeed"),
         )
-        groups = (
+        output_groups = (
             [list(output_mass.masses)]
             if is_mean
             else [[mass_index] for mass_index in output_mass.masses]
         )
-        for group in filter(None, groups):
+        for output_group in filter(None, output_groups):
             channel_number += 1
             if channel_number > _CHANNELS_MAX:
                 message = f"more than {_CHANNELS_MAX} masses are asked for; name fewer"
                 raise ModelError(f"{message}, or write massPosMean CLASS", output_mass.line)
-            _out(writing, group, is_speed, channel_number, 1.0 / len(group))
+            _out(writing, output_group, is_speed, channel_number, 1.0 / len(output_group))
 
 
 def _out(
     writing: _Writing, masses: Sequence[int], is_speed: bool, channel: int, signal_factor: float
 ) -> None:
-    name = f"out{len(writing.outs) + 1}"
+    output_name = f"out{len(writing.outs) + 1}"
     mass_ranges = ", ".join(_ranges([writing.masses[mass_index] for mass_index in masses]))
     mass_ranges = mass_ranges if len(masses) == 1 else f"[{mass_ranges}]"
     kind, signal_factor = ("SOV", signal_factor / RATE) if is_speed else ("SOX", signal_factor)
-    writing.outs.append(Out(name, f"{kind}: {mass_ranges}", channel, gain(signal_factor)))
+    writing.outs.append(Out(output_name, f"{kind}: {mass_ranges}", channel, gain(signal_factor)))
 
 
 def _ranges(member_names: Sequence[str]) -> Iterator[str]:
@@ -355,11 +368,11 @@ def _ranges(member_names: Sequence[str]) -> Iterator[str]:
 # --- text ---------------------------------------------------------------------------------------
 
 
-def _page(writing: _Writing, title: str) -> Page:
+def _page(writing: _Writing, score_title: str) -> Page:
     pushes = {f"in{port.number}" for port in writing.network.ports if port.what == "inForce"}
     ports = {f"in{port.number}" for port in writing.network.ports if port.what.startswith("in")}
     return Page(
-        head=_head(writing, title),
+        head=_head(writing, score_title),
         inputs={name: writing.inputs[name] for name in sorted(ports) if name in writing.inputs},
         pushes=pushes,
         modules=writing.modules,
@@ -371,12 +384,12 @@ def _page(writing: _Writing, title: str) -> Page:
 def _head(writing: _Writing, title: str) -> Iterator[str]:
     object_kind = writing.network.kind
     yield f"From {title or 'a list'}, messages to an object [{object_kind}] of Pure Data."
-    step = (
+    step_text = (
         f"A bang is a sample of 1/{RATE} s"
         if object_kind == "pmpd"
         else f"One sample is 1/{RATE} s"
     )
-    yield f"{step}; the numbers are those of the discrete network."
+    yield f"{step_text}; the numbers are those of the discrete network."
     if object_kind == "pmpd~":
         yield "The first sample is what the object begins with; its own first sample follows."
     if any(out.what.startswith("SOV") for out in writing.outs):
@@ -388,10 +401,10 @@ def _head(writing: _Writing, title: str) -> Iterator[str]:
 def _kicks(writing: _Writing) -> Iterator[Line]:
     """Forces in the first sample, as strikes."""
     cause = "damping of what was put elsewhere" if writing.network.kind == "pmpd" else "a force"
-    for index, force in writing.kicks.items():
-        if not writing.network.masses[index].is_mobile:
+    for mass_index, kick_force in writing.kicks.items():
+        if not writing.network.masses[mass_index].is_mobile:
             continue
-        mass_name = writing.masses[index]
+        mass_name = writing.masses[mass_index]
         name = writing.names.new(f"{_NO_LETTER.sub('_', mass_name)}_kick")
-        text = f"{{to: model.{mass_name}, at: 0s, impulse: {force / RATE!r}Ns}}"
+        text = f"{{to: model.{mass_name}, at: 0s, impulse: {kick_force / RATE!r}Ns}}"
         yield Line(name, text, f"{cause}, one sample")

@@ -36,11 +36,11 @@ def rows(
     first_mass = 0
     while first_mass < len(masses):
         links_in_row: list[int] = []
-        kind = _matter(masses[first_mass], first_mass in moved)
+        mass_kind = _matter(masses[first_mass], first_mass in moved)
         last_mass = first_mass
-        while kind is not None and last_mass in between and last_mass + 1 < len(masses):
+        while mass_kind is not None and last_mass in between and last_mass + 1 < len(masses):
             link_index = between[last_mass]
-            if _matter(masses[last_mass + 1], last_mass + 1 in moved) != kind:
+            if _matter(masses[last_mass + 1], last_mass + 1 in moved) != mass_kind:
                 break
             if links_in_row and _tie(network.links[link_index]) != _tie(
                 network.links[links_in_row[0]]

@@ -23,25 +23,25 @@ class Table:
 
     values: Sequence[float]
 
-    def interpolate(self, place: float) -> float:
+    def interpolate(self, table_place: float) -> float:
         """The value that pmpd reads at a place, by linear interpolation."""
-        size = abs(place) * len(self.values)
-        sign = 1.0 if place > 0.0 else -1.0
-        if size >= len(self.values) - 1:
-            return sign * self.values[-1]
-        low = int(size)
-        part = size - low
-        return sign * (part * self.values[low + 1] + (1.0 - part) * self.values[low])
+        place_size = abs(table_place) * len(self.values)
+        place_sign = 1.0 if table_place > 0.0 else -1.0
+        if place_size >= len(self.values) - 1:
+            return place_sign * self.values[-1]
+        low = int(place_size)
+        part = place_size - low
+        return place_sign * (part * self.values[low + 1] + (1.0 - part) * self.values[low])
 
 
-def table(arrays: Mapping[str, Sequence[float]], name: str, line: int) -> Table:
+def table(arrays: Mapping[str, Sequence[float]], name: str, line_number: int) -> Table:
     """The array of a name. Raises ModelError where there is none."""
     array_values = arrays.get(name)
     if not array_values:
         message = f"no values of the array {quote(name)}: write {name} 0, then its values"
         raise ModelError(
             message,
-            line,
+            line_number,
             nearest(name, [array_name for array_name in arrays if arrays[array_name]]),
         )
     return Table(array_values)
@@ -68,11 +68,14 @@ def springs(arrays: Mapping[str, Sequence[float]], model_link: Link) -> Iterator
     yield from _viscous([model_link.D * value for value in d], length_d)
 
 
-def _elastic(values: Sequence[float], length: float) -> Iterator[str]:
+def _elastic(array_values: Sequence[float], table_length: float) -> Iterator[str]:
     """The points of a law without its jump at 0, then the jump as a law of its own."""
-    value_at_rest, n = values[0], len(values)
-    if any(value != value_at_rest for value in values):
-        half = [(length * index / n, value - value_at_rest) for index, value in enumerate(values)]
+    value_at_rest, n = array_values[0], len(array_values)
+    if any(value != value_at_rest for value in array_values):
+        half = [
+            (table_length * index / n, value - value_at_rest)
+            for index, value in enumerate(array_values)
+        ]
         half.append((2.0 * half[-1][0], half[-1][1]))  # from the last value on it is level
         points = [(-d, -f) for d, f in reversed(half[1:])] + half
         yield f"points: [{', '.join(f'[{d!r}m, {f!r}N]' for d, f in points)}]"
@@ -81,12 +84,12 @@ def _elastic(values: Sequence[float], length: float) -> Iterator[str]:
         yield f'damping: "f*sign(d)", f: {value_at_rest!r}'
 
 
-def _viscous(values: Sequence[float], length: float) -> Iterator[str]:
+def _viscous(array_values: Sequence[float], table_length: float) -> Iterator[str]:
     """A sum of terms b·max(0, |v| - c) with the sign of v, in as many laws as needed."""
-    n = len(values)
-    slopes = [0.0, *((b - a) * n / length for a, b in pairwise(values)), 0.0]
+    n = len(array_values)
+    slopes = [0.0, *((b - a) * n / table_length for a, b in pairwise(array_values)), 0.0]
     bends = [
-        (length * index / n, slope_after - slope_before)
+        (table_length * index / n, slope_after - slope_before)
         for index, (slope_before, slope_after) in enumerate(pairwise(slopes))
         if slope_after != slope_before
     ]

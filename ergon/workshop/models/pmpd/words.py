@@ -29,12 +29,12 @@ class Value:
 
 
 def _values(form: str) -> tuple[Value, ...]:
-    values = []
+    word_values = []
     for word in form.split():
         argument_name, has_default, default = word.partition("=")
         name, _, kind = argument_name.partition(":")
-        values.append(Value(name, kind or "number", default if has_default else None))
-    return tuple(values)
+        word_values.append(Value(name, kind or "number", default if has_default else None))
+    return tuple(word_values)
 
 
 def _forms(text: str) -> dict[str, tuple[Value, ...]]:

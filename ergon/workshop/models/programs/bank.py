@@ -40,7 +40,7 @@ class Bank:
     ways: Sequence[ModePath]
 
 
-def joined(name: str, banks: Sequence[Bank]) -> Bank:
+def joined(part_name: str, banks: Sequence[Bank]) -> Bank:
     """The banks of several parts of one piece side by side, in one bank of this name."""
     paths: list[ModePath] = []
     n_struck = n_outputs = 0
@@ -52,7 +52,7 @@ def joined(name: str, banks: Sequence[Bank]) -> Bank:
         n_struck += len(bank.struck)
         n_outputs += len(bank.outputs)
     return Bank(
-        name,
+        part_name,
         banks[0].rate,
         max(bank.seconds for bank in banks),
         [f"{bank.name}: {point_name}" for bank in banks for point_name in bank.struck],

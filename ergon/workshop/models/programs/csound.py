@@ -24,7 +24,7 @@ def _numbers(bank: Bank) -> tuple[int, int]:
 
 
 def _orchestra(bank: Bank) -> Iterator[str]:
-    modes_from, output = _numbers(bank)
+    modes_from, first_output = _numbers(bank)
     yield "<CsoundSynthesizer>"
     yield f"; {_plain(bank.name)}, made by ergon: its modes, each a resonator."
     yield f"; It can be played at any rate of samples: change sr, here {bank.rate:g} Hz."
@@ -66,7 +66,7 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         yield f"  gaOut{path.output + 1} += aMode"
         yield "endin"
         yield ""
-    yield f"instr {output}  ; what is heard"
+    yield f"instr {first_output}  ; what is heard"
     for table_number, (_, derivative_order) in enumerate(bank.outputs, 1):
         yield from _differentiated(table_number, derivative_order)
     outs = (f"aHeard{number}/giFull{number}" for number in range(1, len(bank.outputs) + 1))
@@ -91,7 +91,7 @@ def _differentiated(output_number: int, derivative_order: int) -> Iterator[str]:
     for delay in range(1, last_delay + 1):
         yield f"  aWas{output_number}_{delay} delay1 aWas{output_number}_{delay - 1}"
     yield f"  aHeard{output_number} = 0"
-    for delay, share in enumerate(pair_weights):
+    for delay, pair_weight in enumerate(pair_weights):
         samples_before, samples_after = (
             f"aWas{output_number}_{n_samples}"
             for n_samples in (half_width + delay + derivative_order - 1, half_width - 1 - delay)
@@ -102,7 +102,7 @@ def _differentiated(output_number: int, derivative_order: int) -> Iterator[str]:
             else f"{samples_after} + {samples_before} - 2*aWas{output_number}_{half_width}"
         )
         scale = "sr" if derivative_order == 1 else "sr*sr"
-        yield f"  aHeard{output_number} += {share!r}*{scale}*({pair})"
+        yield f"  aHeard{output_number} += {pair_weight!r}*{scale}*({pair})"
 
 
 def _score(bank: Bank) -> Iterator[str]:

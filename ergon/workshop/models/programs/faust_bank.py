@@ -44,12 +44,12 @@ def _lines(bank: Bank) -> Iterator[str]:
         yield f"way_{input_number}(x) = {_sum(terms)};"
     yield ""
     input_names = [f"in_{number}" for number in range(1, len(bank.struck) + 1)]
-    outputs = [f"out_{number}" for number in range(1, len(bank.outputs) + 1)]
-    output_orders = zip(outputs, bank.outputs, strict=True)
+    output_names = [f"out_{number}" for number in range(1, len(bank.outputs) + 1)]
+    output_orders = zip(output_names, bank.outputs, strict=True)
     expressions = [_output_text(name, order) for name, (_, order) in output_orders]
     yield f"process({', '.join(input_names)}) = {', '.join(expressions)}"
     yield "with {"
-    for index, input_name in enumerate(outputs):
+    for index, input_name in enumerate(output_names):
         ways = [
             f"way_{number}({input_names[path.struck]}/SR)"
             for number, path in enumerate(bank.ways, 1)

@@ -49,20 +49,29 @@ class Laws:
 
     def name(self, law: Law, word: str) -> str:
         """The function (d [m], v [m/s]) -> force [N] of a law; `word` names the link."""
-        fields = law.fields
-        constants, points = fields["constants"], fields["points"]
-        key = (fields["law"], fields["damping"], *sorted(constants.items()), str(points))
-        if key not in self.names:
-            self.names[key] = f"law_{word}"
-            self.lines += self._function(f"law_{word}", fields["law"], fields["damping"], law)
-        return self.names[key]
+        law_fields = law.fields
+        constants, points = law_fields["constants"], law_fields["points"]
+        law_key = (
+            law_fields["law"],
+            law_fields["damping"],
+            *sorted(constants.items()),
+            str(points),
+        )
+        if law_key not in self.names:
+            self.names[law_key] = f"law_{word}"
+            self.lines += self._function(
+                f"law_{word}", law_fields["law"], law_fields["damping"], law
+            )
+        return self.names[law_key]
 
     def written(self) -> Iterator[str]:
         """Lines of a program: what the functions need, and the functions."""
         yield from (text for name, text in HELPERS.items() if name in self.helpers)
         yield from self.lines
 
-    def _function(self, name: str, text: str | None, damping: str | None, law: Law) -> list[str]:
+    def _function(
+        self, function_name: str, law_text: str | None, damping: str | None, law: Law
+    ) -> list[str]:
         constants, law_points = law.fields["constants"], law.fields["points"]
         used_names = Names()
         faust_letters = {
@@ -70,7 +79,7 @@ class Laws:
         }
         terms = [
             self._expression(constant, faust_letters)
-            for constant in (text, damping)
+            for constant in (law_text, damping)
             if constant is not None
         ]
         if law_points:
@@ -80,7 +89,7 @@ class Laws:
             for constant, value in constants.items()
         ]
         body += _line(law_points) if law_points else []
-        law_head = f"{name}(d, v) = {' + '.join(terms)}"
+        law_head = f"{function_name}(d, v) = {' + '.join(terms)}"
         return [law_head, "with {", *body, "};"] if body else [f"{law_head};"]
 
     def _expression(self, text: str, letters: Mapping[str, str]) -> str:
@@ -90,10 +99,10 @@ class Laws:
         mapped = {name: f"c{position}" for position, name in enumerate(letters)}
 
         def faust_word(match: re.Match[str]) -> str:
-            word = match[0]
-            is_known = word in ("d", "v") or word in _CALLS
-            mapped_name = word if is_known else mapped.get(word)
-            return mapped_name or repr(float(word))
+            matched_word = match[0]
+            is_known = matched_word in ("d", "v") or matched_word in _CALLS
+            mapped_name = matched_word if is_known else mapped.get(matched_word)
+            return mapped_name or repr(float(matched_word))
 
         tree = ast.parse(f"({_WORD.sub(faust_word, text)})", mode="eval")
         back = {f"c{position}": faust for position, faust in enumerate(letters.values())}
@@ -105,12 +114,12 @@ class Laws:
         """A part of an expression, in parentheses if its precedence is below `least`."""
 
         def two(a: ast.expr, operation: ast.AST, b: ast.expr) -> str:
-            sign, rank = _INFIX[type(operation)]
-            text = (
+            infix_sign, rank = _INFIX[type(operation)]
+            infix_text = (
                 f"{self._faust(a, faust_letters, rank)}"
-                f"{sign}{self._faust(b, faust_letters, rank + 1)}"
+                f"{infix_sign}{self._faust(b, faust_letters, rank + 1)}"
             )
-            return f"({text})" if rank < least else text
+            return f"({infix_text})" if rank < least else infix_text
 
         match syntax_node:
             case ast.Constant(value=float(value)):
@@ -147,20 +156,26 @@ class Laws:
         power_exponent = _integer_exponent(exponent)
         if power_exponent is None:
             return f"pow({self._faust(base, letters)}, {self._faust(exponent, letters)})"
-        squared = text = self._faust(base, letters, _ALONE)
+        squared = power_text = self._faust(base, letters, _ALONE)
         for bit in bin(abs(power_exponent))[3:]:
             self.helpers.add("square")
-            text = f"square({text})" + (f"*{squared}" if bit == "1" else "")
-        text = text if abs(power_exponent) == 1 else f"({text})" if power_exponent else "1.0"
-        return f"(1.0/{text})" if power_exponent < 0 else text
+            power_text = f"square({power_text})" + (f"*{squared}" if bit == "1" else "")
+        power_text = (
+            power_text
+            if abs(power_exponent) == 1
+            else f"({power_text})"
+            if power_exponent
+            else "1.0"
+        )
+        return f"(1.0/{power_text})" if power_exponent < 0 else power_text
 
 
 def _integer_exponent(node: ast.expr) -> int | None:
     match node:
-        case ast.Constant(value=float(value)) if (
-            value == int(value) and value <= _INTEGER_EXPONENT_MAX
+        case ast.Constant(value=float(exponent_value)) if (
+            exponent_value == int(exponent_value) and exponent_value <= _INTEGER_EXPONENT_MAX
         ):
-            return int(value)
+            return int(exponent_value)
         case ast.UnaryOp(op=ast.USub(), operand=operand):
             size = _integer_exponent(operand)
             return None if size is None else -size
@@ -188,14 +203,14 @@ def _line(law_points: Sequence[tuple[float, float]]) -> Iterator[str]:
     yield f"    at = 0{delays};"
     yield "    next(n, i) = i + n*(d >= knot(i + n - 1));"
     yield "  };"
-    for name, values in (
+    for table_name, table_values in (
         ("knot", knots),
         ("from", [d for d, _ in law_points[:-1]]),
         ("force", [f for _, f in law_points[:-1]]),
         ("slope", slopes),
     ):
-        table = ", ".join(map(repr, values))
-        yield f"  {name}(i) = waveform{{{table}}}, int(i) : rdtable;"
+        table = ", ".join(map(repr, table_values))
+        yield f"  {table_name}(i) = waveform{{{table}}}, int(i) : rdtable;"
 
 
 def number(value: float) -> str:

@@ -14,13 +14,13 @@ from ergon.workshop.models.programs.network import Link, Point, Stepped
 _NO_LETTER = re.compile(r"\W", re.ASCII)
 
 
-def program(network: Stepped, title: str) -> str:
+def program(network: Stepped, program_title: str) -> str:
     """The text of a program: an audio input for each input, an audio output for each output.
 
     The state of a point is its displacement from its start, and its step minus its first step,
     because a delay of Faust begins at 0.
     """
-    return "\n".join(_lines(network, title)) + "\n"
+    return "\n".join(_lines(network, program_title)) + "\n"
 
 
 def _lines(network: Stepped, program_title: str) -> Iterator[str]:
@@ -37,11 +37,14 @@ def _lines(network: Stepped, program_title: str) -> Iterator[str]:
     output_names = [f"out_{number}" for number in range(1, len(network.outputs) + 1)]
     yield f"// {plain(program_title)}, made by ergon: a network that is stepped sample by sample."
     yield f"// Its numbers hold at {network.rate!r} Hz alone. Compile it with -double."
-    for kind, words in (
+    for section_kind, section_words in (
         ("input", [port.name for port in network.inputs]),
         ("output", [port.name for port in network.outputs]),
     ):
-        yield from (f"// {kind} {number}: {plain(word)}" for number, word in enumerate(words, 1))
+        yield from (
+            f"// {section_kind} {number}: {plain(word)}"
+            for number, word in enumerate(section_words, 1)
+        )
     yield from (f"// Left out: {plain(port)}" for port in network.left_out)
     yield f'declare name "{plain(program_title)}";'
     yield ""
@@ -185,11 +188,13 @@ def _force(
     yield f"  f_{link_word} = {sign} (p_{link_word} > 0.0)*{push};".replace("=  ", "= ")
 
 
-def _step(word: str, point: Point, terms: Sequence[str]) -> str:
-    step = f"d_{word}"
+def _step(point_word: str, point: Point, terms: Sequence[str]) -> str:
+    step_word = f"d_{point_word}"
     if point.kappa or point.zeta:
-        step += f" - Z_{word}*d_{word} - K_{word}*(x_{word} - R_{word})"
-    return f"{step} + G_{word}*(0.0 {' '.join(terms)})" if terms else step
+        step_word += (
+            f" - Z_{point_word}*d_{point_word} - K_{point_word}*(x_{point_word} - R_{point_word})"
+        )
+    return f"{step_word} + G_{point_word}*(0.0 {' '.join(terms)})" if terms else step_word
 
 
 def _ends(network: Stepped) -> list[list[tuple[int, str]]]:

@@ -20,11 +20,11 @@ _NO_LETTER = re.compile(r"\W", re.ASCII)
 _SPACES = re.compile(r"\s+")
 
 
-def model(network: Stepped, title: str) -> str:
+def model(network: Stepped, model_title: str) -> str:
     """The text of a model. Raises ModelError with the places of all that the format cannot
     express.
     """
-    return _Writing(network).text(title)
+    return _Writing(network).text(model_title)
 
 
 @dataclass(slots=True)
@@ -42,11 +42,11 @@ class _Writing:
     def text(self, title: str) -> str:
         network = self.network
         if network.rate != RATE:
-            place = network.points[0].place
+            first_place = network.points[0].place
             refusal_text = (
                 f"a model of mi-gen is for {RATE:,} Hz, and this score has {network.rate:,g} Hz"
             )
-            raise refusal([(place, f"{refusal_text}; write rates: {{audio: {RATE}Hz}}")])
+            raise refusal([(first_place, f"{refusal_text}; write rates: {{audio: {RATE}Hz}}")])
         for link_number, stepped_link in enumerate(network.links):
             for end in {stepped_link.a, stepped_link.b}:
                 self.ends.setdefault(end, []).append(link_number)
@@ -71,14 +71,17 @@ class _Writing:
     def refuse(self, place: Place, reason: str) -> None:
         self.refused.append((place, reason))
 
-    def _heading(self, title: str, inputs: list[str], outputs: list[str]) -> Iterator[str]:
+    def _heading(
+        self, title: str, input_names: list[str], output_names: list[str]
+    ) -> Iterator[str]:
         yield f"# {_plain(title)}, made by ergon: a model of mi-gen (v2), laws of today."
         yield f"# One sample is 1/{RATE} s. M is in kg {RATE}^2, K in N/m, Z in N {RATE}/(m/s), x0"
         yield "# in m, v0 in m/s; of a network under units: ca the numbers are its own."
-        for name, fed in zip(inputs, self.network.inputs, strict=True):
-            yield f"# {name}: {_plain(fed.name)}{f', from {_plain(fed.take)}' * bool(fed.take)}"
-        for name, output in zip(outputs, self.network.outputs, strict=True):
-            yield f"# {name}: {_plain(output.name)}"
+        for input_name, fed in zip(input_names, self.network.inputs, strict=True):
+            source_text = f", from {_plain(fed.take)}" if fed.take else ""
+            yield f"# {input_name}: {_plain(fed.name)}{source_text}"
+        for input_name, output in zip(output_names, self.network.outputs, strict=True):
+            yield f"# {input_name}: {_plain(output.name)}"
         yield from (f"# Left out: {_plain(output)}" for output in self.network.left_out)
         yield ""
 
@@ -87,10 +90,10 @@ class _Writing:
     def _name(self, text: str) -> str:
         """A name of the score; the name of its part is left out if the rest is unique."""
         short = text.partition(".")[2] or text
-        word = _NO_LETTER.sub("_", short)
-        if word in self.names.taken:
-            word = _NO_LETTER.sub("_", text)
-        return self.names.new(word if word[:1].isalpha() else f"m{word}")
+        short_word = _NO_LETTER.sub("_", short)
+        if short_word in self.names.taken:
+            short_word = _NO_LETTER.sub("_", text)
+        return self.names.new(short_word if short_word[:1].isalpha() else f"m{short_word}")
 
     def _bodies(self) -> None:
         for stepped_body in self.network.bodies:
@@ -105,13 +108,13 @@ class _Writing:
 
     def _masses(self, inputs: list[str]) -> None:
         last_written = -1
-        for point_number, point in enumerate(self.network.points):
+        for point_number, stepped_point in enumerate(self.network.points):
             if point_number in self.full_bodies:
                 body = self.full_bodies[point_number]
                 self._body(body)
                 last_written = body.points[-1]
             elif point_number > last_written:
-                self._mass(point_number, point, inputs)
+                self._mass(point_number, stepped_point, inputs)
 
     def _body(self, body: Body) -> None:
         body_name, (across, row_count) = self._name(body.name), body.sides
@@ -137,10 +140,10 @@ class _Writing:
             self.called[body.points[0]] = body_name
             self.lines.append(f"@{body_name} {body_word} {size} {_number(member_mass)} {ties}")
             for member_index in range(across * row_count):
-                row, column = divmod(member_index, across)
+                row, column_index = divmod(member_index, across)
                 shares = (
                     _share(row + body.is_held, row_count + n_fixed),
-                    _share(column + body.is_held, across + n_fixed),
+                    _share(column_index + body.is_held, across + n_fixed),
                 )
                 self.link_names[body.points[member_index]] = f"[@{body_name} {' '.join(shares)}]"
 
@@ -187,14 +190,17 @@ class _Writing:
         word = f"osc {_number(m)} {_number(k)} {_number(z)}" if k or z else f"mass {_number(m)}"
         self._heavy(mass_name, word, point, m, k, z)
 
-    def _resting(self, ground_name: str, number: int, point: Point, m: float) -> None:
+    def _resting(self, ground_name: str, point_number: int, resting_point: Point, m: float) -> None:
         """Write a CEL whose rest is not 0 as a mass tied to a ground there."""
-        self._heavy(ground_name, f"mass {_number(m)}", point, m, 0.0, 0.0)
-        rest_name, tie_name = self._name(f"{point.name}_rest"), self._name(f"{point.name}_tie")
-        self.lines.append(f"@{rest_name} ground {_number(point.rest)}")
-        values = f"{_number(point.kappa * m)} {_number(point.zeta * m)}"
+        self._heavy(ground_name, f"mass {_number(m)}", resting_point, m, 0.0, 0.0)
+        rest_name, tie_name = (
+            self._name(f"{resting_point.name}_rest"),
+            self._name(f"{resting_point.name}_tie"),
+        )
+        self.lines.append(f"@{rest_name} ground {_number(resting_point.rest)}")
+        values = f"{_number(resting_point.kappa * m)} {_number(resting_point.zeta * m)}"
         self.lines.append(f"@{tie_name} springDamper @{rest_name} @{ground_name} {values}")
-        self.ends.setdefault(number, []).append(-1)
+        self.ends.setdefault(point_number, []).append(-1)
 
     def _heavy(self, name: str, word: str, point: Point, m: float, k: float, z: float) -> None:
         """Write a mass that is where the score begins after its first step, in which no link
@@ -279,11 +285,11 @@ class _Writing:
                 constants_by_name["Z"] *= per_step
             if keyword == "nlBow":
                 constants_by_name["scale"] /= per_step
-        words = _ORDER[link_word]
+        value_words = _ORDER[link_word]
         constants_by_name.setdefault("thresh", link.offset)
         values_text = " ".join(
             _number(float(constants_by_name.get(constant, _DEFAULTS.get(constant, 0.0))))
-            for constant in words
+            for constant in value_words
         )
         self.lines.append(f"@{name} {keyword} {end_names} {values_text}")
 
@@ -293,20 +299,20 @@ class _Writing:
         self.lines.append(f"@{name} nlSpringDamper {end_names} {k} 0 {k} {_number(z)}")
 
     def _pushes(self, inputs: list[str]) -> None:
-        for input_number, name in enumerate(inputs):
+        for input_number, input_name in enumerate(inputs):
             pushed = [
                 point_index
                 for point_index, network_point in enumerate(self.network.points)
                 if input_number in network_point.forces
             ]
             if len(pushed) == 1:
-                self.lines.append(f"@{name} frcInput {self.link_names[pushed[0]]}")
+                self.lines.append(f"@{input_name} frcInput {self.link_names[pushed[0]]}")
             elif pushed:
-                point = self.network.points[pushed[0]]
+                pushed_point = self.network.points[pushed[0]]
                 refusal_text = (
                     f"{self.network.inputs[input_number].name}: an input of mi-gen pushes one mass"
                 )
-                self.refuse(point.place, refusal_text)
+                self.refuse(pushed_point.place, refusal_text)
 
     def _output(self, name: str, output: MixedOutput) -> None:
         output_name = output.name.split(" ")[0]
@@ -326,21 +332,21 @@ class _Writing:
         none.
         """
         end_masses = {self.network.links[link].b for link in output.links}
-        (end,) = end_masses if len(end_masses) == 1 else (-1,)
-        is_all = sorted(self.ends.get(end, [])) == sorted(output.links)
+        (link_end,) = end_masses if len(end_masses) == 1 else (-1,)
+        is_all = sorted(self.ends.get(link_end, [])) == sorted(output.links)
         if (
             not is_all
-            or self.network.points[end].forces
-            or self.network.points[end].fed is not None
+            or self.network.points[link_end].forces
+            or self.network.points[link_end].fed is not None
         ):
             refusal_text = (
                 f"{output_name}: mi-gen hears the force of all links of one mass together"
             )
             self.refuse(output.place, f"{refusal_text}, and here they are others")
-        elif self.link_names[end].startswith("["):
+        elif self.link_names[link_end].startswith("["):
             self.refuse(output.place, f"{output_name}: mi-gen hears no force on a member of a body")
         else:
-            self.lines.append(f"@{name} frcOutput {self.link_names[end]}")
+            self.lines.append(f"@{name} frcOutput {self.link_names[link_end]}")
 
 
 _NEGATIVE = "a stiffness or a viscosity below 0"
@@ -388,11 +394,11 @@ def _share(member: int, count: int) -> str:
     return _number(member / (count - 1)) if count > 1 else "0"
 
 
-def _number(value: float) -> str:
+def _number(shown_value: float) -> str:
     """A number without `+`, which mi-gen would read as a sum."""
-    if value == int(value) and abs(value) < 1e15:
-        return str(int(value))
-    return repr(value).replace("+", "")
+    if shown_value == int(shown_value) and abs(shown_value) < 1e15:
+        return str(int(shown_value))
+    return repr(shown_value).replace("+", "")
 
 
 def _plain(text: str) -> str:

@@ -152,18 +152,18 @@ class Stepped:
 
 
 def stepped(
-    parts: Sequence[Part],
-    struck: Iterable[Target],
+    program_parts: Sequence[Part],
+    struck_targets: Iterable[Target],
     rate: float,
     *,
     points_max: int = NETWORK_MAX,
 ) -> Stepped:
     """Parts as the engine steps them at `rate` [Hz], with the links between them.
 
-    `struck` points have an input for a force. Links to other parts are left out. There may be at
-    most `points_max` points. Raises ModelError with the places of all that cannot be written.
+    `struck_targets` points have an input for a force. Links to other parts are left out. There may
+    be at most `points_max` points. Raises ModelError with the places of all that cannot be written.
     """
-    return _Builder(Stepped(rate), points_max).build(parts, struck)
+    return _Builder(Stepped(rate), points_max).build(program_parts, struck_targets)
 
 
 class _Builder:
@@ -178,10 +178,12 @@ class _Builder:
     def build(self, parts: Sequence[Part], struck: Iterable[Target]) -> Stepped:
         for piece_part in parts:
             if piece_part.ca_rate not in (None, self.to.rate):
-                reason = f"its numbers are for {piece_part.ca_rate:,g} Hz, and the score has"
+                refusal_reason = (
+                    f"its numbers are for {piece_part.ca_rate:,g} Hz, and the score has"
+                )
                 self._refuse(
                     piece_part.modules[0].place,
-                    f"{piece_part.name}: {reason} {self.to.rate:,g} Hz; write the same",
+                    f"{piece_part.name}: {refusal_reason} {self.to.rate:,g} Hz; write the same",
                 )
             for part_module in piece_part.modules:
                 self._holder(piece_part, part_module)
@@ -227,12 +229,15 @@ class _Builder:
             f"{piece_part.name}.{part_module.name}" if part_module.name else piece_part.name
         )
         if part_module.kind in _POINTS:
-            point = _POINTS[part_module.kind](
+            holder_point = _POINTS[part_module.kind](
                 part_module.fields, holder_name, piece_part.ca_rate, self.to.rate
             )
-            point.is_ca, point.place = piece_part.ca_rate is not None, part_module.place
+            holder_point.is_ca, holder_point.place = (
+                piece_part.ca_rate is not None,
+                part_module.place,
+            )
             self.points_by_module[module_key] = [len(self.to.points)]
-            self.to.points.append(point)
+            self.to.points.append(holder_point)
         elif part_module.kind in GENERATORS:
             self._generator(piece_part, part_module, holder_name)
 
@@ -265,27 +270,34 @@ class _Builder:
             mass_shares = [(points[mat], share) for mat, share in network.shares(proxy)]
         x0 = sum(share * self.to.points[point_index].x0 for point_index, share in mass_shares)
         v0 = sum(share * self.to.points[point_index].v0 for point_index, share in mass_shares)
-        point = Point(
+        proxy_point = Point(
             proxy_name,
             x0,
             f"PROXY between {len(mass_shares)} masses",
             v0=v0,
             shares=tuple(mass_shares),
         )
-        point.place = proxy_module.place
-        self.to.points.append(point)
+        proxy_point.place = proxy_module.place
+        self.to.points.append(proxy_point)
 
     def _generator(self, piece_part: Part, generator_module: Module, generator_name: str) -> None:
-        fields, module_key = generator_module.fields, (piece_part.name, generator_module.name)
+        generator_fields, module_key = (
+            generator_module.fields,
+            (piece_part.name, generator_module.name),
+        )
         self.points_by_module[module_key] = []
         if generator_module.kind == "MODES":
-            reason = f"{generator_name}: MODES is a bank of resonators, and no network of masses"
+            refusal_reason = (
+                f"{generator_name}: MODES is a bank of resonators, and no network of masses"
+            )
             self._refuse(
                 generator_module.place,
-                f"{reason}; name {piece_part.name} for a Faust program of its own",
+                f"{refusal_reason}; name {piece_part.name} for a Faust program of its own",
             )
             return
-        starts = {field_name: fields.get(field_name) or 0.0 for field_name in ("X0", "V0")}
+        starts = {
+            field_name: generator_fields.get(field_name) or 0.0 for field_name in ("X0", "V0")
+        }
         if not all(isinstance(value, float) for value in starts.values()):
             self._refuse(
                 generator_module.place,
@@ -355,7 +367,7 @@ class _Builder:
             element_table.damping,
             strict=True,
         )
-        for number, (link_kind, a, b, k, z) in enumerate(link_rows):
+        for link_number, (link_kind, a, b, k, z) in enumerate(link_rows):
             if link_kind == "CEL":
                 continue
             if ground is None and min(a, b) < 0:
@@ -367,7 +379,7 @@ class _Builder:
             tie = {"K": float(k), "Z": float(z)}
             self._join(
                 piece_part,
-                f"{generator_name}.link.{number}",
+                f"{generator_name}.link.{link_number}",
                 end_points,
                 link_kind,
                 tie,
@@ -432,11 +444,13 @@ class _Builder:
                     self._push(end)
                 return
             first_link = len(self.to.links)
-            for link in single_links(module):
-                a, b = (self._members(end)[:1] for end in link.ends)
+            for single_link in single_links(module):
+                a, b = (self._members(end)[:1] for end in single_link.ends)
                 if a and b:
-                    link_name = f"{part.name}.{link.name}"
-                    self._join(part, link_name, [*a, *b], module.kind, link.fields, module.place)
+                    link_name = f"{part.name}.{single_link.name}"
+                    self._join(
+                        part, link_name, [*a, *b], module.kind, single_link.fields, module.place
+                    )
             if (module.fields.get("K") or 0.0) < 0 and part.ca_rate is None:
                 self._refuse(module.place, f"{ground_name}: a stiffness below 0")
             self.links[part.name, module.name] = list(range(first_link, len(self.to.links)))
@@ -459,12 +473,12 @@ class _Builder:
             terms = (fields[field_name] for field_name in ("law", "damping", "constants", "points"))
             law = Law(fields, _core.Law(*terms), 1.0 if part.ca_rate else self.to.rate)
             rest_length = float(fields["rest"])
-            words = (
+            contact_words = (
                 f"{field_name} = {fields[field_name]}"
                 for field_name in ("law", "damping")
                 if fields[field_name]
             )
-            description = f"LNL: {', '.join([*words, f'rest = {rest_length!r} m'])}"
+            description = f"LNL: {', '.join([*contact_words, f'rest = {rest_length!r} m'])}"
             self.to.links.append(
                 Link(
                     name,
@@ -488,7 +502,7 @@ class _Builder:
             return
         gap, exponent, side = float(fields["gap"]), fields["exponent"], fields["side"]
         description += f", gap = {gap!r} m, {side}, exponent = {exponent!r}"
-        sign, clamped = 1 if side == "below" else -1, fields["clamp"]
+        side_sign, clamped = 1 if side == "below" else -1, fields["clamp"]
         self.to.links.append(
             Link(
                 name,
@@ -499,7 +513,7 @@ class _Builder:
                 gap,
                 description,
                 exponent,
-                sign,
+                side_sign,
                 clamped,
                 place=place,
             )
@@ -528,15 +542,15 @@ class _Builder:
                         self.to.points[mass].weight += share * float(drive_source)
             return
         for member in self._members(driven_target):
-            point = self.to.points[member]
-            if point.fed is None:
-                point.fed = len(self.to.inputs)
-                self.to.inputs.append(Fed(f"position of {point.name} [m]", take))
+            pushed_point = self.to.points[member]
+            if pushed_point.fed is None:
+                pushed_point.fed = len(self.to.inputs)
+                self.to.inputs.append(Fed(f"position of {pushed_point.name} [m]", take))
 
     def _push(self, target: Target, take: str = "") -> None:
         self._push_all(self._members(target), target.text, take)
 
-    def _push_all(self, points: Sequence[int], text: str, take: str = "") -> None:
+    def _push_all(self, points: Sequence[int], push_text: str, take: str = "") -> None:
         pushed_points = tuple(points)
         moved = [
             point_index
@@ -545,12 +559,12 @@ class _Builder:
         ]
         if not moved or pushed_points in self.pushes:
             return
-        number = self.pushes[pushed_points] = len(self.to.inputs)
+        input_number = self.pushes[pushed_points] = len(self.to.inputs)
         point_index = self.to.points[pushed_points[0]].name
-        name = f"force on {point_index if len(pushed_points) == 1 else text} [N]"
+        name = f"force on {point_index if len(pushed_points) == 1 else push_text} [N]"
         self.to.inputs.append(Fed(name, take))
         for member in moved:
-            self.to.points[member].forces.append(number)
+            self.to.points[member].forces.append(input_number)
 
     def _output(self, part: Part, output: Output) -> None:
         name = f"{part.name}.{output.name}" if output.name else part.name
@@ -589,12 +603,12 @@ class _Builder:
         """
         stepped_points, T = self.to.points, 1.0 / self.to.rate
         point_forces = [0.0] * len(stepped_points)
-        for link in self.to.links:
-            a, b = stepped_points[link.a], stepped_points[link.b]
+        for stepped_link in self.to.links:
+            a, b = stepped_points[stepped_link.a], stepped_points[stepped_link.b]
             e = b.x0 - a.x0
-            f = _pull(link, e, T * (b.v0 - a.v0))
-            point_forces[link.a] += f
-            point_forces[link.b] -= f
+            f = _pull(stepped_link, e, T * (b.v0 - a.v0))
+            point_forces[stepped_link.a] += f
+            point_forces[stepped_link.b] -= f
         for stepped_point, f in zip(stepped_points, tuple(point_forces), strict=True):
             for base, share in stepped_point.shares:
                 point_forces[base] += share * f
@@ -605,26 +619,31 @@ class _Builder:
                 stepped_point.d0 -= 0.5 * stepped_point.gain * (f + stepped_point.weight)
 
 
-def _pull(link: Link, e: float, d: float) -> float:
+def _pull(stepped_link: Link, e: float, d: float) -> float:
     """Force on the first point, for x_b - x_a = e with a last step d."""
-    if link.law is not None:
-        return link.law.compiled.force(e - link.offset, d * link.law.per_step)
-    if link.exponent is None:
-        return link.K * (e - link.offset) + link.z * d
-    p = -link.side * e - link.offset
+    if stepped_link.law is not None:
+        return stepped_link.law.compiled.force(
+            e - stepped_link.offset, d * stepped_link.law.per_step
+        )
+    if stepped_link.exponent is None:
+        return stepped_link.K * (e - stepped_link.offset) + stepped_link.z * d
+    p = -stepped_link.side * e - stepped_link.offset
     if p <= 0.0:
         return 0.0
-    size = link.K * _core.pow(p, link.exponent) - link.z * link.side * d
-    return -link.side * (max(size, 0.0) if link.is_clamped else size)
+    size = (
+        stepped_link.K * _core.pow(p, stepped_link.exponent)
+        - stepped_link.z * stepped_link.side * d
+    )
+    return -stepped_link.side * (max(size, 0.0) if stepped_link.is_clamped else size)
 
 
 def refusal(refused: Sequence[tuple[Place, str]]) -> ModelError:
     """An error that lists all that cannot be written, each with its place."""
-    (first_place, reason), *other_refusals = refused
+    (first_place, first_reason), *other_refusals = refused
     further_reasons = "".join(
         f"; {place.file}:{place.line}: {text}" for place, text in other_refusals
     )
-    error = ModelError(f"{reason}{further_reasons}", first_place.line)
+    error = ModelError(f"{first_reason}{further_reasons}", first_place.line)
     error.file = first_place.file
     return error
 
@@ -633,23 +652,23 @@ def _sol(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
     return Point(name, fields["X0"], "SOL")
 
 
-def _mas(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
-    m, v0 = fields["M"], fields.get("V0", 0.0)
+def _mas(mass_fields: Any, mass_name: str, ca_rate: float | None, rate: float) -> Point:
+    m, v0 = mass_fields["M"], mass_fields.get("V0", 0.0)
     gain = _gain(m, ca_rate, rate)
     description = f"MAS: M = {m!r}{'' if ca_rate else ' kg'}"
-    return Point(name, fields.get("X0", 0.0), description, m, gain, v0=v0, d0=v0 / rate)
+    return Point(mass_name, mass_fields.get("X0", 0.0), description, m, gain, v0=v0, d0=v0 / rate)
 
 
-def _cel(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
-    m, v0, rest_length = fields["M"], fields.get("V0", 0.0), fields.get("rest", 0.0)
-    x0, f, t60 = fields.get("X0", 0.0), fields.get("f"), fields.get("t60")
-    K, Z = fields.get("K") or 0.0, fields.get("Z") or 0.0
+def _cel(cel_fields: Any, cel_name: str, ca_rate: float | None, rate: float) -> Point:
+    m, v0, rest_length = cel_fields["M"], cel_fields.get("V0", 0.0), cel_fields.get("rest", 0.0)
+    x0, f, t60 = cel_fields.get("X0", 0.0), cel_fields.get("f"), cel_fields.get("t60")
+    K, Z = cel_fields.get("K") or 0.0, cel_fields.get("Z") or 0.0
     kappa, zeta = (K / m, Z / m) if ca_rate and f is None else ratios(m, K, Z, f, t60, rate)
     d0 = v0 / rate if ca_rate else last_step(m, K, Z, f, t60, rate, x0 - rest_length, v0)
     tie = f"f = {f!r} Hz, t60 = {t60!r} s" if f is not None else f"K = {K!r}, Z = {Z!r}"
     description = f"CEL: M = {m!r}, {tie}"
     return Point(
-        name, x0, description, m, _gain(m, ca_rate, rate), kappa, zeta, rest_length, v0, d0
+        cel_name, x0, description, m, _gain(m, ca_rate, rate), kappa, zeta, rest_length, v0, d0
     )
 
 

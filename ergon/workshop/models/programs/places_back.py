@@ -10,12 +10,12 @@ _CLOSE = 1e-12  # of a share
 
 
 def place_of(
-    stepped_body: Body, mass_shares: Sequence[tuple[int, float]], point: Callable[[int], Point]
+    stepped_body: Body, mass_shares: Sequence[tuple[int, float]], point_of: Callable[[int], Point]
 ) -> list[float]:
     """The place on a body that gives these shares, linear along each side; empty if there is none.
 
     A fixed point at 0 among them is the end of a held string, beside its first or last mass.
-    `point` returns the point of a number.
+    `point_of` returns the point of a number.
     """
     (across, up), is_string = stepped_body.sides, stepped_body.kind == "STRING"
     n_fixed = 2 * stepped_body.is_held
@@ -26,15 +26,15 @@ def place_of(
         if not mass_share:
             continue
         if mass_index in place_by_mass:
-            row, column = divmod(place_by_mass[mass_index], across)
+            row, column_index = divmod(place_by_mass[mass_index], across)
             row_and_column = (
                 row + stepped_body.is_held * (not is_string),
-                column + stepped_body.is_held,
+                column_index + stepped_body.is_held,
             )
         elif (
             is_string
             and stepped_body.is_held
-            and _is_still(point(mass_index))
+            and _is_still(point_of(mass_index))
             and len(end_places) == 1
         ):
             (end,) = end_places
@@ -64,11 +64,11 @@ def place_of(
 
 def _share(row_and_column: tuple[int, int], means: Sequence[float]) -> float:
     """The share of one mass in a place between masses, linear along each side."""
-    row, column = (
+    row_index, column_index = (
         max(0.0, 1.0 - abs(mean - coordinate))
         for mean, coordinate in zip(means, row_and_column, strict=True)
     )
-    return row * column
+    return row_index * column_index
 
 
 def _is_still(point: Point) -> bool:

@@ -55,13 +55,15 @@ def parse(text: str, line: int) -> Node:
     return _Parser(text, line).read_all()
 
 
-def is_plain(node: Node) -> bool:
+def is_plain(expression_node: Node) -> bool:
     """Whether an expression has only names, numbers and arithmetic, as expressions of a score
     do.
     """
-    if node.kind not in _PLAIN or any(sign not in "+-*/" for sign in node.operators):
+    if expression_node.kind not in _PLAIN or any(
+        sign not in "+-*/" for sign in expression_node.operators
+    ):
         return False
-    return all(map(is_plain, node.parts))
+    return all(map(is_plain, expression_node.parts))
 
 
 def names(node: Node) -> set[str]:
@@ -76,20 +78,20 @@ class _Parser:
         self.tokens: list[tuple[str, str]] = []
         match_position = 0
         while expression_text[match_position:].strip():
-            match = _TOKEN.match(expression_text, match_position)
-            if match is None or len(self.tokens) >= _TOKENS_MAX:
+            token_match = _TOKEN.match(expression_text, match_position)
+            if token_match is None or len(self.tokens) >= _TOKENS_MAX:
                 unread_text = quote(expression_text[match_position:].strip()[:20])
                 raise ModelError(f"of Faust {unread_text} is not read here", line_number)
-            self.tokens.append((str(match.lastgroup), match[0].strip()))
-            match_position = match.end()
+            self.tokens.append((str(token_match.lastgroup), token_match[0].strip()))
+            match_position = token_match.end()
 
     def read_all(self) -> Node:
         if not self.tokens:
             raise ModelError("an expression is missing", self.line)
-        node = self.level(0)
+        full_node = self.level(0)
         if self.index < len(self.tokens):
             raise self.wrong()
-        return node
+        return full_node
 
     def wrong(self) -> ModelError:
         if self.index >= len(self.tokens):
@@ -159,12 +161,16 @@ class _Parser:
         while True:
             # A comma separates arguments here, so an argument has no comma outside parentheses.
             first_index = self.index
-            parts, operators = [self.level(2)], []
+            argument_parts, operators = [self.level(2)], []
             while self.sign() == ":":
                 operators.append(":")
                 self.index += 1
-                parts.append(self.level(2))
-            node = parts[0] if not operators else Node("chain", "", tuple(parts), tuple(operators))
+                argument_parts.append(self.level(2))
+            node = (
+                argument_parts[0]
+                if not operators
+                else Node("chain", "", tuple(argument_parts), tuple(operators))
+            )
             text = " ".join(word for _, word in self.tokens[first_index : self.index])
             argument_nodes.append(replace(node, text=text))
             if self.sign() != ",":
@@ -190,14 +196,14 @@ def definitions(code: Sequence[Code]) -> dict[str, Definition]:
     by_name: dict[str, Definition] = {}
     waiting, first_line = "", 0
     comments_before: tuple[str, ...] = ()
-    for line in code:
-        source, comment = _without_comment(line.text)
-        parts = source.split(";")
-        for nth, part in enumerate(parts):
+    for code_line in code:
+        source, comment = _without_comment(code_line.text)
+        code_parts = source.split(";")
+        for nth, code_part in enumerate(code_parts):
             if not waiting.strip():
-                first_line, comments_before = line.line, line.before if nth == 0 else ()
-            waiting += part + " "
-            if nth + 1 == len(parts):
+                first_line, comments_before = code_line.line, code_line.before if nth == 0 else ()
+            waiting += code_part + " "
+            if nth + 1 == len(code_parts):
                 break
             if not waiting.strip():
                 continue
@@ -206,12 +212,22 @@ def definitions(code: Sequence[Code]) -> dict[str, Definition]:
                 raise ModelError(
                     "a line of Faust is written faustcode: name = expression;", first_line
                 )
-            name, arguments, text = defined[1], defined[2], defined[3].strip()
-            if name in by_name:
-                message = f"{quote(name)} is defined in line {by_name[name].line} too"
+            defined_name, argument_text, definition_text = (
+                defined[1],
+                defined[2],
+                defined[3].strip(),
+            )
+            if defined_name in by_name:
+                message = (
+                    f"{quote(defined_name)} is defined in line {by_name[defined_name].line} too"
+                )
                 raise ModelError(message, first_line)
-            split = tuple(word.strip() for word in arguments.split(",")) if arguments else ()
-            by_name[name] = Definition(name, split, text, first_line, comment, comments_before)
+            split = (
+                tuple(word.strip() for word in argument_text.split(",")) if argument_text else ()
+            )
+            by_name[defined_name] = Definition(
+                defined_name, split, definition_text, first_line, comment, comments_before
+            )
             waiting = ""
     if waiting.strip():
         raise ModelError("a line of Faust ends with a semicolon", first_line)

@@ -43,21 +43,23 @@ def audible_names(statements: Sequence[Statement]) -> dict[str, Sound]:
 
 
 def sides_of(
-    writing: Writing, outputs: Sequence[Statement], sounds: Iterable[Sound]
+    writing: Writing, output_statements: Sequence[Statement], sounds: Iterable[Sound]
 ) -> dict[str, float]:
     """The sign with which the force of each link is heard. Raises ModelError if it is heard with
     both.
     """
     sides_by_link: dict[str, float] = {}
-    for output, sound in zip(outputs, sounds, strict=True):
-        for name, factor in sound.terms.items():
-            if name not in writing.links or factor == 0.0:
+    for output_statement, sound in zip(output_statements, sounds, strict=True):
+        for term_name, factor in sound.terms.items():
+            if term_name not in writing.links or factor == 0.0:
                 continue
-            if sides_by_link.setdefault(name, math.copysign(1.0, factor)) != math.copysign(
+            if sides_by_link.setdefault(term_name, math.copysign(1.0, factor)) != math.copysign(
                 1.0, factor
             ):
-                message = f"the force of {quote(name)} is heard with both signs, which is not built"
-                raise ModelError(message, output.line)
+                message = (
+                    f"the force of {quote(term_name)} is heard with both signs, which is not built"
+                )
+                raise ModelError(message, output_statement.line)
     return sides_by_link
 
 
@@ -92,13 +94,13 @@ def hear(
             output_text = f"SOX: {target(writing, signal_name)}"
         else:
             output_text, loudness = _force(writing, _ear(writing, signal_name)), loudness / _EAR
-        note = "; ".join(
+        output_note = "; ".join(
             word for word in (comment, model_statement.behind if nth == 1 else "") if word
         )
-        options = gain(loudness)
+        route_options = gain(loudness)
         if highpass is not None:
-            options += f", highpass: {number(highpass)}Hz"
-        writing.outs.append(Out(out, output_text, channel_number, options, note))
+            route_options += f", highpass: {number(highpass)}Hz"
+        writing.outs.append(Out(out, output_text, channel_number, route_options, output_note))
 
 
 def _force(writing: Writing, name: str) -> str:
@@ -122,16 +124,16 @@ def _ear(writing: Writing, mass_name: str) -> str:
     return ear
 
 
-def _filter(sound: Sound) -> tuple[float | None, str]:
+def _filter(output_sound: Sound) -> tuple[float | None, str]:
     """The high-pass of a route, of second order, and a comment on it."""
-    highs = [highpass for highpass in sound.filters if highpass.order]
+    highs = [highpass for highpass in output_sound.filters if highpass.order]
     filter_texts = [f"highpass({highpass.order}, {highpass.cutoff:g})" for highpass in highs]
-    limited = ["the model's limiter is left out"] if len(highs) < len(sound.filters) else []
+    limited = ["the model's limiter is left out"] if len(highs) < len(output_sound.filters) else []
     if not highs:
         return None, "; ".join(limited)
-    order = sum(highpass.order for highpass in highs)
+    filter_order = sum(highpass.order for highpass in highs)
     logs = sum(highpass.order * math.log(highpass.cutoff) for highpass in highs)
-    cutoff = highs[0].cutoff if len(highs) == 1 else round(math.exp(logs / order), 3)
-    if not (len(highs) == 1 and order == 2):
+    cutoff = highs[0].cutoff if len(highs) == 1 else round(math.exp(logs / filter_order), 3)
+    if not (len(highs) == 1 and filter_order == 2):
         limited.insert(0, f"{' : '.join(filter_texts)} in the model; a route has one of order 2")
     return cutoff, "; ".join(limited)

@@ -82,10 +82,10 @@ def start(masses: Mapping[str, Mass], start_links: Sequence[Link]) -> Start:
         if start_link.kind == "link" or start_link.o < 0.0:
             _push(pressed, start_link, -start_link.o * (start_link.k + start_link.R * RATE))
     start_places, start_steps = {}, {}
-    for name, mass in masses.items():
-        step = pressed[name] * mass.mobility
-        start_places[name] = mass.x0 + step
-        start_steps[name] = mass.v0 / RATE + step
+    for mass_name, named_mass in masses.items():
+        step = pressed[mass_name] * named_mass.mobility
+        start_places[mass_name] = named_mass.x0 + step
+        start_steps[mass_name] = named_mass.v0 / RATE + step
     kicks = dict.fromkeys(masses, 0.0)
     for start_link in start_links:
         apart = start_places[start_link.a] - start_places[start_link.b]

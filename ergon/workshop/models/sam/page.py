@@ -11,11 +11,11 @@ from ergon.workshop.models.sam.words import RATE
 from ergon.workshop.models.sam.writing import Writing, target
 
 
-def page(writing: Writing, title: str, begin: Start, n_channels: int) -> Page:
+def page(writing: Writing, score_title: str, start_state: Start, n_channels: int) -> Page:
     """A score that begins as the model does."""
     fed = [name for name in ports(writing.sheet) if name in writing.inputs]
     return Page(
-        head=_head(writing, title),
+        head=_head(writing, score_title),
         parameters=writing.parameters.values(),
         inputs={name: writing.inputs[name] for name in fed},
         modules=writing.modules,
@@ -26,15 +26,15 @@ def page(writing: Writing, title: str, begin: Start, n_channels: int) -> Page:
             "In its first samples the model's masses jump from 0 to where they begin, which its",
             "dampers feel.",
         ],
-        strikes=list(_kicks(writing, begin)),
+        strikes=list(_kicks(writing, start_state)),
     )
 
 
 def _kicks(writing: Writing, begin: Start) -> Iterator[Line]:
-    for name, force in begin.kicks.items():
+    for mass_name, force in begin.kicks.items():
         impulse = f"{force / RATE!r}Ns"
-        text = f"{{to: model.{target(writing, name)}, at: 0s, impulse: {impulse}}}"
-        yield Line(writing.names.new(f"{writing.targets[name]}_kick"), text)
+        text = f"{{to: model.{target(writing, mass_name)}, at: 0s, impulse: {impulse}}}"
+        yield Line(writing.names.new(f"{writing.targets[mass_name]}_kick"), text)
 
 
 def _head(writing: Writing, title: str) -> Iterator[str]:

@@ -61,11 +61,11 @@ def ports(sheet: Sheet) -> list[str]:
     return [statement.name for statement in sheet.statements if statement.word == "port"]
 
 
-def parse(text: str) -> Sheet:
+def parse(sheet_text: str) -> Sheet:
     """The statements of a model. Raises ModelError with the line at fault."""
     sheet = Sheet()
     comments: list[str] = []
-    text_lines = _LINE_END.split(text)
+    text_lines = _LINE_END.split(sheet_text)
     if len(text_lines) > LINES_MAX:
         raise ModelError(f"it has more than {LINES_MAX:,} lines", LINES_MAX + 1)
     has_begun = False
@@ -107,11 +107,11 @@ def parse(text: str) -> Sheet:
 def _parted(sheet_line: str) -> tuple[str, str]:
     """A line's code, and the comment after it; a `#` within quotes does not begin a comment."""
     is_quoted = False
-    for position, letter in enumerate(sheet_line):
+    for letter_index, letter in enumerate(sheet_line):
         if letter == '"':
             is_quoted = not is_quoted
         elif letter == "#" and not is_quoted:
-            return sheet_line[:position], sheet_line[position:]
+            return sheet_line[:letter_index], sheet_line[letter_index:]
     return sheet_line, ""
 
 
@@ -191,30 +191,30 @@ def _statement(
 
 
 def _name(text: str, line_number: int) -> str:
-    name = text.strip()
-    if not _NAME.fullmatch(name):
+    stripped_name = text.strip()
+    if not _NAME.fullmatch(stripped_name):
         raise ModelError(
-            f"{quote(name)} is not a name: a letter, then letters and digits", line_number
+            f"{quote(stripped_name)} is not a name: a letter, then letters and digits", line_number
         )
-    return name
+    return stripped_name
 
 
 def _closed(call_text: str) -> tuple[str, bool, str]:
     """The text before the closing parenthesis, whether there is one, and the text after it."""
     depth = 1
-    for position, letter in enumerate(call_text):
+    for letter_index, letter in enumerate(call_text):
         depth += (letter == "(") - (letter == ")")
         if depth == 0:
-            return call_text[:position], True, call_text[position + 1 :]
+            return call_text[:letter_index], True, call_text[letter_index + 1 :]
     return call_text, False, ""
 
 
 def _split(values_text: str) -> Iterator[str]:
     """The values between commas, except commas within parentheses."""
     depth, part_start = 0, 0
-    for position, letter in enumerate(values_text):
+    for letter_index, letter in enumerate(values_text):
         depth += (letter == "(") - (letter == ")")
         if letter == "," and depth == 0:
-            yield values_text[part_start:position]
-            part_start = position + 1
+            yield values_text[part_start:letter_index]
+            part_start = letter_index + 1
     yield values_text[part_start:]

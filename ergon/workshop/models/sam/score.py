@@ -34,11 +34,15 @@ _MODES_MAX = 500
 
 
 def written(
-    sheet: Sheet, inputs: Mapping[str, Input], overrides: Mapping[str, float], title: str
+    sheet: Sheet,
+    inputs_by_name: Mapping[str, Input],
+    overrides: Mapping[str, float],
+    score_title: str,
 ) -> str:
     """The text of a score with the same sound as a model. Raises ModelError with the line at fault.
 
-    `inputs` are files that drive ports, by their names; `overrides` are values of parameters.
+    `inputs_by_name` are files that drive ports, by their names; `overrides` are values of
+    parameters.
     """
     code = definitions(sheet.code)
     ids = {statement.name: statement for statement in sheet.statements}
@@ -57,7 +61,7 @@ def written(
         raise ModelError(message, code["fs"].line)
     values = Values({**LIBRARY, **code}, audible_names(sheet.statements), overrides)
     sixty = next(name for name in ("sixty", *(f"sixty{n}" for n in code)) if name not in code)
-    writing = Writing(sheet, inputs, values, Params(["fs", *code, sixty]), sixty=sixty)
+    writing = Writing(sheet, inputs_by_name, values, Params(["fs", *code, sixty]), sixty=sixty)
     let(writing, "fs", str(RATE), "samples in a second")
     if not any(statement.word in (*MASSES, *LINKS) for statement in sheet.statements):
         raise ModelError("it has no mass and no link, of which a score is made")
@@ -82,11 +86,11 @@ def written(
             _MAKERS[model_statement.word](writing, model_statement, start_state)
         elif model_statement.word in LINKS:
             _link(writing, model_statement, sides.get(model_statement.name, 1.0))
-    for channel, (model_statement, sound) in enumerate(
+    for channel, (model_statement, output_sound) in enumerate(
         zip(output_statements, sounds, strict=True), 1
     ):
-        hear(writing, model_statement, sound, channel)
-    return page(writing, title, start_state, len(output_statements)).written()
+        hear(writing, model_statement, output_sound, channel)
+    return page(writing, score_title, start_state, len(output_statements)).written()
 
 
 # --- masses -------------------------------------------------------------------------------------
@@ -133,10 +137,11 @@ def _resonances(writing: Writing, model_statement: Statement) -> list[Resonance]
         if not 0.0 < resonance.f < RATE / 2:
             message = f"f is {resonance.f:g} Hz: a frequency lies between 0 and half of {RATE:,} Hz"
             raise ModelError(message, model_statement.line)
-        for name, value in (("T60", resonance.T60), ("m", resonance.m)):
-            if not 1e-9 < value < 1e9:
+        for value_name, resonance_value in (("T60", resonance.T60), ("m", resonance.m)):
+            if not 1e-9 < resonance_value < 1e9:
                 raise ModelError(
-                    f"{name} is {value:g}: it lies above 1e-9, below 1e9", model_statement.line
+                    f"{value_name} is {resonance_value:g}: it lies above 1e-9, below 1e9",
+                    model_statement.line,
                 )
         resonances.append(resonance)
     if len(resonances) > _MODES_MAX:
@@ -146,12 +151,13 @@ def _resonances(writing: Writing, model_statement: Statement) -> list[Resonance]
 
 def _begin(writing: Writing, model_statement: Statement, start_state: Start) -> list[str]:
     """X0 and V0; they stay expressions if no force acts in the first sample."""
-    mass = writing.masses[model_statement.name]
+    model_mass = writing.masses[model_statement.name]
     x, v = start_state.places[model_statement.name], start_state.steps[model_statement.name] * RATE
     within(model_statement, "x0", x, _FARTHEST)
     within(model_statement, "the speed at the beginning", v, _FASTEST)
     is_free = (
-        model_statement.word == "mass" and start_state.steps[model_statement.name] == mass.v0 / RATE
+        model_statement.word == "mass"
+        and start_state.steps[model_statement.name] == model_mass.v0 / RATE
     )
     module_fields = []
     if x:
@@ -166,12 +172,12 @@ def _begin(writing: Writing, model_statement: Statement, start_state: Start) -> 
     return module_fields
 
 
-def _mass(writing: Writing, statement: Statement, begin: Start) -> None:
-    fields = [
+def _mass(writing: Writing, statement: Statement, start_state: Start) -> None:
+    mass_fields = [
         f"M: {times(text_of(writing, statement, 0), 'fs*fs')}",
-        *_begin(writing, statement, begin),
+        *_begin(writing, statement, start_state),
     ]
-    writing.add(f"MAS: {{{', '.join(fields)}}}", statement)
+    writing.add(f"MAS: {{{', '.join(mass_fields)}}}", statement)
 
 
 def _ground(writing: Writing, statement: Statement, _: Start) -> None:
@@ -205,24 +211,26 @@ def _resonators(writing: Writing, model_statement: Statement, start_state: Start
     if sixty not in writing.parameters:
         comment = "60 dB are 6.907755 time constants, and T60 of the model 6.9078"
         let(writing, writing.sixty, repr(SIXTY), comment, unit_name="s")
-    values = range(0, len(model_statement.values), 3)
+    value_indices = range(0, len(model_statement.values), 3)
     pitches = [
-        unit_of(text_of(writing, model_statement, value_index), "Hz") for value_index in values
+        unit_of(text_of(writing, model_statement, value_index), "Hz")
+        for value_index in value_indices
     ]
     decays = [
-        times(text_of(writing, model_statement, value_index + 1), sixty) for value_index in values
+        times(text_of(writing, model_statement, value_index + 1), sixty)
+        for value_index in value_indices
     ]
     mass_text = (
         f"M: {times(text_of(writing, model_statement, 2), f'fs*fs*{resonances[0].heavier!r}')}"
     )
     if len(resonances) == 1:
-        fields = [
+        cel_fields = [
             mass_text,
             f"f: {pitches[0]}",
             f"t60: {decays[0]}",
             *_begin(writing, model_statement, start_state),
         ]
-        writing.add(f"CEL: {{{', '.join(fields)}}}", model_statement)
+        writing.add(f"CEL: {{{', '.join(cel_fields)}}}", model_statement)
         return
     if start_state.places[model_statement.name]:
         message = "an offset presses on these resonators before the first sample, and a MODES "
@@ -243,10 +251,10 @@ _MAKERS = {"mass": _mass, "ground": _ground, "port": _port, "resonators": _reson
 
 def _join(writing: Writing, model_statement: Statement) -> None:
     """Compute the values of a link."""
-    for end in model_statement.ends:
-        if end not in writing.masses:
-            near = nearest(end, writing.masses)
-            raise ModelError(f"no mass is called {quote(end)}", model_statement.line, near)
+    for link_end in model_statement.ends:
+        if link_end not in writing.masses:
+            near = nearest(link_end, writing.masses)
+            raise ModelError(f"no mass is called {quote(link_end)}", model_statement.line, near)
     a, b = model_statement.ends
     if a == b:
         raise ModelError(f"it joins {quote(a)} to itself", model_statement.line)

@@ -88,17 +88,17 @@ class Values:
 
     def number(self, text: str, line: int, label: str) -> float:
         """The value of an expression that must be a number. Raises ModelError."""
-        value = self._value(parse(text, line), {}, line)
-        if not isinstance(value, float):
+        number_value = self._value(parse(text, line), {}, line)
+        if not isinstance(number_value, float):
             raise ModelError(f"{label}: {quote(text[:60])} is not a number", line)
-        return value
+        return number_value
 
     def sound(self, text: str, line: int) -> Sound:
         """The value of an expression that must be a sum. Raises ModelError."""
-        value = self._value(parse(text, line), {}, line)
-        if isinstance(value, tuple):
+        sound_value = self._value(parse(text, line), {}, line)
+        if isinstance(sound_value, tuple):
             raise ModelError(f"{quote(text[:60])} is a list; an output has one channel", line)
-        return value if isinstance(value, Sound) else Sound({}, (), value)
+        return sound_value if isinstance(sound_value, Sound) else Sound({}, (), sound_value)
 
     def tree(self, name: str) -> Node:
         """The expression that a name stands for. Raises ModelError."""
@@ -163,11 +163,13 @@ class Values:
             return tuple(self._value(part, arguments, line) for part in node.parts)
         if node.kind == "chain":
             node_value = self._value(node.parts[0], arguments, line)
-            for sign, part in zip(node.operators, node.parts[1:], strict=True):
-                if sign == ":":
-                    node_value = self._through(part, node_value, arguments, line)
+            for operator_sign, operand_node in zip(node.operators, node.parts[1:], strict=True):
+                if operator_sign == ":":
+                    node_value = self._through(operand_node, node_value, arguments, line)
                 else:
-                    node_value = _pair(sign, node_value, self._value(part, arguments, line), line)
+                    node_value = _pair(
+                        operator_sign, node_value, self._value(operand_node, arguments, line), line
+                    )
             return node_value
         raise ModelError(f"{quote(node.word)} has no value by itself", line)
 
@@ -209,11 +211,11 @@ class Values:
             value = self._value(self.tree(function_name), inner, definition.line)
             self._open.pop()
             return value
-        numbers = [argument for argument in call_values if isinstance(argument, float)]
-        if len(numbers) == len(call_values) == 1 and function_name in _NUMBERS:
-            return _computed(_NUMBERS[function_name], numbers, line)
-        if len(numbers) == len(call_values) == 2 and function_name in _PAIRS:
-            return _computed(_PAIRS[function_name], numbers, line)
+        number_values = [argument for argument in call_values if isinstance(argument, float)]
+        if len(number_values) == len(call_values) == 1 and function_name in _NUMBERS:
+            return _computed(_NUMBERS[function_name], number_values, line)
+        if len(number_values) == len(call_values) == 2 and function_name in _PAIRS:
+            return _computed(_PAIRS[function_name], number_values, line)
         known_functions = [*_NUMBERS, *_PAIRS, *SLIDERS, *self.definitions]
         raise ModelError(
             f"of Faust {quote(function_name)} is not read here",
@@ -285,18 +287,20 @@ class Values:
             else self._value(part, arguments, line)
             for part, has_input in zip(node.parts, takes_input, strict=True)
         ]
-        total = terms[0]
+        term_sum = terms[0]
         for sign, term in zip(node.operators, terms[1:], strict=True):
-            total = _pair(sign, total, term, line)
-        return total
+            term_sum = _pair(sign, term_sum, term, line)
+        return term_sum
 
     def _filtered(
         self, node: Node, filtered_value: Value, arguments: Mapping[str, Value], line_number: int
     ) -> Value:
-        numbers = [self._value(part, arguments, line_number) for part in node.parts]
-        if len(numbers) != 2 or not all(isinstance(number, float) for number in numbers):
+        argument_numbers = [self._value(part, arguments, line_number) for part in node.parts]
+        if len(argument_numbers) != 2 or not all(
+            isinstance(number, float) for number in argument_numbers
+        ):
             raise ModelError("highpass is written highpass(order, frequency)", line_number)
-        filter_order, cutoff = (number for number in numbers if isinstance(number, float))
+        filter_order, cutoff = (number for number in argument_numbers if isinstance(number, float))
         if not (
             1.0 <= filter_order <= 64.0
             and filter_order == int(filter_order)
@@ -329,7 +333,7 @@ def _smooth(value: Value, line: int) -> Value:
     raise ModelError("a low-pass of a sound is not built: a route has a high-pass alone", line)
 
 
-def _row(arguments: list[Value], line: int) -> Value:
+def _row(arguments: list[Value], line_number: int) -> Value:
     """A value of a table."""
     _, table_rows, row_index = arguments
     if (
@@ -337,7 +341,7 @@ def _row(arguments: list[Value], line: int) -> Value:
         or not isinstance(row_index, float)
         or not 0 <= int(row_index) < len(table_rows)
     ):
-        raise ModelError("rdtable is written rdtable(size, mytake(...), index) here", line)
+        raise ModelError("rdtable is written rdtable(size, mytake(...), index) here", line_number)
     return table_rows[int(row_index)]
 
 
@@ -347,12 +351,12 @@ def _finite(value: float, line: int) -> float:
     return value
 
 
-def _computed(by: Callable[..., float], values: list[float], line: int) -> float:
+def _computed(by: Callable[..., float], values: list[float], line_number: int) -> float:
     try:
-        return _finite(float(by(*values)), line)
+        return _finite(float(by(*values)), line_number)
     except (ArithmeticError, ValueError, TypeError):
         raise ModelError(
-            "an expression has no value: it divides by 0, or is too large", line
+            "an expression has no value: it divides by 0, or is too large", line_number
         ) from (None)
 
 

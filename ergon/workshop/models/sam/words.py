@@ -48,10 +48,10 @@ def is_model(text: str) -> bool:
     return False
 
 
-def written(word: str) -> str:
+def written(model_word: str) -> str:
     """A statement as documentation shows it: `link(k, R, o), name, a, b;`."""
-    if word in OUTPUTS:
-        return f"{word}, name, expression;"
-    values = ", ".join(MASSES.get(word) or LINKS.get(word, ()))
-    ellipsis = ", ..." if word == "resonators" else ""
-    return f"{word}({values}{ellipsis}), name{', a, b' if word in LINKS else ''};"
+    if model_word in OUTPUTS:
+        return f"{model_word}, name, expression;"
+    values = ", ".join(MASSES.get(model_word) or LINKS.get(model_word, ()))
+    ellipsis = ", ..." if model_word == "resonators" else ""
+    return f"{model_word}({values}{ellipsis}), name{', a, b' if model_word in LINKS else ''};"

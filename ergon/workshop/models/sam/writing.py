@@ -70,7 +70,7 @@ def let(
         ) from None
 
 
-def _named(writing: Writing, value_name: str, line: int) -> bool:
+def _named(writing: Writing, value_name: str, line_number: int) -> bool:
     """Whether a name can be used under `let:`; it is added there, with the names that it needs."""
     definition = writing.values.definitions.get(value_name)
     if (
@@ -80,7 +80,7 @@ def _named(writing: Writing, value_name: str, line: int) -> bool:
         return True
     if definition is None or definition.arguments:
         return False
-    named_value = writing.values.by_name(value_name, line)
+    named_value = writing.values.by_name(value_name, line_number)
     if not isinstance(named_value, float):
         return False
     if value_name in writing.values.overrides:
@@ -88,13 +88,13 @@ def _named(writing: Writing, value_name: str, line: int) -> bool:
         return True
     slider = text_of_slider(writing.values.tree(value_name))
     label, source = (definition.comment, definition.text) if slider is None else slider
-    text = _expression(writing, source, named_value, definition.line)
-    remark = [label if slider is not None or text is not None else definition.text]
+    expression_text = _expression(writing, source, named_value, definition.line)
+    remark = [label if slider is not None or expression_text is not None else definition.text]
     remark += [definition.comment] if definition.comment and remark != [definition.comment] else []
     let(
         writing,
         value_name,
-        text or number(named_value),
+        expression_text or number(named_value),
         "  ".join(filter(None, remark)),
         definition.before,
     )
@@ -139,18 +139,18 @@ def value_of(writing: Writing, model_statement: Statement, value_index: int) -> 
     )
 
 
-def text_of(writing: Writing, statement: Statement, index: int) -> str:
+def text_of(writing: Writing, statement: Statement, value_index: int) -> str:
     """A value of a statement as an expression of the score. Raises ModelError."""
-    value = value_of(writing, statement, index)
-    expression = _expression(writing, statement.values[index], value, statement.line)
+    value = value_of(writing, statement, value_index)
+    expression = _expression(writing, statement.values[value_index], value, statement.line)
     return number(value) if expression is None else expression
 
 
-def unit_of(text: str, unit: str) -> str:
+def unit_of(value_text: str, unit_name: str) -> str:
     """An expression times a unit."""
-    if metres(text) == f"{text}m":
-        return f"{text}{unit}"
-    return f"{text if text.isidentifier() else f'({text})'}*1{unit}"
+    if metres(value_text) == f"{value_text}m":
+        return f"{value_text}{unit_name}"
+    return f"{value_text if value_text.isidentifier() else f'({value_text})'}*1{unit_name}"
 
 
 def times(text: str, factor: str) -> str:
@@ -164,8 +164,10 @@ def within(statement: Statement, name: str, value: float, limit: float) -> None:
         raise ModelError(f"{name} is {value:g}: a score holds up to {limit:g}", statement.line)
 
 
-def target(writing: Writing, mass: str) -> str:
+def target(writing: Writing, mass_name: str) -> str:
     """A mass as a point of the score."""
     return (
-        f"{writing.targets[mass]}.point" if writing.masses[mass].is_body else writing.targets[mass]
+        f"{writing.targets[mass_name]}.point"
+        if writing.masses[mass_name].is_body
+        else writing.targets[mass_name]
     )
