@@ -128,7 +128,7 @@ def main(argument_words: list[str] | None = None) -> None:
     """Run a command line and exit with the code of its outcome."""
     set_umask()
     code = run(sys.argv[1:] if argument_words is None else argument_words)
-    gc.freeze()  # what is left goes with the process: no search for cycles in it
+    gc.freeze()  # the process ends soon: the collector need not search these objects
     sys.exit(code)
 
 
@@ -144,7 +144,7 @@ def run(argument_words: list[str]) -> int:
     failure = flush_and_close()
     if code == 0 and failure is not None and not isinstance(failure, BrokenPipeError):
         code = Refused.exit_code
-        with contextlib.suppress(OSError):  # where both streams lead to one full disk
+        with contextlib.suppress(OSError):  # both streams may lead to one full disk
             Console().outcome(explain(failure))
         flush_and_close()
     return code

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ergon.live.calibration import Axis
 
 _PERIOD = 1e-3  # [s]
-_TRAVEL_MIN = 0.05  # of the device's range; less may be a trembling finger
+_TRAVEL_MIN = 0.05  # share of the device's range; a smaller movement may be a tremor
 
 
 def _travel(

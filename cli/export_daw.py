@@ -149,7 +149,7 @@ def _note_tracks(stage: Stage) -> list[NoteTrack]:
 
     tempo = stage.piece.tempo_map
     notes_by_instrument: dict[str, list[Note]] = {}
-    drums: dict[str, int] = {}  # by instrument: its key
+    drums: dict[str, int] = {}  # MIDI key of each instrument without a pitch
     for struck_note in struck_notes(stage):
         if struck_note.pitch is None:
             midi_key = drums.setdefault(struck_note.instrument, _FIRST_DRUM + len(drums))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ergon.workshop.metrology.calibration_file import Calibration
     from ergon.workshop.metrology.comparison import Difference, Gain
 
-_BYTES_MAX = 1 << 20  # of a calibration
+_BYTES_MAX = 1 << 20  # largest calibration file
 _FAR = 3.0  # standard deviations: a larger difference is not chance
 
 

@@ -15,7 +15,7 @@ from .schema import FILE as SCHEMA
 
 _TEMPLATES = Path(str(files("ergon"))) / "cli" / "templates"
 TEMPLATES = ("bell", "duet")
-_TITLE = "title: A new piece"  # as the templates have it, which are whole scores themselves
+_TITLE = "title: A new piece"  # the title in the templates, which are complete scores
 _NAME = re.compile(r"[^\W\d][\w-]*")
 
 

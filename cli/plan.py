@@ -31,7 +31,7 @@ _HOW = {
     "unheard": "nothing: no output hears it",
     "still": "nothing: nothing moves it",
 }
-_LOADS, _LARGEST_PARTS = 8, 4  # that are listed one by one
+_LOADS, _LARGEST_PARTS = 8, 4  # largest numbers of loads and of parts that are listed
 _BY_EAR_HEAD = "pitch, T60, third octaves, strokes"
 _HEAD = ("part", "modules", "computed", "error", _BY_EAR_HEAD, "cost", "stable", "left out")
 

@@ -92,7 +92,7 @@ def signals_as_exceptions(
         raise ended from error
     finally:
         over.append(True)
-        while _sending:  # what is being sent now must not meet the handlers of before
+        while _sending:  # signals under way must not reach the former handlers
             time.sleep(_AGAIN)
         for finaliser in watched:
             finaliser.detach()

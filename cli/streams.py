@@ -80,6 +80,6 @@ def _null(file_number: int) -> int:
         if opened != file_number:
             os.dup2(opened, file_number)
             os.close(opened)
-        os.set_inheritable(file_number, True)  # as a shell's streams are
+        os.set_inheritable(file_number, True)  # a shell's streams are inheritable too
         return file_number
     return os.open(os.devnull, os.O_RDWR)

@@ -119,7 +119,7 @@ def _warn_of_levels(console: Console, completed: Completed) -> None:
     if render_files.stems and render_files.stems[0].gain != mix.gain:
         lower = decibels(render_files.stems[0].gain / mix.gain)
         console.warn(f"stems are {lower:+.1f} dB against the mix, where one of them would clip")
-    if mix.peak == 0 and not completed.faint:  # of a journal, which has no place in a score
+    if mix.peak == 0 and not completed.faint:  # a journal's render has no place in a score
         name = _name_of(mix)
         console.warn(f"{name} is silent; `ergon check --simulate` says what moves and what touches")
     if completed.job.format.bits != "float":

@@ -24,7 +24,7 @@ from ergon.notation.text.spelling import nearest
 
 _TRAVEL = 10e-3  # m, for each SI unit of the constant
 _OIL = 100.0  # N·s/m; with _TRAVEL an impulse of 1 N·s is one SI unit
-_MASSES = {"draw": 2.0, "press": 1.0}  # kg; with _OIL 20 ms and 10 ms until it stands
+_MASSES = {"draw": 2.0, "press": 1.0}  # kg; with _OIL it comes to rest within 20 ms and 10 ms
 
 
 class LinkRange(NamedTuple):

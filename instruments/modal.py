@@ -16,9 +16,9 @@ from ergon.notation.text.document import Document, Node
 from ergon.notation.text.errors import Collector, TextError, quote
 from ergon.notation.text.values import Place
 
-MAX_MODES = 100_000  # of a list or a file
+MAX_MODES = 100_000  # modes of a list or a file
 _MAX_LINE = 1_000  # characters
-DEFAULT_PLACE = "point"  # of MODES without named places
+DEFAULT_PLACE = "point"  # place of MODES that name none
 
 
 class Each(tuple[float, ...]):

@@ -14,7 +14,7 @@ from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Shape
 
 _SCATTER = 0.5  # octaves that a decay lies above or below the line at most
-_WEAKEST = 0.5  # of the level that is written
+_WEAKEST = 0.5  # smallest drawn level over the written one
 _DIGITS = 6
 
 
@@ -41,7 +41,7 @@ class Band:
         positive, at the second every second one is not, at the third every second pair is not: so
         that places hardly move together at the first instant, as on a body that is large.
         """
-        chance = random.Random(self.seed)  # what is drawn is music: no secret
+        chance = random.Random(self.seed)  # draws are music and need no secure source
         drawn_frequencies, t60 = [], []
         levels_by_place: dict[str, list[float]] = {name: [] for name in names}
         for i in range(self.count):

@@ -47,7 +47,7 @@ LINKS = tuple(name for name, kind in KINDS.items() if kind.family == "link")
 GENERATORS = tuple(name for name, kind in KINDS.items() if kind.family == "generator")
 BODIES = ("STRING", "PLATE")  # generators whose masses lie beside each other
 HOLDERS = (*MATS, *GENERATORS)  # kinds that have <M> points
-FOLLOWERS = ("PROXY", "SURFACE")  # whose points move as masses of other modules do
+FOLLOWERS = ("PROXY", "SURFACE")  # kinds whose points follow masses of other modules
 
 
 # Fields that earlier versions did not have, with their defaults: a digest omits a field with its

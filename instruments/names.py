@@ -32,10 +32,10 @@ class Part:
     name: str
     modules: Mapping[str, Module]
     struck: str | None = None  # a key's MAT that ergons strike
-    prefix: str = ""  # of the file that it comes from
+    prefix: str = ""  # prefix of its file
     broken: frozenset[str] = frozenset()  # modules that were refused: reported already
     selves: frozenset[str] = frozenset()  # names for itself, with those it was copied from
-    axes: int = 1  # of an instrument in space two or three
+    axes: int = 1  # 2 or 3 for an instrument in space
     acts: Mapping[str, Act] = field(default_factory=dict)  # how it is played, the usual one first
 
     @property
@@ -71,8 +71,8 @@ class PartNames:
     reached: set[str] = field(default_factory=set)  # parts that some name refers to
     searched: set[str] = field(default_factory=set)  # parts in which some name was looked for
     families: dict[str, Family] = field(default_factory=dict)  # instruments with `notes`
-    tuning: Tuning | None = None  # of the score
-    tunings: dict[str, Tuning] = field(default_factory=dict)  # of instruments with their own
+    tuning: Tuning | None = None  # tuning of the score
+    tunings: dict[str, Tuning] = field(default_factory=dict)  # tunings of instruments that have one
 
     def targets(self, name: Name, wanted: Wanted, who: str) -> list[Target]:
         """The targets of a name; for an instrument with notes one for each note.
@@ -341,7 +341,7 @@ class PartNames:
         point_count = body_module.count if body_module else member_count(module.kind, module.fields)
         called = ".".join(filter(None, (owner.name, module.name)))
         first_point, range_size, problem = 0, 1, ""
-        if point_count == 0:  # of a body that was refused already
+        if point_count == 0:  # the body was refused already
             return None
         if some is None and point_count > 1:
             problem = (

@@ -321,7 +321,7 @@ def is_slow(kind_name: str, module_fields: Mapping[str, Any]) -> bool:
     """
     module_frequency, stiffness, module_mass = (module_fields.get(name) for name in ("f", "K", "M"))
     if KINDS[kind_name].role == "friction":
-        return True  # it belongs to the bow
+        return True  # the module belongs to the bow
     if kind_name != "CEL":
         return False
     if isinstance(module_frequency, float):

@@ -37,12 +37,12 @@ if TYPE_CHECKING:
 K = TypeVar("K")
 V = TypeVar("V")
 _LOCAL_MAX = 1024
-_RETRIES = 10  # of a request whose worker died
+_RETRIES = 10  # attempts for a request whose worker died
 _CONNECTING = 20.0  # [s]
 _LOOK_EVERY = 1.0  # [s] between looks at the connection
 _BEGINNINGS = 5
 _LOST = 30  # looks without a scheduler or without workers, until that is an error
-_LOGS = ("asyncio", "distributed", "tornado")  # of Dask, and of what it stands on
+_LOGS = ("asyncio", "distributed", "tornado")  # loggers of Dask and of the libraries below it
 _ADDRESS = re.compile(r"(tcp|tls|ucx|ws|wss)://[^\s/]+:\d+")
 
 
@@ -269,7 +269,7 @@ def _begun(stack: contextlib.ExitStack, process_count: int) -> Any:
     for _ in range(_BEGINNINGS):
         try:
             return stack.enter_context(local_cluster(process_count, _RETRIES))
-        except ImportError:  # of what makes certificates
+        except ImportError:  # the library that makes certificates is missing
             raise ClusterError(_missing("cryptography")) from None
         except NotPrivateError as error:
             raise ClusterError(f"local:{process_count}: {error}") from None

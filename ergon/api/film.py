@@ -165,7 +165,9 @@ def _part(stage: Stage, instrument_name: str, run: LookRun) -> dict[str, Any]:
         "layout": _layout(stage, instrument_name),
         "why": "frozen" if is_frozen else run.why,
         "modes": mode_table,
-        "exaggeration": 1.0 if _axes(stage, instrument_name) > 1 else None,  # it is where it is
+        "exaggeration": 1.0
+        if _axes(stage, instrument_name) > 1
+        else None,  # positions in space are true to scale
     }
 
 

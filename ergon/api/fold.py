@@ -31,7 +31,11 @@ if TYPE_CHECKING:
 
 _AMBISONICS = "ambix"
 _BLOCK = 65_536  # frames
-_WRITTEN: dict[Bits, Bits] = {8: 16, 32: "float", "double": "float"}  # what is read, not written
+_WRITTEN: dict[Bits, Bits] = {
+    8: 16,
+    32: "float",
+    "double": "float",
+}  # formats that can be read only, and their replacement
 
 
 class FoldError(ErgonError, ValueError):

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ergon.view.curve import Curve
     from ergon.view.roll import Bar
 
-NOTES = "notes"  # in place of a name
+NOTES = "notes"  # a plot of all notes, in place of a name
 _ROOM = 0.02  # [s] drawn before a gesture: its joining curve
 
 

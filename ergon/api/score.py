@@ -272,7 +272,7 @@ def mark_frames(piece: Piece, rate: float, start: int) -> list[tuple[str, int]]:
 
 def level_of(piece: Piece, bits: Bits) -> Level:
     """The gain, high-pass and limiter between the mix and a file of `bits`."""
-    is_measured = bits == "float"  # in SI units, nothing added or taken away
+    is_measured = bits == "float"  # samples are in SI units, without a gain
     master = piece.mix.master
     return Level(
         normalise=master.normalise if master else None,

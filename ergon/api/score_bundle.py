@@ -23,7 +23,7 @@ from . import score as scores
 if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
 
-_BYTES_MAX = 256_000_000  # of all files: hours of takes
+_BYTES_MAX = 256_000_000  # all files together: hours of takes
 
 
 class ScoreBundle(TypedDict):

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ergon.scores.staging.built_network import BuiltNetwork
 
 _STATIC = 1e-5  # of the lowest frequency: there inertia changes the response by this squared
-_NOTHING = 1e-12  # of the energy of a blow
+_NOTHING = 1e-12  # share of a blow's energy that counts as none
 
 
 @renamed(to="upto")

@@ -130,7 +130,7 @@ def sweep(
     picture_title = scores.piece_of(loaded).title or Path(score).stem
     try:
         _compute(str(score), options, missing, folder, rows_by_number, sweep_table, report)
-    finally:  # what was computed before Ctrl-C is kept
+    finally:  # keep the variants that were computed before Ctrl-C
         ordered_rows = [rows_by_number[number] for number in sorted(rows_by_number)]
         if ordered_rows:
             sweep_table.write(ordered_rows, picture_title, force=options.force)
@@ -214,7 +214,7 @@ def _variants(
 def _texts(score: str | Path, sweep_options: SweepOptions, loaded: Loaded) -> Texts:
     from ergon.scores.edits.texts import Texts
 
-    path = str(Path(score))  # as the loader writes it
+    path = str(Path(score))  # the form in which the loader writes it
     text = next(iter(loaded.files.values())).text if path == scores.STDIN else None
     text = loaded.files[path].text if text is None else text
     return Texts(path, text, bounds=scores.bounds(path, sweep_options.trust)).complete()

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.scores.gesture.movement import MovementStats
 
-_FRESH = 1  # of a recording's flags
+_FRESH = 1  # bit in a recording's flags
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 REACHED = 1e-6  # [cents] within which a target counts as reached
 _EXACT = 1e-10  # [cents] at which the search ends
-_DIGITS = 12  # of a value: one more digit would move a mode by 1e-9 cents at most
+_DIGITS = 12  # digits of a value; one more moves a mode by 1e-9 cents at most
 _STEPS = 80
 _STRIDE = 0.4  # a value is at most multiplied by e^0.4 in one step
 _FARTHEST = math.log(1000.0)
@@ -464,7 +464,7 @@ class _Search:
 
         try:
             modes_above, modes_below = elements_at(math.exp(_NUDGE)), elements_at(math.exp(-_NUDGE))
-        except _core.EngineError:  # at the limit of its range, the value stays
+        except _core.EngineError:  # the value is at the limit of its range, and stays
             return np.zeros(len(poles))
         dm, dk, dz = (
             (getattr(modes_above, name) - getattr(modes_below, name)) / (2 * _NUDGE)

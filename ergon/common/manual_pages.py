@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-MANUAL = Path(__file__).parents[1] / "manual"  # in a checkout a link to docs/
+MANUAL = Path(__file__).parents[1] / "manual"  # a link to docs/ in a checkout
 
 
 def mistake_page_uri(code: str) -> str | None:

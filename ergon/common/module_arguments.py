@@ -13,7 +13,7 @@ def module_arguments(*module_names: str, further_code: str = "") -> list[str]:
     end the program before it does anything.
     """
     main_module = sys.modules["__main__"]
-    assert main_module.__spec__ is not None  # it was started by `python -m`
+    assert main_module.__spec__ is not None  # the process was started by `python -m`
     parser = argparse.ArgumentParser(
         f"python -m {main_module.__spec__.name.removesuffix('.__main__')}",
         description=main_module.__doc__,

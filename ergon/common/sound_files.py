@@ -20,7 +20,7 @@ _FOREIGN = (
 _HEAD = 16  # bytes that tell
 
 WAVE, FLAC = ".wav", ".flac"
-SUFFIXES = (WAVE, FLAC)  # of files that are written
+SUFFIXES = (WAVE, FLAC)  # endings of files that can be written
 _READ = (*SUFFIXES, ".wave", ".rf64", ".bwf", ".aif", ".aiff", ".aifc")
 # How files of sound begin that are read.
 _KINDS = (

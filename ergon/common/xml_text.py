@@ -10,7 +10,7 @@ from ergon.common.errors import ErgonError
 
 BYTES_MAX = 4 << 20  # bytes
 ELEMENTS_MAX = 100_000
-_TYPE = re.compile(rb"<!DOCTYPE[^\[\]<>]*>")  # that defines nothing itself
+_TYPE = re.compile(rb"<!DOCTYPE[^\[\]<>]*>")  # a DOCTYPE without definitions of its own
 _DEFINES = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
 
 

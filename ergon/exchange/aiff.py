@@ -39,7 +39,7 @@ _CODINGS: dict[bytes, tuple[str, Bits | None]] = {
     b"FL64": (_BIG, "double"),
     b"raw ": ("unsigned", 8),
 }
-_FILLING = (b"FVER", b"PEAK", b"FLLR")  # that say nothing of the piece
+_FILLING = (b"FVER", b"PEAK", b"FLLR")  # chunks without data of the piece
 _TEXT_MAX = 1 << 16  # bytes of a title, and of all marks
 _MARKS_MAX = 1000
 _OTHERS_MAX = 100
@@ -117,7 +117,7 @@ def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
             and sound_place is not None
             and (chunk_size > end_offset - start_offset or not chunk_name.isascii())
         ):
-            break  # what follows the samples is no chunk
+            break  # the bytes after the samples are no chunk
         if chunk_name == b"COMM":
             content = read_exactly(open_file, min(chunk_size, 1024), _CUT_HEADER)
             format, byte_order, stated = _common(content, is_compressed=is_compressed)
@@ -203,5 +203,5 @@ def _marks(chunk_content: bytes) -> list[tuple[str, int]]:
         named_marks.append((name, frame))
         mark_start += (
             7 + name_length + (name_length + 1) % 2
-        )  # with its length a name has an even size
+        )  # a name with its length byte has an even size
     return named_marks

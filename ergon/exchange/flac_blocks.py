@@ -25,7 +25,7 @@ _RIFF = b"riff"
 _FILE_HEADS = (b"RIFF", b"RF64", b"BW64")
 _DATA = b"data"
 _BLOCKS_MAX = 1000
-_BYTES_MAX = 32 << 20  # of all blocks that are read
+_BYTES_MAX = 32 << 20  # all blocks that are read, together
 _MASK = re.compile(rb"WAVEFORMATEXTENSIBLE_CHANNEL_MASK=0x([0-9a-f]{1,8})", re.IGNORECASE)
 
 
@@ -124,7 +124,7 @@ class InsertedBlocks:
         try:
             if whence == io.SEEK_SET and offset >= HEAD_END and self._is_inserted:
                 offset += len(self._blocks)
-            self.file.seek(offset, whence)  # it writes what is buffered
+            self.file.seek(offset, whence)  # this writes the buffer
         except OSError as error:
             self.error = error
             return 0

@@ -31,7 +31,7 @@ from ergon.common.terminal import printable
 
 SUFFIX = ".ergonpack"
 FORMAT = 1
-BYTES_MAX = 256_000_000  # of the pack: hours of takes
+BYTES_MAX = 256_000_000  # largest pack: hours of takes
 FILES_MAX = 1024
 _NAME_MAX = 200  # bytes of a name with its folders
 _MANIFEST = "ergonpack.json"

@@ -23,10 +23,10 @@ from .cache_folder import CacheFolder, versioned_key
 
 _VERSION = 2  # 1: numbers of a body without its kind
 _FILES_MAX = 4096
-_BYTES_MAX = 32_000_000  # of all files
+_BYTES_MAX = 32_000_000  # all files together
 _BYTES_MAX_ONE = 8_000_000
 _COUNT_MAX = 2**32 - 1
-_WORDS_MAX = 200  # of a reason
+_WORDS_MAX = 200  # longest stored reason
 
 
 class PlanStore:

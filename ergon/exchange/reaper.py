@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from .midi import Marker, Meter, Ruler, tempo_steps
 
 _SQUARE = 1  # a tempo that stays up to the next one
-_SETS_METER = 1  # of a point that sets both tempo and meter
+_SETS_METER = 1  # flag of a point that sets both tempo and meter
 _QUOTES = "\"'`"
 
 

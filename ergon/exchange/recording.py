@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _BLOCK = 8192  # rows of a CSV, frames of a WAV, that are made at once
 _MAX_TICKS = 20_000_000  # times axes: what a recording holds
-_NO_NAME = str.maketrans(dict.fromkeys('[],;"#', "_"))  # what a header of a CSV cannot say
+_NO_NAME = str.maketrans(dict.fromkeys('[],;"#', "_"))  # characters that a CSV header cannot hold
 
 
 class NotRecordingError(ErgonError, ValueError):

@@ -212,11 +212,13 @@ class FileGroup:
             if self.is_recorded:
                 hashed_samples = self.samples.get(pending.file)
                 written.remember(written.digest(pending.file, hashed_samples))
-            if not temporary.IS_LOCKED:  # on such systems an open file cannot be renamed
+            if not temporary.IS_LOCKED:  # such a system cannot rename an open file
                 pending.file.close()
         for pending in self.pending:
             self.check(pending.path)  # somebody else may have written there meanwhile
-        moved: list[tuple[_Pending, Path | None]] = []  # and what was there before
+        moved: list[
+            tuple[_Pending, Path | None]
+        ] = []  # files that were moved, with their predecessors
         try:
             for pending in self.pending:
                 moved.append((pending, self._keep_old(pending.target)))
@@ -230,7 +232,7 @@ class FileGroup:
                 else:
                     os.replace(path_before, pending.target)
             raise
-        if self.sync and not self.is_recorded:  # what cannot be computed again
+        if self.sync and not self.is_recorded:  # content that cannot be computed again
             _sync(pending.target.parent for pending in self.pending)
 
     def _keep_old(self, target_path: Path) -> Path | None:

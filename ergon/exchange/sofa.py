@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _BYTES_MAX = 512 << 20  # bytes of a file
-_VALUES_MAX = 1 << 26  # of an array, as `sofa_reader.py` has it
+_VALUES_MAX = 1 << 26  # largest array, as in `sofa_reader.py`
 _HEAD_MAX = 4096  # bytes of the first line of an answer
-_SECONDS = 600.0  # by the clock, where the system does not end the reader by itself
+_SECONDS = 600.0  # clock time, where the system sets no limit on the reader
 _DELAY_MAX = 0.1  # [s] between two responses; sound goes around a head in 1 ms
 _CONVENTION = "SimpleFreeFieldHRIR"
 _READER = Path(__file__).with_name("sofa_reader.py")

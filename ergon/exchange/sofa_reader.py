@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 ARRAYS = ("SourcePosition", "Data.IR", "Data.SamplingRate", "Data.Delay")
 _DELAYS = ARRAYS[3]  # files of before AES69 leave them out: no delay
-VALUES_MAX = 1 << 26  # of an array: 12,000 directions with 2,800 samples at both ears
+VALUES_MAX = 1 << 26  # largest array: 12,000 directions, 2,800 samples, both ears
 _MEMORY = 2 << 30  # bytes of addresses: an array as it is read and as doubles is 1 GB
-_SECONDS = 60  # of the processor
+_SECONDS = 60  # processor time
 _TEXT_MAX = 200  # characters of a text of the file
 
 # Filters of the library itself (H5Zpublic.h); others would be loaded as code.

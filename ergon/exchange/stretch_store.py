@@ -25,7 +25,7 @@ _HEAD = struct.Struct("<8sQ")
 _LENGTH = struct.Struct("<Q")
 _MAGIC = b"ERGONST1"
 _FILES_MAX = 20_000
-_BYTES_MAX = 4_000_000_000  # of all files: eleven minutes of 100 outputs at 44.1 kHz
+_BYTES_MAX = 4_000_000_000  # all files: eleven minutes of 100 outputs at 44.1 kHz
 _BYTES_MAX_ONE = 128_000_000
 
 

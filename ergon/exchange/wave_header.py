@@ -39,7 +39,7 @@ _CONTAINERS: dict[bytes, _Container] = {
 _Order = Literal["little", "big"]
 _ORDER_SIGNS: dict[_Order, str] = {"little": "<", "big": ">"}
 _UNKNOWN = (0, 0xFFFFFFFF)  # sizes left by programs that cannot seek back to write them
-_SOX_UNKNOWN = 0x7FFFF000  # what SoX writes then, rounded down to whole frames (its wav.c)
+_SOX_UNKNOWN = 0x7FFFF000  # SoX's value, rounded down to whole frames (its wav.c)
 
 _TAG_PCM, _TAG_FLOAT, _TAG_EXTENSIBLE = 1, 3, 0xFFFE
 _GUID_TAIL = bytes.fromhex("000000001000800000aa00389b71")  # KSDATAFORMAT_SUBTYPE_*
@@ -75,7 +75,7 @@ class Stamp:
     title: str
     score: str = ""
     plan: str = ""
-    chunks: bytes = b""  # that say what the channels are, as they stand in the file
+    chunks: bytes = b""  # the chunks that describe the channels, byte for byte
     marks: tuple[tuple[str, int], ...] = ()  # names and frames in the file, for WAVE files
     tracks: tuple[str, ...] = ()  # names of the channels, for WAVE files
 
@@ -246,7 +246,7 @@ def parse(open_file: BinaryIO) -> WaveInfo:
         if sample_span is not None and (
             chunk_size > file_end - start_offset or not chunk_name.isascii()
         ):
-            break  # what follows the samples is no chunk
+            break  # the bytes after the samples are no chunk
         if chunk_name == b"data" and sample_span is None:
             if format is None:
                 raise NotWaveError("the samples come before their format")

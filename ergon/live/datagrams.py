@@ -11,7 +11,7 @@ from ergon.common.extras import install_command
 DATAGRAM_BYTES_MAX = 4096  # bytes of a datagram; what is longer is not for us
 _BUNDLE_DEPTH_MAX = 8  # bundles inside bundles
 _BUNDLE = b"#bundle\0"
-_BUNDLE_HEADER_BYTES = len(_BUNDLE) + 8  # with its time tag
+_BUNDLE_HEADER_BYTES = len(_BUNDLE) + 8  # includes the time tag
 _TYPES = re.compile(rb",[ifdhsbtTFN]*\Z")
 
 

@@ -28,8 +28,8 @@ TICK_SECONDS = 44 / 44100
 STRUCTURAL_TICKS = 1
 # Frames computed ahead of the sound card.
 FRAMES_AHEAD = 1024
-_LATE_SHARE = 0.5  # of its length: a tick that begins later than this is late
-_LATE_TICKS_MAX = 1e-3  # of all ticks
+_LATE_SHARE = 0.5  # a tick that begins later than this share of its length is late
+_LATE_TICKS_MAX = 1e-3  # largest share of late ticks
 _RIGHTS = (
     "put `@audio - rtprio 95` and `@audio - memlock unlimited` into "
     "/etc/security/limits.d/95-ergon.conf, join the group audio, and log in again"

@@ -224,7 +224,7 @@ class ForceBoundsFinder:
             hand_limit = self._hand_limit(
                 hand.index, _response_of(reached, hand.tick_frames, self._reaches[hand.index])
             )
-            assert hand_limit is not None  # it is real
+            assert hand_limit is not None  # the hand is real
             borne = ForceScale(hand_limit.scale, hand_limit.stiffness, hand_limit.limit)
         self._cache[bounds_key] = borne  # the latest last
         if len(self._cache) > _CACHE_MAX:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _ENOUGH = 20  # positions from which quantiles are stated
 _STAMPED = (*PAGE_KINDS, "gamepad")  # kinds whose positions say when they were taken
-_USUALLY = 0.999  # of the positions come in time with the delay that is advised
+_USUALLY = 0.999  # share of positions in time with the advised delay
 _TOO_MUCH = 2.0  # a delay so many times the needed one is longer than useful
 
 
@@ -69,7 +69,7 @@ def describe_arrivals(board: Board, lead: _core.Lead) -> Finding:
 
 def _advice(address: LedAddress, needed: float, refused: int) -> str:
     """What to do; empty where the delay of the path is as long as it has to be."""
-    rounded = 1e-3 * -(-needed // 1e-3)  # to a whole millisecond upwards
+    rounded = 1e-3 * -(-needed // 1e-3)  # rounded up to a millisecond
     todo = []
     if needed > address.delay:
         todo.append(f"positions come late for its path: ?delay={rounded * 1e3:.0f}ms")

@@ -21,7 +21,7 @@ GAMEPAD_AXES = {
     "ry": (4, -1),
     "rt": (5, 1),
 }
-OSC_PORT = 9001  # of 127.0.0.1, where positions are expected
+OSC_PORT = 9001  # port on 127.0.0.1 for positions
 _CONTROLLER = re.compile(r"cc(\d{1,3})\Z")
 _OSC_ADDRESS = re.compile(r"/[A-Za-z0-9_./-]{1,80}\Z")
 _CONTROLLERS = range(120)  # above are messages to whole channels

@@ -30,7 +30,7 @@ _SET_CLOCK = 0x400445A0  # EVIOCSCLOCKID
 _EVENTS_AT_ONCE = 64
 _LOOK = 0.2  # [s] between two looks whether a thread is to end
 _FEEL = 0.05  # [s] between two forces that the motors tell of
-_USUAL_RANGE = (-32768, 32767)  # of files of events, which have no device to ask
+_USUAL_RANGE = (-32768, 32767)  # range for event files, which have no device
 _PADS = Path("/dev/input/by-id")
 _PAD_NAMES = "*-event-joystick"
 

@@ -81,7 +81,7 @@ class ArrivalStamps:
 
     def __init__(self) -> None:
         """Begin before the first message."""
-        self._first_time = 0.0  # of the system's clock [s], from the first message
+        self._first_time = 0.0  # the system clock at the first message [s]
         self._ahead: deque[float] = deque(maxlen=_DELAYS_KEPT)
 
     def stamp(self, seconds_since: float, instant_now: float) -> float:

@@ -42,7 +42,7 @@ LOOPBACK = "127.0.0.1"
 _CHECK_PERIOD = 0.005  # [s] between two looks at the performance
 _DATAGRAMS_AT_ONCE = 64  # datagrams read before the next look at the performance
 _ANSWERS_PER_SECOND = 10  # a second: a flood of mistakes gets no flood of answers
-_REFUSALS_PER_SECOND = 2  # to strangers, who use up no answers of others
+_REFUSALS_PER_SECOND = 2  # to strangers; other senders keep their answers
 KEY = re.compile(r"[A-Za-z0-9_-]{16,64}")
 KEY_VARIABLE = "ERGON_OSC_KEY"
 _UNKNOWN_MAX = 1000  # unknown addresses that are remembered, each reported once
@@ -184,7 +184,7 @@ class OscServer:
 
     def _send_messages(self) -> None:
         if self._teller is not None:
-            with contextlib.suppress(_core.EngineError):  # it is closed already
+            with contextlib.suppress(_core.EngineError):  # the performance is closed already
                 self._teller.send_new(time.time)
 
     def _send(self, address: str, arguments: Sequence[object], when: float | None = None) -> None:
@@ -249,7 +249,7 @@ class OscServer:
             except OscRequestError as error:
                 self._answer(sender, "/ergon/error", str(error))
             except _core.EngineError:
-                return  # it is over
+                return  # the server has ended
 
     def _without_key(self, address: str) -> str | None:
         """An address without the key before it; None if it has no key, or another one."""

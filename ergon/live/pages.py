@@ -24,7 +24,7 @@ class Pages:
     ) -> None:
         """Keep `window`, which is called with a stage and its simulation before it plays."""
         self.server, self.window = server, window
-        self.remarks: deque[str] = deque()  # what could not be shown, and why
+        self.remarks: deque[str] = deque()  # what could not be shown, with the reason
         self._next: tuple[Stage, _core.Performance] | None = None
         self._news = threading.Condition()
         self._is_over = False

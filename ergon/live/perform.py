@@ -58,7 +58,7 @@ class PlaybackConfig:
     record: Path | None = None
     about: Mapping[str, object] = field(default_factory=dict)
     frozen: Sequence[VerifiedStem] = ()
-    fold: _core.Fold | None = None  # from the channels of the mix to those that are heard
+    fold: _core.Fold | None = None  # folds the mix to the channels of the output
     pages: Pages | None = None
     endless: bool = False
     loose: bool = False  # every hand has a guide, which is off at first

@@ -11,10 +11,10 @@ import os
 import struct
 
 FULL = 5.0  # [N] at which the motors turn fastest; the page draws its spring in full colour there
-_SMOOTHED = 0.3  # of the way to a new force that the smoothed one goes in a step
+_SMOOTHED = 0.3  # step of the smoothed force towards a new one, as a share
 _BUZZ = 2.0  # how much more a change counts than a force that lasts
 _MOTOR_MAX = 0xFFFF
-_LENGTH_MS = 200  # that an effect lasts; it is renewed meanwhile
+_LENGTH_MS = 200  # duration of an effect, which is renewed before its end
 _RUMBLE_TYPE, _EVENT_TYPE = 0x50, 0x15  # FF_RUMBLE and EV_FF of linux/input-event-codes.h
 _UPLOAD_REQUEST = 0x40304580  # EVIOCSFF
 # struct ff_effect of linux/input.h, for a rumble: type, id, direction, two of a trigger, length,

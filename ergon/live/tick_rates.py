@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 _AUDIO_RATE = 44100
 # Frames in a tick: from the usual 1 kHz to one tick for each frame of the sound.
 TICK_FRAMES = (44, 22, 11, 5, 2, 1)
-_LATE_SHARE = 0.5  # of its length: a tick or a reply that comes later than this is late
-_LATE_MAX = 1e-3  # of all ticks and replies
+_LATE_SHARE = 0.5  # a later tick or reply, as a share of the length, is late
+_LATE_MAX = 1e-3  # largest share of late ticks and replies
 
 
 def measure_tick_rates(url: str, test_seconds: float) -> Iterator[Finding]:

@@ -20,7 +20,7 @@ DOMINANCE_LU = 20.0  # [LU] by which one instrument hides all others
 MEASURED_OUTPUTS_MAX = (
     256  # instruments times channels: beyond that measuring costs more than mixing
 )
-_PEAKS = 10  # in a step of 100 ms
+_PEAKS = 10  # true peaks in a step of 100 ms
 _LENGTH = struct.Struct("<Q")
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 _STICK_TIME_MIN = 5e-4  # [s] that ends must stay together to count as sticking
 _SPEED_MAX = 10.0  # [m/s] up to which friction is examined
 _STEPS = 20_001
-_FALLING_RATIO = 0.95  # of its maximum: a bow's friction falls below this at the highest speed
+_FALLING_RATIO = 0.95  # a bow's friction falls below this share of its maximum
 
 
 @dataclass(slots=True)

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_SECONDS = 0.005  # of a fade
+_SECONDS = 0.005  # length of a fade
 
 
 @dataclass(frozen=True, slots=True)

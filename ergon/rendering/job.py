@@ -40,15 +40,15 @@ class RenderJob:
     threads: int = 1
     force: bool = False
     inputs: Sequence[Path] = ()  # files that are read, and so never overwritten
-    silences: Sequence[Silence] = ()  # of panics, in the frames of the piece
+    silences: Sequence[Silence] = ()  # silences of panics, in frames of the piece
     edges: Edges = UNFADED
     # The piece ends where its sound has faded after this frame, if it does.
     fades_from: int | None = None
     is_part: bool = False  # the file ends at `stop`, whether the sound has faded or not
-    stretches: StretchStore | None = None  # of earlier renders, which need not be computed again
+    stretches: StretchStore | None = None  # stretches of earlier renders
     film: Film | None = None  # the motion file to write as well
     workers: Workers | None = None  # other processes that compute islands
-    stores_mix: bool = True  # for a later render of the same mix; else islands alone are stored
+    stores_mix: bool = True  # store the mix too, not the islands alone
     measures_instruments: bool = True  # how loud each is by itself, if there are several
 
     def __post_init__(self) -> None:

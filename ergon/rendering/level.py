@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 # Below what loudspeakers can play: the constant offset of a leaning hand would only displace their
 # cones.
 HIGHPASS = 8.0  # [Hz]
-_SPOOL_BYTES = 1 << 28  # of frames in memory: 95 s of 8 channels at 44.1 kHz
+_SPOOL_BYTES = 1 << 28  # frames in memory: 95 s of 8 channels at 44.1 kHz
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,10 +13,10 @@ TRUE_PEAK_MAX = -1.0  # [dBTP] of what is brought to a loudness (EBU R 128)
 # Gains found by measurement are multiples of this [dB]: the filters of the meter differ in their
 # last bits from machine to machine, and samples must not.
 GAIN_STEP = 0.01
-_STEPS = 4  # of 100 ms in a block
+_STEPS = 4  # steps of 100 ms in a block
 _GATE = -70.0  # [LUFS] absolute gate: quieter blocks do not count
 _RELATIVE = -10.0  # [LU] relative gate, from the mean of the other blocks
-_ROUNDS = 50  # of the search for a gain; a few are enough, as gates change little
+_ROUNDS = 50  # rounds of the search for a gain; a few are usually enough
 
 
 class GatedLoudness:

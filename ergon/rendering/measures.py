@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _SIZE = 8192  # frames of one spectrum: 0.2 s, 5 Hz apart at 44.1 kHz
-_LOWEST, _HIGHEST = 20.0, 5000.0  # of a pitch [Hz]
+_LOWEST, _HIGHEST = 20.0, 5000.0  # range of a pitch [Hz]
 _PITCH_SPAN = 0.2  # [s] that a pitch is found in
 _APERIODIC = 0.2  # more of the power than this does not repeat: no pitch
 _LEVEL_SPAN = 0.02  # [s] of one level

@@ -141,7 +141,7 @@ class MixedStretches:
         self._store, self._keys, self._score = store, keys, score
         self._n_frames, self._n_channels = n_frames, n_channels
         self._state_key = state_key
-        self._known: dict[int, _Stretch] = {}  # what `known` has read
+        self._known: dict[int, _Stretch] = {}  # stretches that `known` has read
 
     def known(self, start: int, stop: int, ending: Ending | None, needed: int) -> KnownMix | None:
         """The mix from the stretch of frame `start` on up to frame `stop` or later; None if any of

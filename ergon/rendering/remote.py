@@ -114,7 +114,7 @@ class _Chain:
     asked: Future[Answer] | None = None
     sounds: dict[int, list[NDArray[np.float64]]] = field(default_factory=dict)
     states: dict[int, list[bytes]] = field(default_factory=dict)
-    is_home: bool = False  # it diverged: this process computes it, and reports where
+    is_home: bool = False  # after a divergence this process computes the chain
 
     @property
     def cost(self) -> float:
@@ -247,7 +247,7 @@ class RemoteSimulation(StretchedSimulation):
         if refused := answer.get("refused"):
             raise ClusterError(f"worker {answer['worker']}: {refused}")
         if answer.get("diverged"):
-            chain.is_home = True  # from the state that `_end` restores
+            chain.is_home = True  # it continues from the state that `_end` restores
             return
         stop_frame = min(chain.frame + stretches.STRETCH_FRAMES, self._n_frames)
         n_frames = stop_frame - chain.frame

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 # Reading and writing a sample takes some 20 ns, and computing it several times what the table of
 # costs says, where contacts open and close: 122 s of 23 struck islands of 20 to 60 ns took 30 s.
 _SHARE = 0.15
-_UNHEARD_FRAMES = 4096  # that are computed at once; divides a stretch
+_UNHEARD_FRAMES = 4096  # frames that are computed at once; divides a stretch
 _WORK_MIN = 1.0  # s on one core: a shorter render is not worth any files
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 STRETCH_FRAMES = 1 << 17  # frames, 3 s at 44.1 kHz: an edit costs half as much again on the average
 # What takes less to compute is computed, not sent by another process.
 _NS_PER_SAMPLE = 100.0
-_OUTPUTS_MAX = 64  # of one island: 64 MiB of sound in memory, and in one file
+_OUTPUTS_MAX = 64  # outputs of one island: 64 MiB of sound
 
 
 class StretchedSimulation(ABC):

@@ -37,7 +37,10 @@ def harmonics(ambisonic_order: int, directions: NDArray[np.float64]) -> NDArray[
     """
     x, y, z = directions[:, 1], -directions[:, 0], directions[:, 2]
     basis = np.zeros((len(directions), channels(ambisonic_order)))
-    cosine, sine = np.ones(len(directions)), np.zeros(len(directions))  # of m·azimuth, · level^m
+    cosine, sine = (
+        np.ones(len(directions)),
+        np.zeros(len(directions)),
+    )  # cos and sin of m·azimuth, times level^m
     diagonal = 1.0  # P_m^m without its level^m
     for m in range(ambisonic_order + 1):
         legendre_before, legendre = np.zeros(len(directions)), np.full(len(directions), diagonal)

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 TAPS = 128
 KEMAR_PATH = Path(__file__).with_name("kemar.csv")
-FULL_SCALE = 8192.0  # of a coefficient of the shipped file
+FULL_SCALE = 8192.0  # full scale of a coefficient in the shipped file
 _RATE = 44_100.0  # [Hz] of the shipped file
 _REACH = 16  # samples on either side that make a resampled one
-_POINTS = 4096  # of a spectrum
+_POINTS = 4096  # points of a spectrum
 _AROUND = 4  # measured directions that are averaged for one in between
 _UPSAMPLED = 16
 _LONG_WAVES = (100.0, 400.0)  # [Hz]

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # If no loudspeaker lies within 60° of straight up (or down), an imaginary one there closes the
 # hull, as below a dome (Zotter and Frank, J. Audio Eng. Soc. 60, 2012, section 3).
 _CLOSED = 0.5  # cosine of that angle
-_FLAT = 1e-9  # of a unit: points of one facet lie in one plane
+_FLAT = 1e-9  # tolerance for points of one facet, on the unit sphere
 _INSIDE = -1e-9  # least gain of a source on the edge of a triangle
 SPEAKERS_MAX = 64  # loudspeakers
 

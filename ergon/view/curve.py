@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import ceil, floor, isfinite
 
 CURVES_MAX = 3  # more cannot be told apart without colour
-_ROOM = 0.04  # of the range, so that no extreme hides in the border
+_ROOM = 0.04  # margin as a share of the range, so that extremes are visible
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from .svg import Frame, axes, document, short, text
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#222222")
 _WIDTH, _HEIGHT = 960, 480  # pixels
 _MIDDLE_C = 60.0  # key above the lines where no note has a pitch
-_NAMES = {0: "C", 4: "E", 7: "G"}  # of the keys that have a line, by their places in an octave
+_NAMES = {0: "C", 4: "E", 7: "G"}  # names of the keys with a line, by their number in an octave
 _ALL_NAMES = 24  # keys, up to which E and G have lines too
 _LANES_IN_HEIGHT = 20  # lines of instruments without a pitch that would fill the picture
 _CHARACTER = 7.5  # pixels across

@@ -23,7 +23,7 @@ _PANELS: Mapping[str, str] = {
 }
 _WIDTH, _HIGH, _BETWEEN, _TOP = 460, 170, 62, 60
 _LEFT, _RIGHT = 70, 16
-_LIGHT, _DARK = (86, 180, 233), (0, 30, 90)  # of the first and the last curve
+_LIGHT, _DARK = (86, 180, 233), (0, 30, 90)  # colours of the first and the last curve
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 _CURVES_NAMED = 6
 

@@ -9,7 +9,7 @@ from ergon.instruments.starts import start
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Field, Values
 
-MAX_MODULES = 2_000_000  # of one generator: some 200 MB of state and parameters
+MAX_MODULES = 2_000_000  # modules of one generator: some 200 MB
 
 STARTS = (
     Field("X0", start("X0", k.POSITION, "x"), "positions at the beginning", 0.0),

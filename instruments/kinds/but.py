@@ -32,7 +32,7 @@ def _fields(quantities: Quantities) -> tuple[Field, ...]:
 
 def _check(contact_values: Values) -> None:
     if "contact" not in contact_values.record.by_name:
-        return  # in space there is one rule
+        return  # contacts in space have one rule
     magic = contact_values["contact"] == "magic"
     if magic and (extra_fields := contact_values.written("K", "Z")):
         message = (

@@ -15,7 +15,7 @@ from ergon.notation.tables.shapes import Text
 from ergon.notation.text.errors import TextError
 
 MAX_LAW = 2_000  # characters of a law
-MAX_POINTS = 10_000  # of a law given by points
+MAX_POINTS = 10_000  # points of a law
 
 
 def _law(law_text: str) -> str:

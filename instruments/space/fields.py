@@ -10,8 +10,8 @@ from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record
 from ergon.notation.tables.shapes import Shape, choice
 
-MAX_POINTS = 500_000  # of one generator: one and a half million coordinates
-MAX_SPRINGS = 2_000_000  # of one generator
+MAX_POINTS = 500_000  # points of one generator: 1.5 million coordinates
+MAX_SPRINGS = 2_000_000  # springs of one generator
 
 PLACE = ListOf(k.POSITION, 2, 3)
 CENTRE = ListOf(k.POSITION, 1, 2)

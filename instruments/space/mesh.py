@@ -14,7 +14,7 @@ MAX_EDGES = 300_000
 MAX_FACES = 200_000  # triangles
 # The source axes in new order, by the axis that points up: cyclic, so that orientation is kept.
 TURNS = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
-COORDINATE_MAX = 1e6  # of a coordinate, in units of the file
+COORDINATE_MAX = 1e6  # largest coordinate, in units of the file
 _NEAR = 1e-6  # of the size of a mesh: the places of single precision, moved by their nodes
 
 

@@ -101,7 +101,7 @@ def _read_set(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Ma
     values_text, values_end, placed_options = _options(slot_text, scope, _SET_OPTIONS)
     read_field = _reader(scope, slots_read)
     for word_match in re.finditer(r"[a-z]{2,}(?=\s|$)", values_text):
-        if word_match.group() == "over":  # what stands before it is no value
+        if word_match.group() == "over":  # the words before `over` are no values
             read_field(values_text[: word_match.start()].strip())
         near = nearest(word_match.group(), (*_SET_OPTIONS, "over", *WAYS))
         if near is not None and word_match.group() not in WAYS:

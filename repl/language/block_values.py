@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from ergon.notation.text.errors import TextError, quote
 
 TICK = "tick"  # how often the block has run by its rule before
-MAX_VALUES = 16  # of a block
+MAX_VALUES = 16  # values of a block
 _MAX_TICKS = 64  # numbers of a run with which lines are tried when they are defined
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,31}")
 _VALUE = re.compile(r"[^\s\[\]$#\"\\]{1,100}")

@@ -10,9 +10,9 @@ from ergon.repl.language.lines import MAX_LINE, Line, comment_start, is_continue
 from ergon.repl.language.scope import Scope
 from ergon.repl.session_protocol import Suggestion
 
-MAX_SUGGESTIONS = 200  # in a menu; with more, another letter narrows them
+MAX_SUGGESTIONS = 200  # entries of a menu
 
-_SEPARATOR = re.compile(r"[\s,(?]")  # a comma, a bracket and a question mark stand beside words
+_SEPARATOR = re.compile(r"[\s,(?]")  # a comma, a bracket and a question mark separate words
 
 
 def complete(text: str, cursor: int, scope: Scope) -> list[Suggestion]:

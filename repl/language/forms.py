@@ -44,9 +44,9 @@ class Form:
     example: str
     make: Callable[..., Command]
     slots: tuple[Slot, ...] = ()
-    timed: bool = True  # may end in `now`, `at C` or `in 2`
+    timed: bool = True  # whether a line may end in `now`, `at C` or `in 2`
     subject: bool = False
-    quoted: bool = False  # what follows the verb is in quotes
+    quoted: bool = False  # the argument is in quotes
 
     @property
     def written(self) -> str:

@@ -155,7 +155,7 @@ class _FormReader:
         self.form = verb_form
         self.line = typed_line
         self.words = form_words
-        self.end_of_line = verb_end  # where a missing word would stand
+        self.end_of_line = verb_end  # the position of a missing word
         self.scope = scope
         self.hints = hints
         self.fields: dict[str, Any] = {

@@ -51,7 +51,7 @@ def hear(stroke: Stroke, *, when: When, words: Words) -> Hear:
 def _read(text: str, scope: Scope, _: Mapping[str, Any]) -> Stroke:
     words = (Word(match.group(), match.start()) for match in re.finditer(r"\S+", text))
     first_word, *later_words = words
-    if later_words and later_words[-1].text == "now":  # it acts at once anyway
+    if later_words and later_words[-1].text == "now":  # `hear` acts at once without `now`
         later_words.pop()
     target_path = _target(first_word.text, scope)
     note_texts: list[str] = []

@@ -10,7 +10,7 @@ from ergon.repl.language.commands import Word
 from ergon.repl.language.scope import Scope, playable, unused_family
 from ergon.scores.pattern.cycle_table import TABLE as TRANSFORMS
 
-_NAMING_VERBS = ("strikes", "takes", "=")  # the name before them may be new
+_NAMING_VERBS = ("strikes", "takes", "=")  # these verbs may follow a new name
 
 
 def find_verb_of(line_words: list[Word], scope: Scope) -> tuple[str, list[Word]]:
@@ -20,13 +20,13 @@ def find_verb_of(line_words: list[Word], scope: Scope) -> tuple[str, list[Word]]
     if second == "=":
         return "=", [line_words[0], *line_words[2:]]
     if first_word in scope.blocks and not _is_near_subject_verb(second):
-        return "run", line_words  # what else follows are its values
+        return "run", line_words  # the other words are the block's values
     _check_family(line_words[0], second, scope)
     about_player = verbs.verbs_matching(second, verbs.SUBJECT_VERBS) if second else ()
     is_player = first_word in scope.players
     is_instrument = first_word in playable(scope)
     is_played = first_word in scope.gestures or first_word in scope.takes or is_instrument
-    is_name = first_word not in verbs.VERBS or is_instrument  # an instrument may be `pan`
+    is_name = first_word not in verbs.VERBS or is_instrument  # an instrument may be called `pan`
     sure = second in verbs.SUBJECT_VERBS and is_name
     sure = sure and not (second == "every" and is_played)
     if about_player and (is_player or sure):

@@ -11,10 +11,10 @@ from ergon.repl.language.commands import Word
 
 MAX_LINE = 10_000  # characters; the longest line of a performance has some hundreds
 MAX_PASTE = 100_000  # characters of one submission, read and checked while the sound goes on
-MAX_LINES = 200  # of one submission: four screens
+MAX_LINES = 200  # lines of one submission: four screens
 
 _COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
-_PYTHON = re.compile(r"\s*py\s")  # what follows is Python's, with its own comments
+_PYTHON = re.compile(r"\s*py\s")  # the rest of the line is Python, with its own comments
 _BLOCK = re.compile(r"\s*def\s+\S+(?:\s+[^\s:]+=[^\s:]+)*:\s*")  # the lines of this block follow
 _END = "end"
 _WORD = re.compile(r'"[^"]*"|\S+')
@@ -44,7 +44,7 @@ def lines(submitted_text: str) -> Iterator[Line]:
     if submitted_text.count("\n") > MAX_LINES:
         raise TextError(f"this text has more than {MAX_LINES} lines")
     joined, line_start, line_offset = "", 0, 0
-    open_block: Line | None = None  # as far as it is read
+    open_block: Line | None = None  # the part that is read so far
     for text_line in submitted_text.split("\n"):
         if len(joined) + len(text_line) > MAX_LINE:
             message = f"this line has {len(joined) + len(text_line):,} characters"

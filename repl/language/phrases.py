@@ -37,7 +37,7 @@ class DefinePhrase(BlockCommand):
 
 
 _OPTIONS = {"every": "2bar", "times": "4", "until": "C", "transpose": "3st"}
-_IMPULSE = re.compile(r"[-+.0-9]")  # what begins so is none of a note or a module
+_IMPULSE = re.compile(r"[-+.0-9]")  # no note and no module begins with these
 _ENTRIES_MAX = 1_000  # entries of a line
 
 Entry = Mapping[str, str]  # `at`, `what` and `impulse`, as texts
@@ -92,7 +92,7 @@ def _name(phrase_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
 def _read_played(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of strikes that play a phrase, as texts."""
     first = slot_text.split()[0]
-    if first not in scope.phrases:  # what is wrong with modules is told by the form before
+    if first not in scope.phrases:  # the previous form reports mistakes in modules
         raise TextError(f"{quote(first)} is not a phrase", length=len(first))
     text_before, do = split_at_do(slot_text)
     placed_words, placed_options = parse_strikes(text_before, _OPTIONS)

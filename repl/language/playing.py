@@ -43,7 +43,7 @@ class Plays(BlockCommand):
     until: Position | None
     do: tuple[Change, ...]
     manner: PlayingOptions
-    entry: Entry | None = field(default=None, compare=False, repr=False)  # as a part has it
+    entry: Entry | None = field(default=None, compare=False, repr=False)  # the entry in a part
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from ergon.scores.reading.playing import Gesture
 
 SUFFIXES = (".yaml", ".yml")  # of scores
 MIDI_SUFFIXES = (".mid", ".midi", ".rmi")
-_FILES_MAX = 10_000  # of a folder that is listed
+_FILES_MAX = 10_000  # files of a folder that are listed
 _INITIAL_FIELDS = ("X0", "V0")  # they set how a mass starts: no effect once it moves
 
 

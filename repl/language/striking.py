@@ -72,7 +72,9 @@ OPTIONS = {
 def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mapping[str, str]:
     """The fields of the strikes, as texts."""
     first_word = slot_text.split()[0]
-    if first_word in scope.phrases and first_word not in playable(scope):  # the next form reads it
+    if first_word in scope.phrases and first_word not in playable(
+        scope
+    ):  # leave the line to the next form
         raise v.unknown_instrument(
             first_word, "an instrument or a key", (*playable(scope), *scope.keys), scope
         )

@@ -127,7 +127,7 @@ if sys.platform != "win32":
         on_characters: Callable[[str], None]
         _open = False
         _answers = ""
-        _tail = ""  # of the last read: marks may come in two pieces
+        _tail = ""  # rest of the last read; a mark may come in two pieces
 
         def read(self, count: int = 1024) -> str:
             """The characters that have come since the last call."""

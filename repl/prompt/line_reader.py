@@ -35,7 +35,7 @@ class LineReader:
         self._decoder = io.IncrementalNewlineDecoder(decoder, translate=True)
         is_file = stat.S_ISREG(os.fstat(self._fd).st_mode)
         self._room = threading.Semaphore(1) if is_file else None
-        self._part = ""  # of a line that has not ended
+        self._part = ""  # the unfinished line
         self._over = False
         self._wake, self._woken = os.pipe() if sys.platform != "win32" else (-1, -1)
         self._thread = threading.Thread(target=self._read, name="ergon-input", daemon=True)

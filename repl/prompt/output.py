@@ -8,7 +8,7 @@ from ergon.common.terminal import clean
 from ergon.repl.session_protocol import Reply
 
 INDENT = " " * 6  # replies stand out from what was typed
-F12 = "\x1b[24~"  # as xterm, the Linux console and those after them send it
+F12 = "\x1b[24~"  # F12 as xterm and the Linux console send it
 TAB = "[Tab]"
 _ECHO_MAX = 2_000  # characters; what fills a screen is not read again
 _SURROGATE = re.compile("[\ud800-\udfff]")  # Python reads bytes that are not UTF-8 as these

@@ -45,7 +45,7 @@ class PlainPrompt:
         self._throttle = MessageThrottle()
         self._ended = threading.Event()
         self._writing = threading.Lock()
-        self._prompt = ""  # that waits in the last line
+        self._prompt = ""  # the prompt in the last line
         self._reading = False
         self._queue: LineQueue[None] = LineQueue(session)
         self._reader = LineReader(source, self._queue)

@@ -28,7 +28,7 @@ class Acts:
         """Ask the engine for an act, which becomes an `event` of the journal once it has acted;
         False if too many are under way.
         """
-        with self._lock:  # so that its event finds it
+        with self._lock:  # the event of the act needs the entry
             ticket = ask() if len(self._under_way) < _UNDER_WAY_MAX else None
             if ticket is not None:
                 self._under_way[ticket] = event, act_fields

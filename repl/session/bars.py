@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 _BARS = 2
 _BEAT_LEAST, _BEAT_MOST = 4, 10  # characters of a beat
 _NAME_MOST, _WIDTH_MOST = 12, 100
-_CONTINUED = "\u2026"  # of a gesture that began before the first bar, and of strikes by chance
-_STRUCK = "x"  # of a strike whose modules have no names of notes
+_CONTINUED = "\u2026"  # sign of an earlier gesture, and of strikes by chance
+_STRUCK = "x"  # sign of a strike without a note name
 
 
 def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> list[str]:

@@ -278,7 +278,7 @@ class Changes:
             if change.ticket == engine_event.ticket:
                 return self.under_way.pop(index)
         withdrawn = self._withdrawn.pop(engine_event.ticket or 0, None)
-        if withdrawn is not None:  # it was made before it could be withdrawn
+        if withdrawn is not None:  # the change was made before its withdrawal
             self.done += [line.number for line in withdrawn.lines]
             later, self.under_way = self.under_way, []
             self.running = withdrawn.after

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from ergon._core import StoppedError, Work
 
 # Steps of work, which are counted: some two seconds and half a minute on a machine of 2024.
-LINE_STEPS = 1_500_000_000  # for a line
-FILES_STEPS = 20_000_000_000  # for a line that reads files, restores a version or starts the piece
+LINE_STEPS = 1_500_000_000  # steps for a line
+FILES_STEPS = 20_000_000_000  # steps for one that reads files, restores a version or starts
 
 
 class Computing:
@@ -20,7 +20,7 @@ class Computing:
 
     def __init__(self) -> None:
         """Begin with no computation."""
-        self._limit = threading.local()  # of the last computation of each thread
+        self._limit = threading.local()  # limit of each thread's last computation
         self._works: list[Work] = []
 
     @contextlib.contextmanager

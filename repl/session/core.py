@@ -126,7 +126,7 @@ class SessionCore:
         self.midi = MidiInput(self.schedule, self.acts, self.fast_values, self.stops, self.say)
         self.hearing = Hearing(self.schedule, self.acts, self.stops, self.queue)
         self.taps: list[float] = []
-        self.traced: str | None = None  # whose key is drawn while it moves
+        self.traced: str | None = None  # player whose key is drawn while it moves
         self.drawing: tuple[str, ...] = ()
         self._drawn = 0  # the frame of that drawing
         self.disk = disk or Disk.from_texts(version.texts)
@@ -199,7 +199,7 @@ class SessionCore:
             )
         self.log.note_thawed(draft.checked)
         self.attend()
-        for _ in range(_TRIES):  # it was late, and must be made again
+        for _ in range(_TRIES):  # a late line must be made again
             if not self._is_due(line_number) or not self.schedule.make_due():
                 break
             self.attend()

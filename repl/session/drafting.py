@@ -119,7 +119,7 @@ class Drafts:
             if inserted_line in staged_group:
                 staged_result = self._makings.stage(running, staged_group)
                 staged = StagedGroup(staged_group, running, staged_result)
-            else:  # it waits for others, so that it is only checked
+            else:  # a line that waits for others is only checked
                 start = soonest if inserted_line.start is None else inserted_line.start
                 staged_result = self._makings.stage(running, [replace(inserted_line, start=start)])
             if inserted_line.base is not None and not (

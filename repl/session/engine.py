@@ -231,7 +231,7 @@ class SteppedEngine:
         self._mixer = stage.mixer(highpass=highpass, reference=reference)
         self._changes: list[tuple[int, Change]] = []
         self._events: list[EngineEvent] = []
-        self._acts: list[Callable[[_core.Simulation], bool]] = []  # of this frame
+        self._acts: list[Callable[[_core.Simulation], bool]] = []  # acts of this frame
         self._tickets = 0
 
     def force_bounds(

@@ -42,8 +42,8 @@ class FastValues:
         self._schedule, self._history, self._log, self._queue = schedule, history, log, queue
         self._scope = scope
         self._moved: dict[str, LineOf] = {}
-        self._number = 0  # of the last line that movements stood for
-        self._names: tuple[str, ...] = ()  # and what moved
+        self._number = 0  # number of the last line made from movements
+        self._names: tuple[str, ...] = ()  # values that moved
         self._refused: tuple[str, ...] = ()
 
     def set_soon(self, name: str, line: LineOf) -> None:
@@ -83,7 +83,7 @@ class FastValues:
             replaced = self._number if is_same else None
             _, queued = self._queue(Entry(text, edit, kind_of(commands), asked, replaces=replaced))
         except (Refusal, *REFUSALS) as error:
-            if names != self._refused:  # once, and not for each value on the way
+            if names != self._refused:  # one line for the movement, not one for each value
                 self._refused = names
                 self._log.say(f"{', '.join(names)}: {getattr(error, 'message', None) or error}")
             return

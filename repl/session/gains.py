@@ -97,7 +97,7 @@ def faders_after(before: Version, waiting_lines: Sequence[WaitingLine]) -> Itera
                 version = replace(
                     version, faders=waiting_line.edit(version, waiting_line.beat).faders
                 )
-            except REFUSALS:  # it was made of what this version lacks
+            except REFUSALS:  # the line needs parts that this version lacks
                 version = (
                     version
                     if result_version is None

@@ -64,7 +64,7 @@ class Hearing:
             playing, version_number = ready.version, ready.version.number
             waits = schedule.line(version_number)
             if waits is not None and waits.frame > schedule.engine.frame + _SOON * schedule.rate:
-                prefix = f"{beat_text} "  # with a line that it needs
+                prefix = f"{beat_text} "  # the beat of the line that brings the modules
         struck_strokes = [*strokes(playing, command)]
         begun_strokes = [(stroke.place, stroke.impulse) for stroke in struck_strokes]
         end = [(stroke.place, -stroke.impulse) for stroke in struck_strokes if stroke.lasts]

@@ -23,7 +23,7 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.sounding import SoundingNames
 
 _VERSIONS = 1000  # the latest are kept
-_CHARACTERS = 1 << 28  # of all texts of a history together
+_CHARACTERS = 1 << 28  # characters of all texts of a history
 
 # Read the texts of a journal's event, and its faders.
 ReadTexts = Callable[[JournalEvent], Texts]

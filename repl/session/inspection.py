@@ -41,7 +41,7 @@ _LEAD_IN = 0.02  # [s] drawn before a gesture: its joining curve
 _WIDTH_MAX, _HEIGHT = 100, 16  # characters
 _POINTS = 4  # of a curve in each character: two in each dot
 _TRACE_SECONDS, _TRACE_TICKS_MIN = 2.0, 20  # [s] of a movement that are drawn; ticks at least
-_LINES_MAX = 40  # of a definition
+_LINES_MAX = 40  # lines of a definition
 _STRUCK_MAX = 4  # modules of strikes that are named
 _SECTIONS = (
     "parts",
@@ -176,7 +176,7 @@ def definition_lines(version: Version, defined_name: str, sounding: Piece, now: 
         where = f" at {sounding.tempo_map.written(now)}, by its automation"
         amount = written_quantity(float(f"{shown_value:.6g}"), parameter_name, is_ca=is_ca)
         shown.append(f"{defined_name}: {amount}{where if is_led else ''}")
-    with contextlib.suppress(NotTakenError):  # it stands in a file that the score uses
+    with contextlib.suppress(NotTakenError):  # the name is defined in a file that the score uses
         shown += _lines_of_score(version.texts, part_name)
     return shown or _lines_of_score(version.texts, defined_name)
 

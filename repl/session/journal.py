@@ -49,7 +49,7 @@ class Journal:
             raise JournalError(f"{path}: {error.strerror}") from error
         self.path = path
         self._n_events = 0
-        self._waiting = bytearray()  # what is not written yet
+        self._waiting = bytearray()  # bytes that are not written yet
         self._trouble = self._reason = ""  # not told yet; why writing fails now
         self._has_lost = False  # an event is in no file, or the disk may lack it
         self._has_news = threading.Event()

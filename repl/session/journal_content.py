@@ -44,7 +44,7 @@ _RATIO_MAX = 1e10  # the largest that a score allows
 _HIGHPASS_MAX = 1000.0  # [Hz]
 _HASH = 64  # digits
 _GLIDE_MAX = 86_400.0  # [s]
-_VALUE_MAX = sys.float_info.max  # of an input
+_VALUE_MAX = sys.float_info.max  # largest value of an input
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +208,7 @@ class JournalContent:
     n_frames: int = 0
     ended: bool = False
     silences: list[Silence] = field(default_factory=list)
-    base: Texts | None = None  # what the files held when they were last read or saved
+    base: Texts | None = None  # the files when they were last read or saved
     # Lines and drops, in the order written.
     events: list[JournalEvent] = field(default_factory=list)
     # Strikes by MIDI notes and values of inputs by OSC, in the order in which they were done.

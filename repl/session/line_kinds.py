@@ -42,8 +42,8 @@ class LineKind(Enum):
 
     FADERS = 0  # gains alone
     ENDS = 1  # ends what plays
-    VALUES = 2  # values and patterns of what there is
-    STRUCTURE = 3  # what there is
+    VALUES = 2  # values and patterns of existing parts
+    STRUCTURE = 3  # the structure of the piece
     START = 4  # starts the piece, or jumps
 
 

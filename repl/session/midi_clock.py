@@ -117,7 +117,7 @@ class ClockOut:
         with contextlib.suppress(AttributeError, OSError):  # not granted: like any other thread
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))
         while not self._over.wait(_CHECK_PERIOD):
-            with contextlib.suppress(EngineError):  # it is closed already
+            with contextlib.suppress(EngineError):  # the performance is closed already
                 self.send_computed(time.monotonic())
 
     def send_computed(self, now: float) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.version import Version
 
 MAX_MAPS = 256
-MAX_HEAR = 16  # what `hear` struck last stays ready to be struck again
+MAX_HEAR = 16  # places of the last `hear` commands that stay ready
 _MIDI_MAX = 127
 _WORD = re.compile(r"[\w.-]{1,200}")  # a name of a score, with its dots
 _UNIT = re.compile(r"[A-Za-z0-9/]{0,8}")
@@ -40,7 +40,7 @@ def with_map(version: Version, new_map: Map) -> Mapping[str, Map]:
             struck_by(version.piece, new_map, note)
     maps = dict(version.maps)
     if isinstance(new_map, Hear):
-        for _ in struck_once(version, new_map):  # what is not there yet is refused
+        for _ in struck_once(version, new_map):  # refuses places that do not exist yet
             pass
         ready = [
             name
@@ -183,7 +183,7 @@ def _read_row(journal_event: JournalEvent, row: object) -> Map:
             low_number,
             high_number,
             target_text,
-        ]:  # as journals had it before maps had curves
+        ]:  # journals before maps had curves
             return _read_row(
                 journal_event, ["notes", low_number, high_number, target_text, None, None, EVEN]
             )

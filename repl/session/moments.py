@@ -55,7 +55,7 @@ class Moments:
         """The first frame for a change that takes `making` [s] to compute."""
         if line_kind is LineKind.FADERS:
             first_after = 0
-        elif line_kind is LineKind.ENDS:  # it withdraws what can still be withdrawn
+        elif line_kind is LineKind.ENDS:  # such a line withdraws pending changes
             first_after = self._changes.playing_at(self.tick_after(0.0) - 1).start + 1
         else:
             first_after = self._changes.running.start + 1
@@ -74,7 +74,9 @@ class Moments:
         line_beat, start_frame = place_of(when, grid, self._present(tempo), soonest_frames, lead)
         is_now = when is NOW or (when is None and grid is None)
         if kind is LineKind.FADERS and is_now and start_frame is not None:
-            start_frame = soonest_frames[1]  # they need not wait for the beginning of the piece
+            start_frame = soonest_frames[
+                1
+            ]  # these lines need not wait for the beginning of the piece
         return Place(line_beat, start_frame)
 
     def place_from(

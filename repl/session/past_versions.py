@@ -25,7 +25,7 @@ class _Packed:
     `end` replaced by `text`.
     """
 
-    number: int  # of the differences up to a whole text
+    number: int  # number of differences since a complete text
     compressed: bytes = b""
     before: _Packed | None = None
     start: int = 0

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class ReplayedSchedule(Schedule):
     """A schedule whose lines and skips come from a journal."""
 
-    next_frame: float = math.inf  # of the next change in the journal
+    next_frame: float = math.inf  # frame of the next change in the journal
 
     def perform(
         self, lines: Sequence[WaitingLine], versions: MutableMapping[int, PastVersion]

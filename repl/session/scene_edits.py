@@ -102,7 +102,7 @@ def _scene(command: versions.Scene) -> VersionEdit:
             if file not in version.texts.overlay
         }
         base_texts = version.base
-        if new_texts and base_texts is not None:  # as `use` brings in files
+        if new_texts and base_texts is not None:  # `use` adds files in the same way
             base_texts = replace(base_texts, overlay={**new_texts, **base_texts.overlay})
         over = None if command.over is None else command.words["over"].text
         begin_beat, glide = edit_beat, GLIDE

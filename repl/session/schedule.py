@@ -352,7 +352,7 @@ class Schedule:
             self.reports.append(
                 Done(engine_event.frame, finished.number, finished.lines, finished.after)
             )
-            if self.running is not running:  # it was withdrawn too late
+            if self.running is not running:  # the withdrawal came too late
                 numbers = {line.number for line in finished.lines}
                 self._let_wait([one for one in self.waiting if one.number not in numbers])
 

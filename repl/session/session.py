@@ -50,7 +50,7 @@ class Session(SessionCore):
         self._is_closed = threading.Event()
         self._threads: list[threading.Thread] = []
         self._n_looks = 0
-        self._closing = _core.Work()  # what threads compute ends with the session
+        self._closing = _core.Work()  # computations of threads end with the session
 
     def attach(self, port: Closable, attend: Callable[[float], object] | None = None) -> None:
         """Let a port or a socket be closed when the session ends.

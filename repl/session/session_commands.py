@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 # A longer pause between taps begins a new count [s]: nobody taps slower than 20 bpm.
 _TAP_PAUSE_MAX = 3.0
-_TAP_BPM = (30.0, 300.0)  # of a hand that beats time; a slip is no tempo
+_TAP_BPM = (30.0, 300.0)  # range of tapped tempos; others are slips
 _TAPS_MAX = 8  # only the latest taps count
 _SHOWN_MAX = 1000  # characters of what `py` gives
 
@@ -378,7 +378,9 @@ def _record_audio(session: SessionCore, command: RecordAudio) -> Reply:
 @executes(Keep)
 def _keep(session: SessionCore, command: Keep) -> Reply:
     written = files.write_last_bars(session, command.length, command.name)
-    scene_of(session.schedule.head.texts, command.name)  # so that `scene` answers at once
+    scene_of(
+        session.schedule.head.texts, command.name
+    )  # read it now, so that `scene` answers at once
     return Reply(True, f"ok wrote {', '.join(written)}")
 
 

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.journal import JournalEvent
     from ergon.scores.reading.piece import Piece
 
-_NUMBERED = re.compile(r"(.+)-[0-9]+")  # what a session calls strikes that follow those of a name
+_NUMBERED = re.compile(r"(.+)-[0-9]+")  # name of strikes that continue others: NAME-NUMBER
 
 
 @dataclass(frozen=True, slots=True)

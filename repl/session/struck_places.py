@@ -28,12 +28,10 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import StrikePoints
 
-_MAX_STRUCK = 128  # as many as there are notes
+_MAX_STRUCK = 128  # one for each MIDI note
 
 Place = tuple[str, str, int]  # part, module and member of a MAT that is struck
-Struck = tuple[
-    Place, ImpulseRange | None
-]  # with the range of its strengths, if it is played by them
+Struck = tuple[Place, ImpulseRange | None]  # with the impulses of its softest and hardest stroke
 
 
 class Stroke(NamedTuple):

@@ -39,7 +39,7 @@ def check_unheard(piece_before: Piece, stage: Stage) -> None:
         return
     try:
         stage.network.certify(stage.rate)
-    except UnstableError:  # where it is heard, the plan takes a method that is stable
+    except UnstableError:  # if the part is heard, the plan takes a stable method
         return
     except EngineError as error:
         refusals = [each for each in error.refusals or [error] if _is_in(changed, each.module)]

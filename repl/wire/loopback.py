@@ -21,7 +21,7 @@ from ergon.common.structured import MalformedTextError, parse_json
 
 HOST = "127.0.0.1"
 FORCED = "ERGON_SESSION_SOCKET"  # an environment variable; `loopback` asks for a port
-_BYTES_MAX = 1000  # of the file
+_BYTES_MAX = 1000  # largest file
 _SECRET_BYTES = 32
 
 

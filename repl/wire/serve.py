@@ -28,8 +28,8 @@ from .protocol import (
 )
 
 MAX_PROMPTS = 16
-_MESSAGES_MAX = 1000  # that wait for a prompt; the oldest beyond are lost
-_LINES_MAX = 64  # of one prompt that may wait
+_MESSAGES_MAX = 1000  # messages that wait for a prompt; older ones are dropped
+_LINES_MAX = 64  # waiting lines of one prompt
 _CHECK_PERIOD = 0.05  # [s] between two checks for messages
 _UNREAD_MAX = 4 * MAX_LINE  # [bytes] that a prompt may leave unread before it is dropped
 _KEY_TIMEOUT = 5.0  # [s] for the first line of who joins at a port
@@ -64,7 +64,7 @@ class PromptConnection:
                 self._writer.close()
                 await self._writer.wait_closed()
         except (OSError, TimeoutError):
-            pass  # it does not read, or has disconnected
+            pass  # the prompt does not read, or has disconnected
         finally:
             self._writer.transport.abort()
 
@@ -217,7 +217,7 @@ class SessionServer:
         try:
             async with asyncio.timeout(_KEY_TIMEOUT):
                 return self._server_socket.is_key(await reader.readline())
-        except (TimeoutError, ValueError):  # it sends nothing, or a line without an end
+        except (TimeoutError, ValueError):  # the prompt sends nothing, or a line without an end
             return False
         finally:
             self._n_asked -= 1

@@ -86,7 +86,7 @@ class PlacedEntry:
     play: Play
     begin: float  # [beats of the piece]
     starts: Sequence[float] | None  # None: only the take's file tells
-    row: str | None = None  # of a table, as written
+    row: str | None = None  # row of a table as written
 
     def is_open(self, beat: float, piece: Piece) -> bool:
         """Whether an entry began before a beat and begins again on it or later."""

@@ -72,7 +72,7 @@ def keep(
     return window.tempo(excerpt)
 
 
-_PIECES = 32  # of a glide that is cut
+_PIECES = 32  # pieces of a glide that is cut
 
 
 class _Window:
@@ -309,7 +309,7 @@ class _Window:
             if tempo_entry.meter is not None:
                 later_entry["meter"] = str(tempo_entry.meter)
             entries_written.append(later_entry)
-        for section in ("tempo", "meter"):  # what files say of them is written out
+        for section in ("tempo", "meter"):  # tempos and meters from files are written out
             if items(texts, section):
                 texts = texts.remove((section,))
         for change in entries_written:

@@ -33,7 +33,7 @@ from ergon.scores.reading.piece import Piece
 _TUNED, _PLAIN = ("f", "t60"), ("K", "Z")
 _OTHERS = {"K": _TUNED, "Z": _TUNED, "f": _PLAIN, "t60": _PLAIN}
 TRANSPOSE = "transpose"  # the interval by which an instrument is moved
-_RETUNED = ("f", "t60", "M")  # of a single generator, beside `like` or `from`
+_RETUNED = ("f", "t60", "M")  # fields beside `like` or `from` for a single generator
 _UNITS = {
     **{"M": "kg", "K": "N/m", "Z": "Ns/m", "f": "Hz", "t60": "s", "gap": "m", "rest": "m"},
     **{"X0": "m", "V0": "m/s", "hardening": "N/m3", "stretching": "N/m3"},

@@ -16,7 +16,7 @@ from ergon.scores.pattern.turn_chain import as_turn, is_turn, parse_change
 from ergon.scores.pattern.turns import Turn, numbered
 from ergon.scores.pattern.turns import parse as parse_turns
 
-_STEPS_MAX = 192  # of a round that is written out
+_STEPS_MAX = 192  # steps of a round that is written out
 _PLACES_MAX = 10_000  # of a pattern in a scene
 # Fields that a written-out round does not need: its steps say the same.
 _PATTERN_FIELDS = dict.fromkeys(("euclid", "chance", "swing", "skip", words.NTH))

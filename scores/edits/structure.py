@@ -18,7 +18,7 @@ from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.sections import SCORE
 
-USUAL_LEVEL = "-20LUFS"  # of a stroke at mf, where a line does not say
+USUAL_LEVEL = "-20LUFS"  # loudness of a stroke at mf by default
 LINKS = "links"  # the instrument that holds links between others
 
 Fields = Mapping[str, str]

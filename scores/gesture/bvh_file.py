@@ -51,7 +51,7 @@ class _Words:
     def __init__(self, file: TextIOWrapper, path: Path) -> None:
         self._lines = lines(file, path)
         self._path = path
-        self._ahead: list[str] = []  # of the line, last word first
+        self._ahead: list[str] = []  # unread words of the line, last word first
         self.number = 0
 
     def word(self) -> str:

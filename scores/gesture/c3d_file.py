@@ -25,7 +25,7 @@ _SECTOR = 512
 _DEC = 85
 _ORDERS = {84: "<", _DEC: "<", 86: ">"}  # Intel, DEC, MIPS
 _MANY = 0xFFFF  # largest frame number of the header
-_SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}  # of a parameter's numbers, by its type
+_SIZES = {-1: 1, 1: 1, 2: 2, 4: 4}  # bytes of a parameter's number, by type
 _READ = {"POINT", "TRIAL"}  # groups of parameters
 _PARAMETERS_MAX = 1 << 17  # bytes: 255 sectors
 

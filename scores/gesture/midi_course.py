@@ -40,7 +40,7 @@ def _read(path: Path, channel_name: int | None, midi_source: MidiSource, _: File
     if not moving:
         raise TakeError(_nothing(midi_source, track_events, channel_name), path, field="by")
     moving.sort(key=lambda event: event.tick)
-    by_tick = dict(_shares(moving, midi_source))  # of several values in a tick the last
+    by_tick = dict(_shares(moving, midi_source))  # the last of several values in a tick
     course, share_before = [], None
     for tick, travel_share in by_tick.items():
         if travel_share != share_before:

@@ -14,7 +14,7 @@ from ergon.scores.gesture.take_file import TakeError
 SUFFIXES = (".mid", ".midi", ".rmi")
 SUSTAIN = 64  # the controller of the pedal
 MAX_BYTES = 4_000_000  # a million notes: two seconds to read
-MAX_NOTES = 100_000  # of those that are played
+MAX_NOTES = 100_000  # notes that are played
 _OFF, _PEDAL, _ON, _OTHER = range(4)  # kinds of events, in the order in which those of a tick act
 
 
@@ -38,7 +38,7 @@ class MidiNote(NamedTuple):
     velocity: int
     lasting: float | None = None
     word: str | None = None  # its name, where the file says one
-    strength: float | None = None  # as dynamics say it; None: by the velocity
+    strength: float | None = None  # strength from dynamics; None: from the velocity
 
 
 class MidiNotes(NamedTuple):
@@ -48,7 +48,7 @@ class MidiNotes(NamedTuple):
     length: float
 
 
-FileState = tuple[int, ...]  # what changes where the content of a file does
+FileState = tuple[int, ...]  # changes when the content of a file changes
 
 
 def state_of(path: Path) -> FileState:

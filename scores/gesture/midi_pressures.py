@@ -79,7 +79,7 @@ def _channel_pressures(
         note_end = piece_length if held_note.lasting is None else held_note.at + held_note.lasting
         first_event, stop_event = bisect_left(starts, held_note.at), bisect_left(starts, note_end)
         pressures_by_instant = {
-            start: event.content[-1]  # of several at one instant the last
+            start: event.content[-1]  # the last of several at one instant
             for start, event in zip(
                 starts[first_event:stop_event], midi_events[first_event:stop_event], strict=True
             )

@@ -17,7 +17,7 @@ from ergon.scores.gesture.midi_file import FileState, channel_number, read_bytes
 from ergon.scores.gesture.take_file import TakeError
 
 MAX_POINTS = 100_000  # movements of notes
-_CENTRE = 8192  # of the wheel, which has 14 bits
+_CENTRE = 8192  # middle of the wheel, which has 14 bits
 # The controllers that say the range of a wheel, and zones.
 CONTROLLERS = _DATA, _DATA_FINE, _RPN_FINE, _RPN = 6, 38, 100, 101
 _RANGE, _ZONE = 0, 6  # registered parameters
@@ -83,7 +83,7 @@ class Wheels:
     def __init__(self, cents: float) -> None:
         """Begin without zones; `cents` is the range of a wheel that says none."""
         self._wheels = {channel: _Wheel(cents) for channel in range(1, 17)}
-        self._masters: dict[int, int] = {}  # of channels in zones
+        self._masters: dict[int, int] = {}  # master of each channel in a zone
         self._channels: dict[int, int] = {}  # by the number of a note
 
     def cents(self, channel: int) -> float:

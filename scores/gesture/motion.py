@@ -25,7 +25,7 @@ BLOCK = 1 << 18  # numbers that are read at once
 _HIDDEN_MAX = 0.2  # s that a spline runs across
 _STRAIGHT = 0.8  # smallest share of the variance along the line of `auto`
 _LISTED = 8
-_HIDDEN = ("", "NULL")  # what stands in a cell where a point is hidden
+_HIDDEN = ("", "NULL")  # cells of a hidden point
 _UNIT_WORDS = {
     **dict.fromkeys(("millimeters", "millimetres", "millimeter", "millimetre"), "mm"),
     **dict.fromkeys(("centimeters", "centimetres", "centimeter", "centimetre"), "cm"),

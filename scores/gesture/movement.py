@@ -11,8 +11,8 @@ from ergon.scores.gesture.take_file import Floats
 
 CUTOFF = 20.0  # Hz: hands move below; differentiated sensor noise is above
 RATE = 50.0  # times the cutoff: samples a second at which derivatives are taken
-_CUTOFF_MAX = 0.45  # of the rate of the samples
-_TURN = 0.05  # of the range: smallest reversal
+_CUTOFF_MAX = 0.45  # largest cutoff over the sample rate
+_TURN = 0.05  # smallest reversal over the range
 _STRIKE = 3.0  # times the rms of the acceleration
 _REMEMBERED = 4.0  # periods of the cutoff, after which the filter has forgotten
 _EDGE = 4  # samples beyond each end: two for each of two derivatives

@@ -13,9 +13,9 @@ from ergon.common.xml_text import XmlError, parse_xml
 from ergon.scores.gesture.take_file import TakeError
 
 SUFFIXES = (".musicxml", ".mxl", ".xml")
-MAX_BYTES = 16 << 20  # of a file, and of what it holds when it is unpacked
+MAX_BYTES = 16 << 20  # largest file, packed and unpacked
 MAX_ELEMENTS = 1_000_000
-MAX_ENTRIES = 1_000  # of a ZIP
+MAX_ENTRIES = 1_000  # entries of a ZIP
 _CONTAINER = "META-INF/container.xml"
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
 

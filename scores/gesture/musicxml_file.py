@@ -28,7 +28,7 @@ class XmlNote(NamedTuple):
 
     at: float
     word: str
-    key: int  # of MIDI, the nearest one
+    key: int  # nearest MIDI key
     strength: float | None
     lasting: float
 

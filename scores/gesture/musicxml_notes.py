@@ -15,14 +15,24 @@ from xml.etree.ElementTree import Element
 from ergon.notation.tables import notes
 from ergon.notation.tables.strengths import DYNAMICS
 
-_GRACE = Fraction(1, 12)  # of a quarter: how long a grace note lasts, before the beat
+_GRACE = Fraction(1, 12)  # length of a grace note before the beat, in quarters
 _STEPS = {"C": 0, "D": 2, "E": 4, "F": 5, "G": 7, "A": 9, "B": 11}
 _LETTERS = "CDEFGAB"
 _SIGNS = {-2: "bb", -1: "b", 0: "", 1: "#", 2: "##"}
-_STEP = 1.0 / (len(DYNAMICS) - 1)  # of strength, from one word to the next
+_STEP = 1.0 / (len(DYNAMICS) - 1)  # strength between two dynamic words
 _MEZZO_FORTE = DYNAMICS.index("mf") * _STEP
-_FORTE = 90.0 / 127.0  # what `dynamics="100"` of a sound is, as a share of the largest velocity
-_STROKES = {"sf", "sfz", "sffz", "fz", "rf", "rfz", "sfzp", "sfp", "sfpp"}  # for one instant
+_FORTE = 90.0 / 127.0  # `dynamics="100"` as a share of the largest velocity
+_STROKES = {
+    "sf",
+    "sfz",
+    "sffz",
+    "fz",
+    "rf",
+    "rfz",
+    "sfzp",
+    "sfp",
+    "sfpp",
+}  # marks that hold for one instant
 _UNITS = {
     "breve": 8,
     "whole": 4,
@@ -69,7 +79,7 @@ class Event:
     is_tied_from: bool = False
     is_tied_to: bool = False
     is_accented: bool = False
-    strength: float | None = None  # of this note alone
+    strength: float | None = None  # strength of this note alone
     level: float | None = None
     then: float | None = None
     swells: int | None = None

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element
 from ergon.notation.text.errors import TextError
 
 MAX_PLAYED = 20_000  # measures
-_PASSES_MAX = 100  # of one repeat
+_PASSES_MAX = 100  # passes of one repeat
 
 
 class TooLongError(TextError):

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 SUFFIXES = (".take", ".csv", ".tsv", ".wav", ".npz", ".c3d", ".bvh", ".trc", ".sdif")
 MAX_SAMPLES = 20_000_000  # two hours at 2.8 kHz; what `ergon._core.Take` accepts
-MAX_BYTES = 1 << 30  # of a CSV or npz file, and of what an npz file holds when it is unpacked
+MAX_BYTES = 1 << 30  # largest CSV or npz file, and largest unpacked npz file
 MAX_LINE = 65_536  # characters; a thousand channels fit
 MAX_CHANNELS = 1024
 _BLOCK = 1 << 20  # bytes of a text that are looked at together

@@ -255,7 +255,9 @@ def _read_wav(
             channels_by_name = {str(i + 1): (i, "m") for i in range(sound_file.channels)}
             if sound_file.channels > MAX_CHANNELS:
                 raise TakeError(f"the file has more than {MAX_CHANNELS:,} channels", path)
-            if sound_file.frames > MAX_SAMPLES:  # as declared; what is read is bounded below
+            if (
+                sound_file.frames > MAX_SAMPLES
+            ):  # declared length; the samples read are bounded below
                 raise TakeError(f"the file has more than {MAX_SAMPLES:,} samples", path)
             column_index, _ = _chosen(channels_by_name, channel, path)
             block_frames = max(1, (1 << 20) // sound_file.channels)

@@ -18,11 +18,11 @@ from ergon.scores.pattern.rhythm_signs import MAX_DIGITS, MAX_NUMBER
 from ergon.scores.pattern.rhythm_text import parse
 from ergon.scores.pattern.struck import Repeats
 
-MAX_COPIES = 32  # of an echo
+MAX_COPIES = 32  # copies of an echo
 MAX_SEMITONES = 127
 MAX_FACTOR = 100
-MAX_RATE = 100  # of a tremolo [Hz]
-MAX_LENGTH = 8  # of a stroke, in distances to the next
+MAX_RATE = 100  # rate of a tremolo [Hz]
+MAX_LENGTH = 8  # length of a stroke over the distance to the next
 
 Argument = int | float | str | Fraction | Repeats
 

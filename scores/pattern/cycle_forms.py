@@ -11,7 +11,7 @@ from ergon.scores.pattern.cycle_arguments import Reader
 from ergon.scores.pattern.cycles import Cycles
 from ergon.scores.pattern.struck import Struck
 
-HALF = 0.5  # of the events: what `sometimes` and `degrade` take without a number
+HALF = 0.5  # default share of events for `sometimes` and `degrade`
 
 Pattern = Cycles[Struck]
 

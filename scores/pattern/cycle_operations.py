@@ -30,7 +30,7 @@ from ergon.scores.pattern.rhythm import Euclid
 Change = Callable[[Cycles[V]], Cycles[V]]
 
 HALF = Fraction(1, 2)
-_WALKS = 256  # of voices: their paths are remembered
+_WALKS = 256  # voices whose paths are remembered
 _COPIES = 1 << 40  # between the operators of one copy of a pattern and those of the next
 
 

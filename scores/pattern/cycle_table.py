@@ -14,7 +14,7 @@ from ergon.scores.pattern.phrasing_table import PHRASING
 from ergon.scores.pattern.rhythm import Euclid
 from ergon.scores.pattern.struck import Struck
 
-_THIRD = Fraction(1, 3)  # of a slice: what `swing 4` delays, as a triplet does
+_THIRD = Fraction(1, 3)  # default delay of `swing`, in slices: that of a triplet
 
 
 # --- what each does -----------------------------------------------------------------------------

@@ -20,8 +20,8 @@ from typing import Generic, NamedTuple, TypeVar
 
 from ergon import _core
 
-MAX_EVENTS = 4_096  # in a cycle
-MAX_DEPTH = 200  # of patterns inside patterns: each takes up to three calls of Python's 1,000
+MAX_EVENTS = 4_096  # events in a cycle
+MAX_DEPTH = 200  # nested patterns; each takes up to three of Python's 1,000 calls
 MAX_LEAVES = 4_096  # different values in a pattern
 
 V = TypeVar("V")

@@ -25,7 +25,7 @@ WAYS: tuple[Choice, ...] = get_args(Choice)[1:]  # those with a keyword; `in tur
 
 REST = "~"
 MAX_DEPTH = 8  # groups inside groups, as in the notation of gestures
-MAX_PLACES = 10_000  # of a round
+MAX_PLACES = 10_000  # places of a round
 _TOO_MANY = f"this pattern has more than {MAX_PLACES:,} places in a round"
 
 _TOKEN = re.compile(r"(\()|(\)|[^\s()*]+)(?:\s*+\*\s*+([^\s()]*+))?|(\*)")

@@ -12,7 +12,7 @@ from ergon.scores.pattern.struck import Repeats
 
 _SOFTER = 0.5  # the impulse of a grace note, as a factor of that of its stroke
 _SWELL = (Fraction(1, 4), Fraction(1))  # the factors of the first and the last stroke of a roll
-_QUARTER = Fraction(1, 4)  # of a chord's length: what `rolled` takes without a number
+_QUARTER = Fraction(1, 4)  # default share of a chord's length for `rolled`
 
 
 def _tremolo(t: CycleTransform, part: Pattern) -> Pattern:

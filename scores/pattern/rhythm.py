@@ -10,7 +10,7 @@ from ergon.notation.tables import quantities as q
 from ergon.notation.text.errors import TextError
 from ergon.notation.text.numbers import stripped
 
-MAX_STEPS = 256  # of a Euclidean rhythm
+MAX_STEPS = 256  # steps of a Euclidean rhythm
 EVEN = 0.5  # the share of the first of two steps that are not swung
 _EUCLID = re.compile(r"([0-9]{1,4})\s+([0-9]{1,4})(?:\s+rotate\s+([0-9]{1,4}))?")
 _LOW, _HIGH = 0.25, 0.9

@@ -9,7 +9,7 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.scores.pattern.rhythm import Euclid, parse_euclid
 
 MAX_NUMBER = 1_000
-MAX_DIGITS = 8  # of a number: fractions are exact, and grow with each number inside another
+MAX_DIGITS = 8  # digits of a number, since exact fractions grow
 
 NUMBER = re.compile(r"[0-9]+(?:\.[0-9]+)?")
 _EUCLID = re.compile(r"\(\s*([0-9]{1,4})\s*,\s*([0-9]{1,4})\s*(?:,\s*([0-9]{1,4})\s*)?\)")

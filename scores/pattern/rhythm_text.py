@@ -99,7 +99,7 @@ class _Parser(Scanner, Generic[V]):
     ) -> None:
         super().__init__(text, start)
         self.read = read
-        self.number = first_operator  # of the next operator that draws chances
+        self.number = first_operator  # number of the next operator that draws chances
         self.open: list[int] = []  # where brackets begin that are not closed yet
 
     # --- brackets -------------------------------------------------------------------------------

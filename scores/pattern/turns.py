@@ -74,7 +74,7 @@ _RULES: Mapping[str, Callable[[Rule, Occasion], bool]] = {
         floor(where.share * rule.values[0] + _ROUNDING) == where.round % rule.values[0]
     ),
     "sometimes": lambda rule, where: where.draw(rule.number, rule.values[0]),
-    "iter": lambda *_: True,  # `iterations` has what it does
+    "iter": lambda *_: True,  # see `iterations`
 }
 _ROUNDING = 1e-9
 

@@ -141,8 +141,8 @@ def gestures(section_values: Values, room: int = notation.MAX_EVENTS) -> dict[st
     return {"": parsed[0]} if len(parsed) == 1 else dict(zip(AXES, parsed, strict=False))
 
 
-_HIGHPASS = 20.0  # of an input [Hz]
-_GLIDE = 0.02  # from one value by OSC to the next [s]
+_HIGHPASS = 20.0  # default high-pass of an input [Hz]
+_GLIDE = 0.02  # default glide between two values by OSC [s]
 _GLIDE_MAX = 60.0  # [s]
 _INPUT_NAMES = ("gain", "highpass", "clamp", "glide")
 _MIDI_NAMES = ("velocity", "depth", "curve")

@@ -34,7 +34,7 @@ from ergon.scores.reading.uses import Entry, Names, Uses, called
 _Item = TypeVar("_Item")
 _Part = TypeVar("_Part", Key, Instrument)
 
-MAX_MATS = 4_000_000  # of all instruments: about 1 GB of state and parameters
+MAX_MATS = 4_000_000  # MATs of all instruments: about 1 GB
 
 
 class PartsReader:

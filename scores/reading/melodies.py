@@ -111,7 +111,7 @@ def hits_of(
     voices = NoteTargets(part_names, notes_in(phrase, strike_values))
     played_hits = played(phrase, strike_values, do[0], voices, files, phrases)
     if not (strike_values.written("to", "transpose", "do") or is_midi(phrase)):
-        error_label = phrase.context.label("")  # a name that is unknown is the phrase's
+        error_label = phrase.context.label("")  # mistakes in names belong to the phrase
     return (
         None
         if played_hits is None
@@ -289,7 +289,7 @@ def _hits(rows: Sequence[Row], voices: NoteTargets, strikes_label: str) -> tuple
     collector = voices.part_names.collector
     n_reports = collector.n_reports
     for phrase_row in rows:
-        if phrase_row.act and collector.n_reports > n_reports:  # of the notes that are pressed
+        if phrase_row.act and collector.n_reports > n_reports:  # some pressed note was refused
             break
         row_level = phrase_row.level or MEZZO_FORTE
         phrase_hit = Hit(

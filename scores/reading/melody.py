@@ -21,7 +21,7 @@ from ergon.notation.text.values import Place
 from ergon.scores.pattern import words
 from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT
 
-MAX_ROWS = 100_000  # of one melody
+MAX_ROWS = 100_000  # rows of one melody
 _STILL = Length()
 MAX_CHORD = 256  # names of one strike
 _WORD = re.compile(r"\S+")
@@ -36,10 +36,10 @@ class Row:
     what: tuple[Name, ...]
     level: Level | None
     place: Place
-    before: tuple[Name, ...] = ()  # what was written, where a transposition has changed it
+    before: tuple[Name, ...] = ()  # names before a transposition
     jitter: Length = _STILL  # how far chance moves it, earlier or later
     lasting: Length | None = None  # None: it has no end
-    swells: bool = False  # to the next level that is written
+    swells: bool = False  # whether the level swells to the next written one
     act: str = ""  # by which notes are played, if the instrument has it; "": the usual one
 
 

@@ -13,7 +13,7 @@ from ergon.scores.reading.melodies import between, midi_notes
 from ergon.scores.reading.playing import NO_OPTIONS, Gesture
 
 _REACH = 0.125  # [quarters] from rest to the depth of a note, and back
-_ROOM = 0.45  # at most this share of the way to the next note
+_ROOM = 0.45  # largest share of the time to the next note
 
 
 def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gesture | None:

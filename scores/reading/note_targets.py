@@ -84,7 +84,7 @@ class NoteTargets:
                 for t in known_targets
             ]
         targets_struck = self.part_names.struck(target_name, strikes_label)
-        if targets_struck:  # else each row reports what is missing
+        if targets_struck:  # without targets each row reports them
             self._known[target_name] = targets_struck
         return targets_struck
 

@@ -12,7 +12,7 @@ from ergon.scores.reading.digest_marks import OMIT_EMPTY
 from ergon.scores.reading.mixing import Fade, PanPath, Radiation, Room
 from ergon.scores.reading.tones import Echo, Tone
 
-REFERENCE = 0.1  # of full scale: -20 dBFS; see Output.reference
+REFERENCE = 0.1  # share of full scale, -20 dBFS; see Output.reference
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from ergon.scores.pattern.rhythm_text import WORD
 from ergon.scores.reading.piece import Hit, Strikes
 from ergon.scores.reading.rhythms import Rhythm
 
-_PARTS = 10_000  # of a beat or a second, at most, in which entries lie
+_PARTS = 10_000  # finest grid of entries in a beat or a second
 _FINE = 1_000  # large weights are written with so many parts
 _ROUNDING = 1e-9
 

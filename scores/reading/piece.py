@@ -71,7 +71,7 @@ class Hit:
     to: tuple[Target, ...]
     level: Level
     place: Place
-    what: str = ""  # as it is written
+    what: str = ""  # the text as written
     # The largest random displacement, earlier or later.
     jitter: Length = field(default=Length(), metadata=OMIT_EMPTY)
     reach: ImpulseRange | None = field(default=None, metadata=OMIT_EMPTY)

@@ -32,9 +32,9 @@ from ergon.scores.pattern.rhythm_text import WORD, line_begins, parse
 from ergon.scores.pattern.struck import Struck, key_of, name_of, note_of, notes_of
 
 HERE = "x"  # the word for what `to` names
-LONGEST_CYCLES = 8.0  # of a note: one that lasts longer is looked for no farther back
-_SAME_STROKE = 1e-9  # of a stroke: tolerance for rounding of a rate times a length
-MAX_CYCLES = 200_000  # of one rhythm: a bar of a second for more than two days
+LONGEST_CYCLES = 8.0  # longest note [cycles] that earlier cycles are searched for
+_SAME_STROKE = 1e-9  # tolerance, in strokes, for a rate times a length
+MAX_CYCLES = 200_000  # cycles of one rhythm: more than two days at one a second
 _REMEMBERED = 32  # rhythms whose cycles are remembered: a thousand bars of each take 1.5 MB
 
 # Where in its cycle an event begins, its span and how long it sounds in cycles, and its word.
@@ -215,7 +215,7 @@ def _late(text: str, do: str, tuned: Tuning | None) -> tuple[int, float]:
 def level_of(struck: Struck) -> Level | None:
     """The level that a word says itself, after a colon. Raises TextError."""
     _, colon, text = struck.word.partition(":")
-    return LEVEL.parse(text) if colon else None  # it remembers what it has read
+    return LEVEL.parse(text) if colon else None  # the parser keeps its results
 
 
 def compiled(rhythm_text: str, do: str) -> Cycles[Struck]:

@@ -22,7 +22,7 @@ from ergon.scores.reading.playing import Gesture, Play
 _LengthAndLosses = tuple[Length, tuple[str, ...]]
 _NO_LOSSES: tuple[str, ...] = ()
 
-MAX_STRIKES = 2_000_000  # in a piece: some 340 MB
+MAX_STRIKES = 2_000_000  # strikes in a piece: some 340 MB
 
 
 def schedule(

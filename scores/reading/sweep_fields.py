@@ -29,8 +29,8 @@ SWEEPS = {
     "upward": ("pitch", False),
     "downward": ("pitch", True),
 }
-MAX_POINTS = 1000  # of a path
-MAX_TURNS = 100.0  # of a path: each is walked in 180 steps
+MAX_POINTS = 1000  # points of a path
+MAX_TURNS = 100.0  # turns of a path, each of 180 steps
 WIDTH = 0.05
 _ARROW = "->"
 

@@ -32,7 +32,7 @@ SECTIONS = ("keys", "instruments", "gestures", "phrases", "takes", "laws")
 # Sections of events: `use:` does not bring them in.
 PLAYED = ("strikes", "automation", "duet", "parts")
 MAX_USES = 20  # files deep
-MAX_NAMES = 20_000  # that other files bring to one
+MAX_NAMES = 20_000  # names that other files add to one
 MAX_LIKE = 32  # things that begin with another
 NOUNS = dict(zip(SECTIONS, ("key", "instrument", "gesture", "phrase", "take", "law"), strict=True))
 _Named = TypeVar("_Named", Gesture, TakeFile, Key | Instrument)
@@ -65,8 +65,10 @@ class Names:
         default_factory=lambda: {section: {} for section in SECTIONS}
     )
     used: dict[str, Names] = field(default_factory=dict)  # by file stem and by prefix, for `from:`
-    tuning: Tuning | None = None  # of the notes that its file writes
-    tunings: Mapping[str, Tuning] = field(default_factory=dict)  # of its instruments with their own
+    tuning: Tuning | None = None  # tuning of the notes in its file
+    tunings: Mapping[str, Tuning] = field(
+        default_factory=dict
+    )  # tunings of instruments that have one
     families: list[str] = field(default_factory=list)  # what `use:` names: prefixes, or file stems
     included: list[tuple[Include, Names]] = field(default_factory=list)
 
@@ -85,7 +87,7 @@ class Uses:
         self._read: dict[str, Names] = {}
         self.is_full = False  # files bring more names than are read
         self.midi = MidiUses(files)
-        self.pieces: dict[str, Piece] = {}  # of scores that are included, by file
+        self.pieces: dict[str, Piece] = {}  # included scores by file
         self._open: list[tuple[str, Place | None]] = []
 
     def read(self, document: Document, asked_place: Place | None = None) -> Names:

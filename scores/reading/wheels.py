@@ -33,7 +33,7 @@ def with_wheels(
         )
         return wheel_strikes
     path = files.find(take["file"], take.nodes["file"].document.folder, is_text=False)
-    if path is None:  # reported where its notes are read
+    if path is None:  # the reader of the notes reports it
         return wheel_strikes
     cents = take["bend"].cents
     try:

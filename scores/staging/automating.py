@@ -277,7 +277,7 @@ def takeover_points(
             points_after.get(module_key) or [value_alone],
         )
         if len(old_points[0]) != len(new_points[0]):
-            old_points = [value_alone]  # it was a module of another kind
+            old_points = [value_alone]  # the module had another kind before
         is_same = _is_same(old_points, new_points, start_seconds, complete_to)
         if not is_same:
             glide_stop = start_seconds + GLIDE
@@ -347,7 +347,7 @@ def _parameter_curve(
             parameter_curve.set(tempo.seconds(ended), value_alone, tempo.seconds(begin_beat))
         if extent.begins > -math.inf and place_index + 1 < len(
             entry_order
-        ):  # of some only the end is needed
+        ):  # some spans need only their end
             begins = min(extent.begins, tempo.seconds(entry_order[place_index + 1].begin))
             extent_here = Extent(min(extent.since, stop_beat), until_seconds, begins)
         try:

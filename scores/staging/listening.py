@@ -22,7 +22,7 @@ from ergon.scores.staging.loudspeakers import Loudspeakers
 
 _NEVER = 1e9  # [s]
 _PATH_NS, _ROOM_NS = 10.0, 300.0
-_PRESSURE = 1.0  # of a route that radiates, at the reference level [Pa]
+_PRESSURE = 1.0  # pressure of a radiating route at the reference level [Pa]
 _Range = tuple[int, int, float]
 Curve = tuple[tuple[int, float, bool], ...]  # (frame, ratio, whether the way is smooth)
 

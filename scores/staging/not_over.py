@@ -16,7 +16,7 @@ from ergon.common.changed import changed_part
 _Line = TypeVar("_Line", bound=tuple[Any, ...])
 _Columns = tuple[Sequence[Any], ...]
 _REMEMBERED = 4  # looks; some are at earlier versions that still play
-Plays = tuple[Hashable, int]  # what a line plays, and how often
+Plays = tuple[Hashable, int]  # an item that a line plays, with its count
 
 
 class _Look(NamedTuple):

@@ -25,7 +25,7 @@ GLIDE = 0.02
 GRID = _core.GRID  # frames between the instants of the engine's points
 # How many places of its pattern are searched backward for the value that holds at a beat.
 _BACK = 256
-_PLACE_STEPS = 2_000  # of work, for a place of a pattern
+_PLACE_STEPS = 2_000  # steps of work for a place of a pattern
 _POINTS_MAX = 200_000  # points of a swing
 _FARTHEST = 1 << 24  # segments of a swing that are searched
 # A swing is approximated by straight segments, sixteen in each quarter: sin(j π / 32).
@@ -205,7 +205,7 @@ def add_glide(
     tempo, automation_line = piece.tempo_map, automation_entry.automation
     start_instant = tempo.seconds(automation_entry.begin)
     if isinstance(tempo, StoppedTempoMap):
-        if start_instant < NEVER:  # the value on the beat at which the piece stands
+        if start_instant < NEVER:  # the value on the present beat
             goes = ShiftedTempoMap(tempo, 0.0)
             moving = Curve(
                 parameter_curve.initial,
@@ -225,7 +225,7 @@ def add_glide(
     )  # only its end is heard
     if automation_line.over is not None:
         parameter_values.insert(0, to_path(value_before))
-        if not is_over:  # it starts from the value on the grid before it
+        if not is_over:  # the swing starts from the grid value before it
             step = GRID / piece.rate
             parameter_curve.to(math.floor(start_instant / step) * step, value_before)
     elif parameter_values[0] != to_path(value_before) and not is_over:

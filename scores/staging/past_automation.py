@@ -51,7 +51,7 @@ def slack(piece: Piece, orders: Iterable[Sequence[Entry]], begins: float) -> flo
             try:
                 path = glide_path(piece, entry_order[entry_index], 1.0)
             except TextError:
-                continue  # it is reported when it is expanded
+                continue  # the expansion reports the mistake
             if path.last >= begins:
                 span = path.last - min(
                     begins, piece.tempo_map.seconds(entry_order[entry_index].begin)
@@ -78,7 +78,7 @@ def needed(
             if _stands_alone(piece, needed_entry, initial_value, extent.since, begins):
                 break
         except TextError:
-            pass  # it is reported when it is expanded
+            pass  # the expansion reports the mistake
         begins = tempo.seconds(needed_entry.begin)
         entry_index -= 1
     return Needed(max(0, entry_index), Curve(initial_value))
@@ -130,7 +130,7 @@ def _stands_alone(
     if automation_line.swing is not None:
         beat_of = swing_beats(tempo, automation_entry, automation_line.swing)
         point_number = swing_points_before(beat_of, tempo.beats(glide_end)) + 1
-        if automation_line.swing.shape == "square":  # it has points where it changes
+        if automation_line.swing.shape == "square":  # a square has points only at its changes
             point_number += PIECES // 2
         beat = beat_of(point_number)
         return beat <= automation_entry.stop and tempo.seconds(beat) <= begins

@@ -416,7 +416,7 @@ def _add_strike_points(piece: Piece, prepared: PreparedPiece, going: StageTakeov
     try:
         for part_name, part_module, member, strike_number in going.strike_points:
             first_mat = assembly.mats.get((part_name, part_module))
-            if first_mat is not None:  # it may be left out of the network
+            if first_mat is not None:  # the module may be missing in the network
                 mat = prepared.network.centre(first_mat) if member < 0 else first_mat + member
                 lasts = _contact_time(piece, part_name, part_module)
                 prepared.timeline.strike_point(mat, strike_number, lasts=lasts)

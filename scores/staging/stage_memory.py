@@ -14,7 +14,7 @@ from ergon.scores.staging.hands import Played
 from ergon.scores.staging.known_automation import KnownAutomation
 from ergon.scores.staging.not_over import NotOver
 
-_APART = 1e-6  # beats by which strikes end before a beat, for they are over
+_APART = 1e-6  # margin [beats] for strikes to count as over
 
 
 @dataclass(slots=True)
@@ -29,7 +29,7 @@ class KnownStrikes:
         tempo = piece.tempo_map
         if beat == -math.inf:
             return piece.strikes
-        if (meters := tempo.bars.changes()) != self._meters:  # they end on other beats
+        if (meters := tempo.bars.changes()) != self._meters:  # the end beats depend on the meters
             self._meters = meters
             self._not_over.forget()
         beat_before = beat - _APART
@@ -51,7 +51,7 @@ def _end(strikes: Strikes, tempo: TempoMap) -> float:
         or until_position.plus.seconds
         or strikes.has_rounds
     ):
-        return math.inf  # a round that begins before it may end after it
+        return math.inf  # a round may begin before this beat and end after it
     try:
         return tempo.resolve(until_position)
     except TextError:

@@ -26,7 +26,7 @@ from ergon.scores.staging.sweep_members import visits
 
 ALL_TIME = (-math.inf, math.inf)
 _first, _last = (lambda low, high: low), (lambda low, high: high)
-_STRIKE_STEPS = 2_000  # of work, for a strike
+_STRIKE_STEPS = 2_000  # steps of work for a strike
 _ALONE = 1.0  # [s] for which a bow is drawn where nothing says how long a note is
 
 # When a note begins and ends [s]; None where nothing says when it ends.
@@ -306,7 +306,7 @@ class Striking:
             impulse = hold.impulse(strength)
             if not hold.is_lifted:
                 self._draw(held, stroke_span, impulse if self._gain > 0.0 else 0.0)
-            elif self.strikes.passing is None:  # what passes says of no end
+            elif self.strikes.passing is None:  # a sweep or path has no end of its own
                 self._push(held, stroke_span[0], impulse)
                 if stroke_span[1] is not None:
                     self._push(held, stroke_span[1], -impulse)

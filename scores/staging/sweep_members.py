@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 # The length of a chord of a path: with 2° it leaves the circle by 1.5e-4 of its radius.
 _STEP = 2.0  # [degrees]
-_MEMBER_STEPS = 20  # of work, for a member that is looked at
+_MEMBER_STEPS = 20  # steps of work for a member that is visited
 
 Visit = tuple[float, int]  # share of the way, from 0 to 1, and index of the member
 

@@ -82,7 +82,7 @@ class Takes:
                 message = f"take {quote(take.name)}: {take.path.name}: {samples.damage}"
                 self.collector.error("W314", message, take.places.get("file", take.place))
             take_made = _core.Take(samples.t, samples.x, trim=take.trim, smooth=take.smooth)
-            if samples.damage is None:  # else the damage would be reported again
+            if samples.damage is None:  # damage is reported once
                 self.files[identity] = take_made
             return take_made
         except TakeError as error:

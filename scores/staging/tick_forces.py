@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class TickForces:
     """The mean force of ergons in each tick, `delay` [s] after it begins: `newtons` (n_ticks,)."""
 
-    period: float  # of a tick [s]
+    period: float  # period of a tick [s]
     delay: float
     first: int  # number of the first tick
     newtons: NDArray[np.float64]

@@ -137,9 +137,7 @@ def glides(
             glide = Glide(
                 *module_key, values_now, module_values, start_seconds, start_seconds + glide_seconds
             )
-            if (
-                glide.written not in glides_by_module
-            ):  # else the whole link over a range glides already
+            if glide.written not in glides_by_module:  # a link over a range glides as one
                 glides_by_module[module_key] = (
                     running_glide
                     if running_glide is not None and running_glide.after == module_values

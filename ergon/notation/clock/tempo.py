@@ -136,7 +136,7 @@ class TempoMap:
         self._quarters: float | None = None  # quarters a minute, while a file says the tempo
         self.placed: list[tuple[float, Entry]] = []  # all changes, each with its beat
         latest = 0.0
-        self._meter_quarter, self._meter_beat = 0.0, 0.0  # where the file's last meter began
+        self._meter_quarter, self._meter_beat = 0.0, 0.0  # the beginning of the file's last meter
         tempos, meters = [*reversed(file.tempos)], [*reversed(file.meters)]
         for i, tempo_entry in enumerate(entries):
             self._take_over(tempos, meters, tempo_entry.at)

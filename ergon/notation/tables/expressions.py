@@ -23,7 +23,7 @@ from ergon.notation.text.spelling import nearest
 
 MAX_LENGTH = 200  # characters of an expression
 MAX_DEPTH = 16  # parentheses and signs inside one another
-_MAX_BITS = 4_096  # of a numerator or denominator
+_MAX_BITS = 4_096  # bits of a numerator or denominator
 _MAX_EXPONENT = 40
 
 _EXPECTED = "a name of `let:`, a note or a number"

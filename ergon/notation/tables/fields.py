@@ -53,7 +53,7 @@ class Values:
     by_name: dict[str, Any] = field(default_factory=dict)
     nodes: dict[str, Node] = field(default_factory=dict)
     free: dict[str, Any] = field(default_factory=dict)
-    kind: str = ""  # of a record with kinds: the one that was written
+    kind: str = ""  # the written kind, in a record with kinds
     strange: int = 0  # names that mean nothing here, reported
     misspelt: set[str] = field(default_factory=set)  # fields that some of them resemble
     is_foreign: bool = False  # one of them was a field of another kind of file
@@ -128,7 +128,7 @@ class Record(Shape):
     free: Shape | None = None
     refused: Mapping[str, str] = field(default_factory=dict)  # planned fields: name → sentence
     foreign: Mapping[str, str] = field(default_factory=dict)  # fields of other files: name → help
-    meant: Mapping[str, str] = field(default_factory=dict)  # what others call a field: name → field
+    meant: Mapping[str, str] = field(default_factory=dict)  # foreign name → field
     elsewhere: Mapping[str, str] = field(default_factory=dict)  # what is no field: name → help
     # Fields that a lone value in place of the group may mean, each by the pattern of its texts.
     lone: Mapping[str, str] = field(default_factory=dict)

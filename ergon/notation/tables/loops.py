@@ -21,9 +21,9 @@ from ergon.notation.text import document
 from ergon.notation.text.document import Document, Node, Scalar
 from ergon.notation.text.errors import Collector, TextError, quote
 
-MAX_TURNS = 20_000  # of all loops of one mapping
-MAX_NODES = 500_000  # written out in one file
-MAX_INSIDE = 8  # loops and conditions in one another
+MAX_TURNS = 20_000  # turns of all loops in one mapping
+MAX_NODES = 500_000  # characters that loops may write out in one file
+MAX_INSIDE = 8  # levels of nested loops and conditions
 
 SYNTAX = "write `for i in 1..12:` or `if i < 12:`, with names below"
 # The names of loops and conditions, for editors.
@@ -169,7 +169,7 @@ class _Writer:
                 self.loop(name_node, child_node, turn_copy.names, depth + 1)
             else:
                 name_copy = turn_copy.scalar(name_node)
-                if "(" not in name_copy.text:  # else it was refused
+                if "(" not in name_copy.text:  # a name with a parenthesis was refused
                     self.add(name_copy.text, name_copy, turn_copy.node(child_node))
 
     def named(self, section: document.Mapping, names: Names) -> Names:

@@ -17,7 +17,7 @@ from ergon.notation.text.document import Node, Scalar
 from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 
-MAX_NOTES = 256  # of one instrument
+MAX_NOTES = 256  # notes of one instrument
 LOWEST, HIGHEST = 0, 131  # C-1 and B9
 # Semitones above the root.
 SCALES: Mapping[str, tuple[int, ...]] = {

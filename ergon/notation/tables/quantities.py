@@ -79,7 +79,7 @@ def _dimension(
 _LENGTH = "mm:-3 cm:-2 m um:-6 µm:-6 μm:-6"
 _HARDENING = "N/m3 N/mm3:9 kN/m3:3 MN/m3:6"
 MASS = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive", bare=False)
-MASS_OR_NUMBER = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive")  # of `units: ca`
+MASS_OR_NUMBER = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive")  # for `units: ca`
 STIFFNESS = _dimension("stiffness", "N/m kN/m:3 N/mm:3 mN/m:-3", "60N/m", "not negative")
 DAMPING = _dimension("viscosity", "Ns/m mNs/m:-3", "1.2Ns/m", "not negative")
 POSITION = _dimension("length", _LENGTH, "1mm", high_bound=1e3, low_bound=-1e3)

@@ -15,8 +15,8 @@ from fractions import Fraction
 from ergon import _core
 from ergon.notation.text.errors import TextError, quote
 
-MAX_DEGREES = 8_192  # of a scale; the largest of the Scala archive has 1,000 or so
-MAX_KEYS = 1_024  # of a keyboard map
+MAX_DEGREES = 8_192  # degrees of a scale; the largest in the Scala archive has some 1,000
+MAX_KEYS = 1_024  # keys of a keyboard map
 _MAX_CENTS = 120_000.0  # a hundred octaves
 _MAX_RATIO = 2.0**100
 

@@ -61,8 +61,8 @@ class Context:
     owner: str = ""
     name: str = ""
     place: Place | None = None
-    memory: Memory | None = None  # of the sections of a score
-    tunings: Mapping[str, Tuning] = field(default_factory=dict)  # of instruments, by name
+    memory: Memory | None = None  # sections of earlier versions of the score
+    tunings: Mapping[str, Tuning] = field(default_factory=dict)  # tunings of instruments by name
 
     def label(self, field_name: str) -> str:
         """`M of key 'k1'`."""
@@ -139,7 +139,7 @@ class Text(Shape):
     is_value: bool = False  # names of `let:` and arithmetic may stand for it
     has_values: bool = False  # names of `let:` may stand for words of it
     is_position: bool = False  # both, unless a mark has the same name
-    meanings: Mapping[str, str] = field(default_factory=dict, compare=False)  # of its words
+    meanings: Mapping[str, str] = field(default_factory=dict, compare=False)  # word → its meaning
 
     def vocabulary(self) -> Mapping[str, str]:
         """The words that its texts may have, each with what it means."""

@@ -29,8 +29,8 @@ _ITALIAN = {
     "loud": "f",
     "fortissimo": "ff",
 }
-_STEPS = len(DYNAMICS) - 1  # of strength, from one word to the next, between 0 and 1
-_FORTE = DYNAMICS.index("f") / _STEPS  # where decibels count from
+_STEPS = len(DYNAMICS) - 1  # steps from one dynamic word to the next, from 0 to 1
+_FORTE = DYNAMICS.index("f") / _STEPS  # the strength at 0 dB
 _VELOCITY = re.compile(r"v([0-9]{1,3})")
 _PLAIN_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+|/[0-9]+)?")
 _ACCENT = "!"
@@ -174,7 +174,7 @@ def _end(end_word: str) -> Level:
     strength = _strength(end_word)
     if strength is not None:
         return Level(strength, strength, is_strength=True)
-    if "x" in end_word:  # as `written` writes a strength with a factor
+    if "x" in end_word:  # `written` writes a strength with a factor so
         value, _, factor = end_word.partition("x")
         strength = _strength(value)
         if strength is not None:

@@ -30,7 +30,7 @@ _SHARP = 7, -4  # seven fifths up, four octaves down
 _FIFTHS = (0, -5, 2, -3, 4, -1, 6, 1, -4, 3, -2, 5)
 _DIMINISHED = {6: -6}  # the fifth of a chord that also has a minor third
 _AUGMENTED = {8: 8}
-_LETTERS = "FCGDAEB"  # by fifths
+_LETTERS = "FCGDAEB"  # in the order of fifths
 
 _NOTE = re.compile(r"([A-G])(##|bb|[#♯b♭]?)(-?\d)(?:([+-]\d{1,4}(?:[._]\d{1,6})?)cents?)?")
 _RATIO = re.compile(r"(\d{1,15})to(\d{1,15})")

@@ -132,7 +132,7 @@ def _truth(truth_text: str) -> bool:
     raise TextError(message, length=max(1, len(truth_text)), suggestion=suggestion, code="E206")
 
 
-AXES = ("x", "y", "z")  # of a point in space
+AXES = ("x", "y", "z")  # coordinates of a point in space
 
 MASS = quantity(q.MASS)
 MASS_OR_NUMBER = quantity(q.MASS_OR_NUMBER)

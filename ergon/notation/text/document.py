@@ -22,7 +22,7 @@ from ergon.notation.text.values import Place
 
 MAX_DEPTH = 64  # nested deeper than any score a person writes; keeps later recursion safe
 TOO_DEEP = f"the nesting is deeper than {MAX_DEPTH} levels"
-MAX_NODES = 2_000_000  # with aliases written out; about 1 GB of nodes at the very worst
+MAX_NODES = 2_000_000  # nodes with aliases expanded; about 1 GB at the worst
 
 _NEAR = 4_096  # characters in which a row is counted each time
 _STYLES = ("'", '"', "|", ">")
@@ -181,7 +181,7 @@ class Table:
 
     first_row: int
     starts: list[int]
-    indent: int | None = None  # of the block in its source, once it is asked for
+    indent: int | None = None  # indentation of the block, computed at the first use
 
     def row_text(self, text: str, row: int) -> str:
         """One row, without its line break."""
@@ -197,7 +197,7 @@ class Document:
     text: str
     root: Node | None = None
     folder: Path = field(default_factory=Path)  # paths in the file are relative to it
-    first_row: int = 0  # where the text begins in its file
+    first_row: int = 0  # the first row of the text in its file
     size: int = 0  # how many nodes there are, aliases written out
     # The values that `let:` names, once read, and the node of `let:` if it is in another document.
     lets: Any = field(default=None, repr=False, compare=False)

@@ -20,7 +20,7 @@ from ergon.notation.text.splices import Changes, named
 from ergon.notation.text.splices import EditError as EditError
 from ergon.notation.text.splices import Path as Path
 
-Tree = str | list[Any] | dict[str, Any] | None  # what a text says; nothing and empty are one
+Tree = str | list[Any] | dict[str, Any] | None  # values of a text; None is an empty value
 
 
 @lru_cache(maxsize=16)  # the next edit begins with the text checked after this one

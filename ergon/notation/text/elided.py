@@ -9,7 +9,7 @@ from itertools import groupby
 from ergon.notation.text.item_lines import find_runs
 from ergon.notation.text.window import is_plain
 
-_MIN_LINES = 8  # with fewer, nothing is gained
+_MIN_LINES = 8  # shorter runs save no time
 _NAME = "elided-"
 
 

@@ -14,7 +14,7 @@ from ergon.notation.text.spelling import nearest
 from ergon.notation.text.typeset import plain, typeset_character
 from ergon.notation.text.values import Place
 
-MAX_SHOWN = 20  # of each severity: more is a wall, not a help
+MAX_SHOWN = 20  # diagnostics of each severity
 MAX_KEPT = 10_000  # found before sorting; the rest is only counted, so that memory is bounded
 _MAX_NAMES = 2_000  # names that did-you-mean compares with: about 10 ms
 _MAX_LISTED = 20  # names that are told where none is near

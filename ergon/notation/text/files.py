@@ -20,7 +20,7 @@ from ergon.notation.text.spelling import nearest
 from ergon.notation.text.syntax import MAX_BYTES, Decoder, decode
 from ergon.notation.text.values import Place
 
-MAX_FILES = 256  # that one score reads
+MAX_FILES = 256  # files that one score may read
 MAX_LISTED = 1_000  # files of a folder among which a similar name is searched for
 _LIBRARY = {"instruments": INSTRUMENTS}
 _MAX_TOLD = 6  # files that a message lists

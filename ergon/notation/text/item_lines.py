@@ -28,7 +28,7 @@ _LINES = re.compile(
 )
 _ITEMS = re.compile(rf"\{{(?:(?<=\[\{{)|(?<=, \{{)){_REST}(?:, \{{{_REST}){{7,}}+")
 _size, _node = attrgetter("size"), attrgetter("node")
-_NAME = "lines"  # of the value that replaces a run; in a mapping a number follows
+_NAME = "lines"  # placeholder for a run; in a mapping with a number
 
 
 class FoundRun(NamedTuple):
@@ -73,7 +73,7 @@ class _Run:
     short_end: int
     words: list[str]  # lines, or what is between braces
     gap: int  # between two of them
-    name: str  # of the value that replaces them
+    name: str  # the placeholder
     lines: list[Line] = field(default_factory=list)
 
     @property

@@ -19,7 +19,7 @@ _FIRST = re.compile(r"[^\s#'\"\-?:,\[\]{}&*!|>%@`][^:\n]*:(?=\s|\Z)")
 _OTHERS = re.compile(rf"\n{_FIRST.pattern}")
 # What may stand before the first section: blank lines and comments.
 _HEAD = re.compile(r"(?:[ \t]*(?:#.*)?\n)*")
-_MARKERS = "---", "...", "%"  # of documents, of which there is one
+_MARKERS = "---", "...", "%"  # marks that begin or end a YAML document
 
 
 @dataclass(frozen=True, slots=True)

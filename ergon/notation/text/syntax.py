@@ -19,7 +19,7 @@ PURE_PARSER_LIMIT = 200_000  # characters: the pure parser's better message cost
 
 _INDENTED = "this line is indented differently from the lines that it belongs to"
 _INDENTED_BY_BLANK = re.compile(f"^ *{BLANK.pattern}", re.MULTILINE)
-_SHOWN_MAX = 4  # lines that it could stand beside
+_SHOWN_MAX = 4  # lines above whose indentation a line may have
 
 # libyaml and PyYAML say what the parser wanted; a composer needs what to do.
 _SENTENCES = (
@@ -84,7 +84,7 @@ def explained(source_text: str, error: Exception) -> tuple[int, str]:
         except yaml.YAMLError as better:
             error = better
         except (RecursionError, ValueError):
-            pass  # the first message stands
+            pass  # keep the first message
     if (blank := _typeset_blank(source_text, _index_of(error))) is not None:
         return blank, f"here stands {typeset_character(source_text[blank])}"
     error_words = str(error)

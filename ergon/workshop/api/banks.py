@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 _HITS = ("BUT", "LNL", "BRISTLE", "DRY")
 _POINTS = 200  # struck or touched points of a bank, at most
-_LEAST = 1e-12  # of the largest amplitude: less is not a sound, but rounding
-_LEVEL = 0.1  # of full scale, for a signal at the reference level
+_LEAST = 1e-12  # share of the largest amplitude; less is rounding
+_LEVEL = 0.1  # share of full scale at the reference level
 
 
 def is_heard(piece: Piece, part: str) -> bool:

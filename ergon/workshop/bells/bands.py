@@ -15,7 +15,7 @@ Complex = NDArray[np.complex128]
 _SMOOTH = 5  # bins over which valleys between peaks are sought
 _NEAR, _FAR = 0.6, 1.4  # of a band's width: where its edge may lie
 _RISE = 3.98  # of the noise's power (6 dB): a band with less has no peak
-_QUIET = 20.0  # percentile of powers that is noise where peaks stand between
+_QUIET = 20.0  # percentile of the powers that counts as noise
 _PERCENTILE_OVER_MEAN = (
     0.223  # that percentile over the mean, of powers that are distributed exponentially
 )

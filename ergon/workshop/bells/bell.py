@@ -19,7 +19,7 @@ _LEAST_APART = 0.02  # [Hz]
 _NEAR = 0.04  # over a decay [Hz·s]: a quarter of the width of a partial
 _SAME_MODE = 0.01  # over a decay [Hz·s]: nearer modes of one stroke are one, found twice
 _FAINT = 1e-7  # of the energy of every stroke: what other modes left
-_PEAK = 0.5  # of full scale: all modes of a table together
+_PEAK = 0.5  # share of full scale for all modes of a table together
 _FIRST = np.arange(-0.003, 0.003, 1e-5)  # [s] where the middle of a stroke may lie
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from ergon.workshop.bells.bands import Array
 
 HAMMER = 0.008  # mass [kg]
-SPEED = 1.0  # at which it strikes [m/s]
-LENGTH = 1e-4  # of a contact, where strokes do not tell it: hardly heard [s]
+SPEED = 1.0  # speed of the hammer [m/s]
+LENGTH = 1e-4  # contact time if strokes do not reveal it; barely audible [s]
 _TRIED_LENGTHS = np.geomspace(2e-5, 2e-2, 90)  # lengths [s]
 _REACH = 1.2  # f·length up to which the spectrum of a push is that of half a sine
 _SHAPE = 0.15  # logarithm: how far pushes of other shapes are from it there
@@ -115,7 +115,7 @@ def _costs(logs: Array, variance: Array, contact_shapes: Array, doubts: Array) -
     for first_shape in range(len(contact_shapes)):
         residuals = logs - (contact_shapes[first_shape:] - contact_shapes[first_shape])
         doubt = variance + doubts[first_shape] + doubts[first_shape:]
-        doubt[0] = variance  # of one length what is left of a mode is the same
+        doubt[0] = variance  # equal lengths leave the same residual
         mean = np.median(residuals, axis=1)
         for _ in range(4):  # Huber's: a mode in a zero of the spectrum tells nothing
             weight = (

@@ -23,10 +23,10 @@ _SKIP = 3.0  # over a band's width: what its edge smears [s]
 _DECAYS = 0.03, 1.5  # least decay [1/s]; most, over a band's width
 _FASTEST = _DECAYS[1] * _WIDTHS[1]  # decay [1/s]
 _FITTED = 2.0  # [s] of the beginning that tell amplitudes
-_KNOWN = 0.5  # of its decay: a mode that is known less is none
+_KNOWN = 0.5  # largest relative error of a mode's decay
 _AROUND = 20.0, 200.0  # [Hz] on both sides of a mode that is removed; its neighbours are polished
 _POLISHED = 3_000  # samples
-_ROUNDS = 40  # of removals, at most
+_ROUNDS = 40  # largest number of rounds of removals
 _BLOCK = 4096  # samples
 _NEAR = 25.0  # [Hz] around a mode, where the residual tells its noise
 

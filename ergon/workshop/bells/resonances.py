@@ -11,7 +11,7 @@ from ergon.common.regular import read_bounded
 from ergon.common.sound_files import foreign_file
 
 _LINES_MAX = 100_000  # characters of a line, and lines
-_BYTES_MAX = 1 << 24  # of a file
+_BYTES_MAX = 1 << 24  # largest file
 
 
 class TableError(ErgonError):

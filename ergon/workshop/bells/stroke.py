@@ -23,11 +23,11 @@ _CLIPPED_RUN, _CLIPPED_RUNS = 3, 3  # samples at the peak in a row; how often
 _FLAT = 1e-4  # relative to the peak
 _FRAME, _HOP = 1024, 256
 _BANDS = 24
-_RISE = 4.0  # of power within a hop or two: a second stroke
+_RISE = 4.0  # rise of power within two hops that is a second stroke
 _BEFORE = 12  # hops that it is compared with, after a gap of _GAP
 _GAP = 2
-_STRUCK = 0.5  # of the bands that sound
-_SOUNDING = 100.0  # of the quietest hop of a band
+_STRUCK = 0.5  # share of the sounding bands
+_SOUNDING = 100.0  # power over that of a band's quietest hop
 
 
 class NotAStrokeError(ErgonError):

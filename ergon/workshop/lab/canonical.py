@@ -32,7 +32,7 @@ _PLAIN = "ca"
 # A method for meshes needs at least this many masses. A scene of one or two masses is copied: the
 # copies start alike, so the very weak springs that join them exert no force.
 _LEAST = 4
-_WEAK = 1e-9  # of the scene's own stiffness
+_WEAK = 1e-9  # share of the scene's stiffness
 _MESH_METHODS = ("ca2p", "bm4", "ieq")
 
 
@@ -159,7 +159,7 @@ def _pair(
 
 
 _GAP = 1e-4  # [m] from where the spring holds the mass to the stop
-_SPANS = 10  # of a run, in each of which the mass turns many times
+_SPANS = 10  # spans of a run, each with many turns of the mass
 
 
 def rattle(f: float, ratio: float) -> Bare:

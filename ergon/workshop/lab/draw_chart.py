@@ -18,7 +18,7 @@ _IN_DB = ("waveform", "energy")
 _LEAST = 1e-6  # cents, or dB of spectra: smaller is nothing, and a logarithm needs an end
 _LEAST_DB = -320.0
 _TITLE = 60  # letters of a title that fit beside one another
-_ROW = 0.045  # of the height of the axes: a row of failures
+_ROW = 0.045  # height of a row of failures over that of the axes
 
 
 def draw(chart: Chart, title: str, machine: str) -> Figure:

@@ -25,7 +25,7 @@ _FINE = 160  # points a side on which a formula's border is drawn
 _COLUMNS = 2
 _PANEL = 4.6  # width of a panel [in]
 _TITLE, _PANEL_TITLE = 9, 12  # letters of titles that an inch takes, at least
-_WIDE = 1.5 * _PANEL  # from this width on four keys of the legend stand side by side
+_WIDE = 1.5 * _PANEL  # width from which the legend has four columns
 _AS_WRITTEN: dict[str, Any] = {
     "marker": "D", "linestyle": "", "markersize": 9, "markerfacecolor": "none",
     "markeredgecolor": "#b3261e", "markeredgewidth": 1.6,

@@ -17,7 +17,7 @@ from ergon.workshop.lab.names import MapMetric
 # The error that still counts as right: (up to this y, at most so many dB). -20 dB is a tenth of the
 # motion, or a hundredth of the energy.
 RIGHT = ((inf, -20.0),)
-_SURE_DB = -6.0  # by so much the truth must be surer than what it judges
+_SURE_DB = -6.0  # margin by which the reference must be more exact
 Progress = Callable[[int], None]
 Right = tuple[tuple[float, float], ...]
 

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 
 EARLY = 0.1  # [s] of sound before small errors of pitch dominate a difference of waveforms
 _ONSET = 1e-3  # of the peak: -60 dB
-_ROUNDED = 1e-13  # of the whole sound: a difference so small is rounding
+_ROUNDED = 1e-13  # differences below this share of the sound are rounding
 WINDOWS = (512, 2048, 8192)  # frames: strokes, notes, partials
 _COMPARED_DB = -60.0  # below a frame's strongest bin nothing is compared
 _SILENT_DB = -120.0  # frames so far below the loudest one are silence

@@ -16,7 +16,7 @@ ORDERS: dict[Method, int | None] = {
     "ieq": 2,
 }
 METHODS: tuple[Method, ...] = tuple(ORDERS)
-_PLAIN = 2  # of what contacts and laws fall back to where a method is exact for the rest
+_PLAIN = 2  # order of contacts and laws in a method exact otherwise
 PRECISIONS = ("f64",)
 
 Metric = Literal["waveform", "spectral", "cents", "energy"]
@@ -28,8 +28,8 @@ METRICS: dict[Metric, str] = {
 }
 MAPS = ("cell", "contact", "strike", "rate", "coupling")
 PLAN = "plan"  # whatever the planner chooses, by ear
-ENERGY_MAPS = ("rattle",)  # of the energy that steps make
-MapMetric = Literal["waveform", "energy"]  # by what a spot of a map is right
+ENERGY_MAPS = ("rattle",)  # maps of the energy error
+MapMetric = Literal["waveform", "energy"]  # the criterion for a spot of a map
 SLOW = "e4"  # the exact flow of a slow part: no method of its own for all of a scene
 CUTS = ("soft", "quick")  # its maps
 

@@ -16,7 +16,7 @@ Complexes = NDArray[np.complex128]
 _SMOOTHING = 0.05  # [s] of Hann window: partials 40 Hz apart do not mix
 _APART = 2.0 / _SMOOTHING  # [Hz] its main lobe, to one side
 _HOP = 1e-3  # [s]
-_DOWN = 1e-3  # of the strongest: what is weaker is not followed
+_DOWN = 1e-3  # weaker partials, relative to the strongest, are not followed
 _RISE = 1.12  # growth over one window that means another stroke: 1 dB
 _SHORTEST = 0.05  # [s] of ringing that tell a pitch
 

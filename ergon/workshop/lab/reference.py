@@ -20,7 +20,7 @@ from ergon.workshop.lab.metrics import Floats, waveform_db
 from ergon.workshop.lab.names import order_of
 from ergon.workshop.lab.runs import Setting
 
-EXACT_DB = -180.0  # what doubling changes in a method that is exact: rounding
+EXACT_DB = -180.0  # change by doubling in an exact method: rounding
 _DOUBLING_DB = 20.0 * log10(2.0)  # of an error of order 1
 _LOOKED_AT = 4  # changes that tell the order
 _DOUBT_DB = 20.0  # the estimates themselves may be wrong by so much

@@ -32,7 +32,12 @@ class Key:
 
     M: tuple[float, ...]
     K: tuple[float, ...]
-    Z: tuple[float, ...] = (0.4, 0.05, 0.3, 0.02)  # of no proportion: modes feel each other
+    Z: tuple[float, ...] = (
+        0.4,
+        0.05,
+        0.3,
+        0.02,
+    )  # not proportional to M or K: damping couples the modes
 
 
 SOFT = Key((0.08, 0.05, 0.05, 0.05), (200.0, 300.0, 300.0, 300.0))  # to 23 Hz

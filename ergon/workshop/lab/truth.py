@@ -16,7 +16,7 @@ from ergon.workshop.lab.scene import Scene, Undifferentiated
 
 _FINER = 16  # times what is just stable
 _HIGHEST = 1024  # times the scene's own rate
-EXACT_DB = -300.0  # what a formula does not know
+EXACT_DB = -300.0  # error of a formula
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,8 +31,10 @@ class Catalogue:
     """Definitions by section and name; those of `modules` are written `instrument.module`."""
 
     sections: Mapping[str, Mapping[str, Definition]] = field(default_factory=dict)
-    tuning: Tuning | None = None  # of the notes of the score
-    tunings: Mapping[str, Tuning] = field(default_factory=dict)  # of instruments with their own
+    tuning: Tuning | None = None  # tuning of the score's notes
+    tunings: Mapping[str, Tuning] = field(
+        default_factory=dict
+    )  # tunings of instruments that have one
 
     def definitions_in(self, *sections: str) -> list[Definition]:
         """All definitions of some sections, in their order."""

@@ -32,11 +32,11 @@ class Cursor:
 
     node: Scalar
     is_name: bool  # the text before a ':'
-    shape: Shape | None  # of the value, or of what stands below the name
+    shape: Shape | None  # shape of the value at the cursor
     table: Record | None  # the innermost table round it
-    field: Field | None  # of that table
+    field: Field | None  # field of that table
     path: tuple[str, ...]  # the names round it, outermost first
-    written: frozenset[str]  # names that stand beside it in the same mapping
+    written: frozenset[str]  # other names in the same mapping
 
 
 def cursor_at(score_file: Document, text_index: int) -> Cursor | None:

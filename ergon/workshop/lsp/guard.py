@@ -25,7 +25,7 @@ from ergon.common.terminal import printable
 BODY_MAX = 64 << 20  # bytes: as large as a score may be
 _LINE_MAX, _LINES_MAX = 4096, 32  # bytes and lines of a header
 _WORDS_MAX = 300  # characters of what is wrong with a message
-_DEPTH_MAX = 64  # of a message: messages of the protocol have about ten
+_DEPTH_MAX = 64  # levels of nesting; the protocol needs about ten
 _INTEGER_MAX = 1 << 53
 _LENGTH = re.compile(rb"Content-Length: *([0-9]{1,20}) *\r?\n", re.IGNORECASE)
 _HALF = re.compile(rb"\\u[dD][89a-fA-F]")  # half of a character, which UTF-8 cannot say

@@ -67,7 +67,7 @@ _KINDS = {
 class _OpenDocument:
     """What is kept of an open document."""
 
-    catalogue: Catalogue = field(default_factory=Catalogue)  # of the last text that could be read
+    catalogue: Catalogue = field(default_factory=Catalogue)  # catalogue of the last legible text
     # The documents that its diagnostics are about.
     diagnostic_uris: set[str] = field(default_factory=set)
     version: int = 0
@@ -150,9 +150,7 @@ class Server(LanguageServer):
             {name: file.text for name, file in loaded.files.items() if name != path},
             bounds=scores.bounds(path, False),
         )
-        rename(
-            renamed_texts, loaded.piece, old, new
-        )  # which also tries whether it is the same piece
+        rename(renamed_texts, loaded.piece, old, new)  # this also tests that the piece is the same
         return places_named(renamed_texts, loaded.piece, old, new)
 
     def _publish(

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from .gesture import Floats, Gesture
 
 _RATE = 44100 / 44  # ticks a second of the standard gesture
-_SECONDS, _REACH, _FORCE_MAX = 4.0, 5e-3, 20.0  # of the standard gesture: s, m, N
+_SECONDS, _REACH, _FORCE_MAX = 4.0, 5e-3, 20.0  # standard gesture: s, m, N
 _GRAVITY = 9.80665
-_ALIKE = 0.2  # of the logarithm of a pitch: modes that are one
-_CERTAIN = 1e-5  # of a correlation matrix: less is what a file has rounded
+_ALIKE = 0.2  # modes nearer than this in log pitch are one mode
+_CERTAIN = 1e-5  # smaller eigenvalues of a correlation matrix are rounding
 
 
 @dataclass(frozen=True, slots=True)

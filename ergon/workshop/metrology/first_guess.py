@@ -25,7 +25,7 @@ _DELAYS = np.arange(0.0, 8.5, 0.5)  # ticks
 def _derivatives(signal: Floats, rate: float, cut: float) -> tuple[Floats, Floats, Floats]:
     """A signal through a zero-phase low-pass, and its first and second derivative, each (n,)."""
     n = signal.size
-    end_line = np.linspace(signal[0], signal[-1], n)  # so that its end meets its beginning
+    end_line = np.linspace(signal[0], signal[-1], n)  # makes the end meet the beginning
     spectrum = np.fft.rfft(signal - end_line)
     frequency = np.fft.rfftfreq(n, 1 / rate)
     spectrum /= 1 + (frequency / cut) ** 8

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-_FRESH = 1  # of a recording's flags
+_FRESH = 1  # bit in a recording's flags
 TICKS_MIN = 500
-LATE = 0.1  # of the ticks: the forces of more cannot be found
-_OFF_GRID = 0.2  # of a step: where positions lie on no grid
-_JITTER = 5e-3  # of a tick: replies that are less beside their ticks count as on them
-_NEAR = 0.75  # of a tick: a reply that is farther off says nothing of the tick
-_MIXED = 0.01  # of a tick during which a force that nobody knows may act: less is not felt
+LATE = 0.1  # largest share of late ticks whose forces can be found
+_OFF_GRID = 0.2  # deviation, in steps, above which there is no grid
+_JITTER = 5e-3  # replies nearer to their tick than this count as on it [ticks]
+_NEAR = 0.75  # largest distance of a reply from its tick [ticks]
+_MIXED = 0.01  # share of a tick with an unknown force that can be ignored
 _STILL = 50  # ticks of a still beginning by which the sensor's noise is known
 
 
@@ -255,7 +255,7 @@ def _instants(
         return ticks.astype(float)
     ticks_passed = np.concatenate(
         [[0], np.cumsum(np.diff(clock[clocked]).astype(np.int64))]
-    )  # it wraps
+    )  # the counter wraps
     ticks_passed = ticks_passed * 1e-6 * rate
     # A clock that does not fit the count of ticks belongs to something else, or counts differently.
     if not np.all(np.abs(np.diff(ticks_passed)) < 1000):

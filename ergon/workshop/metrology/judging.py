@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from .gesture import Floats, Gesture
     from .output_error import Fit
 
-FITTED_SHARE = 0.75  # of the last take, where none is held out
+FITTED_SHARE = 0.75  # share of the last take that is fitted if none is held out
 _ITERATIONS, _TRIAL_ITERATIONS = 30, 12  # of a fit; until it must be better than the one before
 _ROUGH_ITERATIONS = 5  # iterations from each of several starts
-_UNKNOWN = 0.5  # of a part: a deviation by which it may as well not be there
+_UNKNOWN = 0.5  # relative deviation above which a part is not significant
 _WORTH = 10.0  # fall of BIC: very strong evidence (Kass and Raftery 1995)
 
 

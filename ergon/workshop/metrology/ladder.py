@@ -28,13 +28,13 @@ if TYPE_CHECKING:
 
     from .gesture import Floats, Gesture
 
-FRAMES, RATE = 44, 44100.0  # of a tick
+FRAMES, RATE = 44, 44100.0  # frames of a tick, and the audio rate
 TICK_RATE = RATE / FRAMES
 RUNG = 2.0  # s
 _FIRST, _LAST = 0.05, 0.9  # of the force
 _RUNGS_MAX = 12
-_ENOUGH = 0.4  # of half the travel: a rung that goes so far is the last
-_TARGET = 0.55  # of half the travel: what the next rung aims at
+_ENOUGH = 0.4  # excursion, over half the travel, of the last rung
+_TARGET = 0.55  # target of the next rung, over half the travel
 _BRAKED = 3  # rungs that were braked, until no further one is tried
 _RAIN = 0.3  # of the force of a rung
 # The guide: the frequency of its pole [rad/s] and its damping ratio. It is stable with a delay of
@@ -46,10 +46,10 @@ _NEAR = 0.35  # of half the range: a key that rests nearer to an end has no room
 # Jolts show the direction of the motor and the approximate mass.
 _JOLTS = 0.6  # s
 _FIRST_JOLT, _JOLT_MAX = 0.01, 0.8  # of the force
-_JOLTED = 0.2  # of half the travel: a jolt that goes farther is the last
+_JOLTED = 0.2  # excursion, over half the travel, of the last jolt
 _SURE = 15.0  # the mass over its deviation, from which on it is believed
 _LONGEST = 6.0  # times the length of the first jolts, at most
-_IN_TIME = 0.75  # of the ticks: replies, without which nothing can be measured
+_IN_TIME = 0.75  # smallest share of ticks with a reply in time
 _RESTS = 3.0  # s at most, until a key rests
 
 # Why a take ended, and what the user can do.

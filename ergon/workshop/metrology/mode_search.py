@@ -24,7 +24,7 @@ SCORE_MIN = 20.0
 _LOW, _HIGH = 5.0, 0.479  # Hz; of the rate
 _PITCHES = 1200
 _RATIOS = np.array([0.003, 0.01, 0.03, 0.1])
-_SHARE_MAX = 0.3  # of the key's mass
+_SHARE_MAX = 0.3  # largest mass of a mode over that of the key
 
 
 @dataclass(frozen=True, slots=True)

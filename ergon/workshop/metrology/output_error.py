@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from .gesture import Floats, Gesture
 
-_DAMPING = (1e-3, 1e-7)  # of Levenberg and Marquardt: at first, at least
+_DAMPING = (1e-3, 1e-7)  # Levenberg-Marquardt damping: initial and smallest
 _HARDLY = 1e-5  # damping below which a step is nearly that of Gauss and Newton
 _SLOW = 3  # steps that hardly fall, after which it has converged even if they are damped
 _TRIALS = 12

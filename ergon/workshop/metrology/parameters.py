@@ -41,7 +41,7 @@ _PLAIN = {
 }
 # All others are positive. Masses are fitted on a linear scale too, because their sum is known much
 # better than each of them; the rest by their logarithms.
-_FACTOR = np.e  # by which a step changes a positive parameter at most
+_FACTOR = np.e  # largest factor of a positive parameter in one step
 _STIFFEST = {INDEX["presliding"]: 1e6}  # N/m; a stiffer contact holds rigidly
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .comparison import Replay
     from .gesture import Floats
 
-_COLUMNS = 700  # of a picture: more points than two a column show nothing
+_COLUMNS = 700  # columns of a picture, with two points in each
 
 
 def picture(fitted_replay: Replay, title: str, first_replay: Replay | None = None) -> str:

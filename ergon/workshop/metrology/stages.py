@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from .output_error import Fit
 
 MODES_MAX = 3
-_DETOURS = 2  # refused parts after each of which the search is tried again
+_DETOURS = 2  # refused parts after which the search continues
 _LINEAR = tuple(INDEX[name] for name in ("mass", "stiffness", "damping", "weight"))
-_DELAYS = (0.0, 1.0)  # ticks: of devices in lockstep and by their own clock; tried beside the guess
+_DELAYS = (0.0, 1.0)  # delays tried beside the guess [ticks]: lockstep, own clock
 
 
 @dataclass(frozen=True, slots=True)

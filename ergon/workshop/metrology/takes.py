@@ -25,7 +25,7 @@ _SHARES = {"strikes": 0.5, "rain": 0.8}  # of the force: what is quick
 _REACH, _TARGET = 0.4, 0.5  # of half the travel: enough, by the rough key too; what is aimed at
 _RUNG, _RUNGS_MAX = 1.0, 8  # s; until such a take is as strong as the key bears
 _FORCE_SHARE = 0.9  # of the force
-_FORCE_REDUCTION = 0.7  # where a safety stage held the axis at zero
+_FORCE_REDUCTION = 0.7  # after a safety stage held the axis at zero
 _PARTS_MAX = 6
 
 

@@ -140,7 +140,7 @@ def which(keyword: str, law_values: Mapping[str, float]) -> str:
     cubic, k, lim = law_values.get("Q", 0.0), law_values.get("K", 0.0), law_values.get("lim", 0.0)
     if keyword == "spring" and "Z" in law_values:
         return "damped spring"
-    if keyword == "detent":  # what mi_faust called a contact
+    if keyword == "detent":  # a contact in mi_faust
         return "contact"
     if keyword == "nlSpring":
         return "nlSpring2"

@@ -96,7 +96,7 @@ def _law(writing: Writing, model_statement: Statement, model_values: Mapping[str
         return LINKS[writing.laws][which(model_statement.keyword, firsts)]
     # The law is chosen by the highest values: a value that follows a signal is above 0 somewhere.
     upper_values = {name: value.greatest for name, value in model_values.items()}
-    if "smooth" in led:  # which law holds would change too
+    if "smooth" in led:  # the valid law would change too
         message = REFUSED["signal"].format(
             name=quote(model_statement.values["smooth"]), value="smooth"
         )

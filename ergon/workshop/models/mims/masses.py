@@ -64,7 +64,7 @@ def _mass(writing: Writing, model_statement: Statement) -> None:
     follows = any(value.along for value in ties.values())
     module_fields = [f"M: {mass_amount.text}"]
     if mass_amount.along is not None:
-        follows = bool(ties)  # what a mass of its own is tied by is no pole any more
+        follows = bool(ties)  # a mass with ties has no poles of its own
         lightest = mass_amount.least
         module_fields = [
             f"M: {lightest!r}",

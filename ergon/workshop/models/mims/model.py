@@ -40,7 +40,7 @@ class Model:
     dialect: Dialect
     statements: tuple[Statement, ...]
     params: dict[str, Amount] = field(default_factory=dict)
-    _numbers: dict[str, float] = field(default_factory=dict)  # of expressions that were read
+    _numbers: dict[str, float] = field(default_factory=dict)  # values of expressions that were read
 
     def statements_of(self, *families: Family) -> tuple[Statement, ...]:
         """Statements of some families, in order."""

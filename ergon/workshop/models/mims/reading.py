@@ -18,7 +18,7 @@ from ergon.workshop.models.mims.model import Model, Point, Statement, number
 
 BYTES_MAX = 16 << 20
 LINES_MAX = 200_000
-CHARACTERS_MAX = 1_000  # of a line that says something
+CHARACTERS_MAX = 1_000  # longest line with content
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _NAME = re.compile(r"@[A-Za-z_]\w{0,63}")
 _V2_WORD = re.compile(r"[^\s\[\]]+|\[[^\[\]]*\]")

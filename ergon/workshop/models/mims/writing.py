@@ -28,15 +28,17 @@ class Writing:
     params: Params
     names: Names = field(default_factory=Names)
     modules: list[Line] = field(default_factory=list)
-    targets: dict[str, str] = field(default_factory=dict)  # of masses
+    targets: dict[str, str] = field(default_factory=dict)  # modules of masses
     macros: dict[str, places.Macro] = field(default_factory=dict)
     links: list[tuple[Statement, str]] = field(default_factory=list)  # with the module's name
     outs: list[Out] = field(default_factory=list)
-    begins: dict[str, Begin] = field(default_factory=dict)  # of masses and inputs
-    held: set[str] = field(default_factory=set)  # what no force moves
+    begins: dict[str, Begin] = field(default_factory=dict)  # starts of masses and inputs
+    held: set[str] = field(default_factory=set)  # points that no force moves
     kicks: dict[str, float] = field(default_factory=dict)  # forces in the first sample
-    proxies: dict[tuple[object, ...], str] = field(default_factory=dict)  # by where they are
-    guides: dict[str, str] = field(default_factory=dict)  # what has the value of a signal
+    proxies: dict[tuple[object, ...], str] = field(
+        default_factory=dict
+    )  # proxies by their position
+    guides: dict[str, str] = field(default_factory=dict)  # points that have the value of a signal
     ahead: dict[str, str] = field(default_factory=dict)  # takes by the inputs that they lead
     takes: dict[str, Input] = field(default_factory=dict)  # beside those of inputs
 

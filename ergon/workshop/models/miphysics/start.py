@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from ergon.workshop.models.miphysics.reading import Network, Part
 
-_ROUNDS = 60  # at most, of a fixed point; each adds some digits
+_ROUNDS = 60  # largest number of fixed-point iterations; each adds some digits
 Vector = tuple[float, float, float]
 
 

@@ -17,7 +17,7 @@ _LINE_END = re.compile(r"\r\n|\r|\n")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _OTHER = re.compile(r"pmpd[23]d~?")
 _PATCH_OBJECT = re.compile(r"#X obj -?[0-9]+ -?[0-9]+ (pmpd[23]?d?~?)(?=[ ;,])")
-_WORDS_MAX = 20_000  # of a message: the values of an array
+_WORDS_MAX = 20_000  # words of a message, such as the values of an array
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.pmpd.network import Link
 
-_BENDS = 20  # of a law: an expression has 2,000 characters
-_VALUES_MAX = 2_000  # values of an array that is viscosity
+_BENDS = 20  # bends of a law, whose expression may have 2,000 characters
+_VALUES_MAX = 2_000  # largest number of values in an array of viscosities
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ def _elastic(array_values: Sequence[float], table_length: float) -> Iterator[str
             (table_length * index / n, value - value_at_rest)
             for index, value in enumerate(array_values)
         ]
-        half.append((2.0 * half[-1][0], half[-1][1]))  # from the last value on it is level
+        half.append((2.0 * half[-1][0], half[-1][1]))  # constant beyond the last value
         points = [(-d, -f) for d, f in reversed(half[1:])] + half
         yield f"points: [{', '.join(f'[{d!r}m, {f!r}N]' for d, f in points)}]"
     if value_at_rest:

@@ -79,7 +79,7 @@ def _lines(network: Stepped, program_title: str) -> Iterator[str]:
     for point_word, model_link in zip(link_words, network.links, strict=True):
         yield from _force(point_word, model_link, point_words, law_names)
     links_by_point = _ends(network)
-    passed: list[list[str]] = [[] for _ in point_words]  # to masses of proxies
+    passed: list[list[str]] = [[] for _ in point_words]  # forces that proxies pass to their masses
     for item_number, (point_word, mass_point) in enumerate(
         zip(point_words, network.points, strict=True)
     ):

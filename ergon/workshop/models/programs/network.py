@@ -62,7 +62,7 @@ class Point:
     fed: int | None = None
     forces: list[int] = field(default_factory=list)  # inputs that push it
     weight: float = 0.0  # [N] a force that never changes
-    shares: tuple[tuple[int, float], ...] = ()  # of a PROXY: points, and how much of each it is
+    shares: tuple[tuple[int, float], ...] = ()  # points of a PROXY with its share in each
     place: Place = NOWHERE
 
 

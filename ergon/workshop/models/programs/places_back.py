@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from ergon.workshop.models.programs.network import Body, Point
 
-_CLOSE = 1e-12  # of a share
+_CLOSE = 1e-12  # tolerance of a share
 
 
 def place_of(

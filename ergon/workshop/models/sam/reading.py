@@ -14,7 +14,7 @@ from ergon.workshop.models.errors import ModelError
 from ergon.workshop.models.sam.words import CODE, LINKS, MASSES, OUTPUTS, REFUSED, WORDS, written
 
 LINES_MAX = 200_000  # lines
-_CHARACTERS_MAX = 100_000  # of a line
+_CHARACTERS_MAX = 100_000  # longest line
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _HEAD = re.compile(r"\s*([A-Za-z]\w*)\s*([(,:])")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")

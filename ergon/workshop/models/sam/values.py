@@ -309,7 +309,7 @@ class Values:
             message = "highpass has an order from 1 to 64 and a frequency between 0 and 22,050 Hz"
             raise ModelError(message, line_number)
         if not isinstance(filtered_value, Sound):
-            return 0.0  # of what stands still
+            return 0.0  # a constant has no filtered part
         return Sound(
             filtered_value.terms, (*filtered_value.filters, Filter(int(filter_order), cutoff)), 0.0
         )

@@ -35,9 +35,9 @@ class Writing:
     targets: dict[str, str] = field(default_factory=dict)
     masses: dict[str, Mass] = field(default_factory=dict)
     links: dict[str, Link] = field(default_factory=dict)
-    ears: dict[str, str] = field(default_factory=dict)  # of masses; "" is what stands still
+    ears: dict[str, str] = field(default_factory=dict)  # springs that hear masses; "" is the ground
     outs: list[Out] = field(default_factory=list)
-    hears_forces: bool = False  # of links, not by springs that hear a position
+    hears_forces: bool = False  # whether forces of links are heard
     sixty: str = ""  # the parameter that makes a T60 of the model one of the score
 
     def add(self, text: str, statement: Statement, comment: str = "") -> None:
