@@ -102,7 +102,7 @@ def _ports(console: Console, probe: bool) -> None:
 
 
 def _hands(console: Console) -> None:
-    """What moves keys without a force, and the meaning of the words."""
+    """List the sources that move keys without a force, and explain the terms."""
     from ergon.live.hand_sources import USES, hand_sources
 
     for hand_source in hand_sources():

@@ -56,8 +56,8 @@ def import_command(
 
     MODEL is a `.mdl` file of MIMS, mi-gen or Synth-A-Modeler, a Faust program made from one of
     MIMS, which has it as a comment, a list of messages to an object pmpd or pmpd~ of Pure Data, or
-    an XML file of miPhysics. Under `units: ca` the score sounds the same sample for sample. What no
-    score says is refused, with its line.
+    an XML file of miPhysics. Under `units: ca` the score sounds the same sample for sample. A
+    construct that a score cannot express is refused with its line.
     """
     from ergon.exchange.safe import check_target, write_text
     from ergon.workshop.api.model import ModelOptions, import_model

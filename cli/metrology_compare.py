@@ -144,7 +144,7 @@ def _judge(console: Console, compared: list[Difference], squared: float, n: int)
 def log(console: Console, files: tuple[str, ...]) -> None:
     """List calibrations of a key by their dates, and how differently each moves from the first.
 
-    The last column is the replay difference, as `ergon metrology compare` has it.
+    The last column is the replay difference of `ergon metrology compare`.
     """
     from ergon.workshop.metrology.comparison import replay_difference
 

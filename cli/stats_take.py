@@ -1,4 +1,4 @@
-"""What hands did in a take, in figures: `ergon stats FILE.take`."""
+"""`ergon stats FILE.take`: figures of the movement of each hand in a take."""
 
 from __future__ import annotations
 

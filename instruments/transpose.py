@@ -73,7 +73,7 @@ class Interval:
 
 
 def interval_of_cents(cents: float) -> Interval:
-    """An interval of so many cents."""
+    """An interval of `cents`."""
     return Interval(_core.pow(2.0, cents / 1200.0), cents)
 
 
@@ -153,7 +153,7 @@ def _times(value: float, factor: Fraction) -> float:
 
 
 def _note(cents: int) -> float:
-    """The frequency [Hz] of a note so many cents above A4, exactly as for its name."""
+    """The frequency [Hz] of a note `cents` above A4, equal to that of its name to the last bit."""
     octaves, rest = divmod(cents, 1200)
     semitones, over = divmod(rest, 100)
     steps = semitones + over / 100

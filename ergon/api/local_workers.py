@@ -38,8 +38,8 @@ class UnservedWorker(distributed.Worker):
 
 @contextlib.contextmanager
 def local_cluster(count: int, allowed_failures: int) -> Iterator[Any]:
-    """A cluster of `count` processes, which end with this context. A task may end so many of them
-    before it is given up.
+    """A cluster of `count` processes, which end with this context. A task is given up after it has
+    ended several of them.
 
     Raises ImportError without `cryptography`, NotPrivateError, and OSError or RuntimeError if a
     process ends while it starts.

@@ -362,7 +362,7 @@ def keep_mode(path: Path, part_path: Path) -> None:
 
 
 def remove_folders(folders: Iterable[Path]) -> None:
-    """Remove folders that were made, innermost first, but those with somebody else's file."""
+    """Remove the folders of this group, innermost first, except those with files of others."""
     for folder in folders:
         with contextlib.suppress(OSError):
             folder.rmdir()

@@ -40,7 +40,7 @@ class StretchStore:
     """Stretches by the hash of everything that they depend on."""
 
     def __init__(self, folder: Path, n_bytes: int = _BYTES_MAX) -> None:
-        """Use a folder, which need not exist, for at most so many bytes."""
+        """Use a folder, which need not exist; its files are bounded in bytes."""
         self._folder = CacheFolder(folder, ".stretch", _FILES_MAX, n_bytes, _BYTES_MAX_ONE)
 
     def get(self, key: str) -> Stretch | None:

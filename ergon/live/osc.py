@@ -279,7 +279,7 @@ class OscServer:
             self._send_datagram(self._here[0], sender, encode_message("/ergon/error", [refusal]))
 
     def _report_unknown(self, address: str) -> None:
-        """Report an unknown address, each only once, and only so many a second."""
+        """Report an unknown address once; the number of reports a second is limited."""
         if (
             address in self._unknown
             or len(self._unknown) >= _UNKNOWN_MAX
@@ -295,7 +295,7 @@ class OscServer:
 
 
 class _Budget:
-    """At most so many datagrams a second."""
+    """A bound on datagrams a second."""
 
     def __init__(self, n_per_second: int) -> None:
         self._sent: deque[float] = deque(maxlen=n_per_second)

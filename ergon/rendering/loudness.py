@@ -84,7 +84,7 @@ def gain_to_peak(true_peak: float) -> float:
 
 
 def _gated(blocks: NDArray[np.float64], decibels: float) -> float:
-    """The level [LUFS] of those `blocks` that pass both gates when they are so much louder."""
+    """The level [LUFS] of those `blocks` that pass both gates after a gain."""
     louder = blocks + decibels
     louder = louder[louder > _GATE]
     if len(louder):

@@ -78,7 +78,7 @@ class ComputedRender:
             )
 
     def finish(self, job: RenderJob, n_simulated: int) -> None:
-        """Store what is known once so many frames of the job are computed."""
+        """Store the results known after a number of computed frames of the job."""
         if self.recorder is not None:
             self.recorder.end(Outcome.from_simulation(self._memory.simulation), job.ending)
         self._memory.levels.put(self._all_balances, self._numbers, n_simulated)

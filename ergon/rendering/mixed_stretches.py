@@ -299,8 +299,8 @@ class MixRecorder:
             mixed = mixed[len(frames_now) :]
 
     def end(self, outcome: Outcome, ending: Ending | None) -> None:
-        """Store what has come of the last stretch, if it is complete or the render `ending` may
-        have cut it short.
+        """Store the last stretch if it is complete, or if the end `ending` of the render may
+        have cut it.
         """
         is_complete = self._frame in self.outcomes
         if self._n_pending and self._store_accepts and (is_complete or ending is not None):

@@ -51,7 +51,7 @@ def _read_source(source_text: str, *_: Any) -> str:
 
 
 def is_source(slot_text: str) -> bool:
-    """Whether a text names what moves, as a map has it."""
+    """Whether a text names a source of a map."""
     try:
         return slot_text != LEARN and _read_source(slot_text) == slot_text
     except TextError:

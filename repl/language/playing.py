@@ -207,7 +207,7 @@ def plays(player: str, play: ParsedPlay, when: When, words: Mapping[str, Word]) 
 
 
 def _part_text(words_by_field: Mapping[str, Word], parsed_play: ParsedPlay) -> str:
-    """The text as a part has it: what is played and how, without the time."""
+    """The text of an entry of a part: what is played and how, without the time."""
     options = [name for name in parsed_play.written.options if name != "at"]
     flags = [name for name in options if play_words.OPTIONS.get(name, "") is None]
     words = {play_words.NTH: "every"}

@@ -36,8 +36,8 @@ class FastValues:
         queue: Callable[[Entry], tuple[str, RunningVersion]],
         scope: Callable[[], Scope],
     ) -> None:
-        """Begin without values; `queue` lets a line wait for its frame, `scope` has the names that
-        it may use.
+        """Begin without values. `queue` lets a line wait for its frame; `scope` returns the
+        names that a line may use.
         """
         self._schedule, self._history, self._log, self._queue = schedule, history, log, queue
         self._scope = scope

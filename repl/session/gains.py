@@ -22,7 +22,7 @@ def gains_at(frame: int, running: RunningVersion, gains: Mapping[int, float]) ->
 
 
 def all_gains_at(frame: int, running: RunningVersion) -> Change:
-    """A change that sets every gain as a version has it."""
+    """A change that sets every gain to that of a version."""
     return gains_at(frame, running, fader_ratios(running))
 
 

@@ -65,7 +65,7 @@ class Journal:
 
     @property
     def is_full(self) -> bool:
-        """Whether so much waits for room on the disk that no further event is kept."""
+        """Whether the buffer of unwritten events is full, so that further events are lost."""
         return len(self._waiting) >= _WAITING_MAX
 
     @classmethod

@@ -55,7 +55,7 @@ def with_map(version: Version, new_map: Map) -> Mapping[str, Map]:
 
 
 def player_maps(maps: Mapping[str, Map]) -> dict[str, MapControl | MapNotes]:
-    """The maps that a player made: without what `hear` struck."""
+    """The maps that a player made, without those of `hear`."""
     return {name: mapped for name, mapped in maps.items() if not isinstance(mapped, Hear)}
 
 
@@ -68,7 +68,7 @@ def without_map(version: Version, map_name: str) -> Mapping[str, Map]:
 
 
 def rename_in_maps(maps: Mapping[str, Map], old_name: str, new_name: str) -> Mapping[str, Map]:
-    """Maps in which what is renamed has its new name."""
+    """The maps after a renaming."""
 
     def called(text: str | None) -> str | None:
         head, dot, rest = (text or "").partition(".")
@@ -100,15 +100,15 @@ def note_lines(version: Version, note_number: int) -> Iterator[str]:
 
 
 def share_line(source_name: str, control_share: float, version: Version) -> str | None:
-    """The line that sets what a controller leads to, which is at a share (0 to 1) of its range;
-    None if it has no map.
+    """The line that sets the target of a controller at a share (0 to 1) of its range; None
+    without a map.
     """
     control = version.maps.get(source_name)
     return line_to(control, control_share) if isinstance(control, MapControl) else None
 
 
 def line_to(control: MapControl, control_share: float) -> str:
-    """The line that sets what a map leads to, at a share (0 to 1) of its way."""
+    """The line that sets the target of a map, at a share (0 to 1) of its range."""
     low, high = control.range
     x = low + (high - low) * control_share
     if control.unit == BPM_UNIT:

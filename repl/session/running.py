@@ -77,7 +77,7 @@ class RunningVersion:
         return from_beat > tempo.bars.start(end - n_bars // 2)
 
     def in_flight(self, frame: int) -> tuple[tuple[str, str], ...]:
-        """Who plays what at a frame."""
+        """Pairs of players and gestures at a frame."""
         instant = frame / self.stage.rate
         gestures = self.stage.gestures
         return tuple((g.player, g.name) for g in gestures if g.start <= instant < g.stop)

@@ -79,7 +79,9 @@ class WaitingLine:
         return self.version
 
     def moved_to(self, beat: float, start: int | None) -> WaitingLine:
-        """It at another frame and beat; what starts or stops the piece keeps its beat."""
+        """The line at another frame and beat. A line that starts or stops the piece keeps its
+        beat.
+        """
         beat = beat if self.sets_running is None else self.beat
         return replace(self, beat=beat, start=start)
 

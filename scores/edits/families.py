@@ -45,7 +45,7 @@ def with_files_read(score_texts: Texts) -> tuple[Texts, dict[str, str]]:
 
 
 def unplayed(piece: Piece) -> dict[str, str]:
-    """Instruments of files that nothing plays yet, by the names by which a line plays them; each
+    """Instruments of files that are not played yet, by the names that a line uses for them; each
     with its name in the score, which may have a prefix.
 
     The name of an instrument without the prefix of its family is free if nothing else has it.

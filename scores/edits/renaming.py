@@ -240,7 +240,7 @@ def _in_blocks(blocks: Node | None, name: str) -> Iterator[Span]:
 
 
 def _in_phrase(entries_node: Node | None, phrase_name: str) -> Iterator[Span]:
-    """Where entries of a phrase are another phrase: it stands alone where notes could stand."""
+    """Spans at which entries of a phrase name another phrase, which replaces notes."""
     if isinstance(entries_node, document.Sequence):
         for item in entries_node.items:
             what_node = item.get("what") if isinstance(item, document.Mapping) else None
@@ -283,7 +283,7 @@ def _in_play(play_node: Node | None, old_name: str) -> Iterator[Span]:
 
 
 def _noting(old_name: str, offsets: list[int]) -> Callable[[str, int], str]:
-    """A function for reading patterns that records in `offsets` where a name stands."""
+    """A function for reading patterns that records the offsets of a name in `offsets`."""
 
     def note(word: str, offset: int) -> str:
         if _is_named(word, old_name):

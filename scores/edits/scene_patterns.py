@@ -1,4 +1,4 @@
-"""Writes patterns of a scene so that they repeat with its bars."""
+"""Writes the patterns of a scene so that they repeat with its bars."""
 
 from __future__ import annotations
 

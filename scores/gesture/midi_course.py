@@ -54,7 +54,7 @@ def _read(path: Path, channel_name: int | None, midi_source: MidiSource, _: File
 def _shares(
     midi_events: Iterable[MidiEvent], midi_source: MidiSource
 ) -> Iterator[tuple[int, float]]:
-    """The tick of each event, and where things stand then.
+    """The tick of each event, and the position of the source then.
 
     The upper bits of a pair put the lower ones at 0, until these come (MIDI 1.0, control change).
     """

@@ -1,4 +1,4 @@
-"""What moves in MIDI beside notes, and where it stands: controllers, wheel and pressures."""
+"""Continuous sources of MIDI and their positions: controllers, wheel and pressures."""
 
 from __future__ import annotations
 
@@ -87,17 +87,17 @@ def _controllers(controllers_text: str, text_offset: int) -> tuple[int, ...]:
 
 
 def seven_bit_share(value: int) -> float:
-    """Where a controller or a pressure stands, from 0 to 1."""
+    """The position of a controller or a pressure, from 0 to 1."""
     return value / _MIDI_MAX
 
 
 def pair_share(upper: int, lower: int) -> float:
-    """Where two controllers stand together, from 0 to 1."""
+    """The joint position of two controllers, from 0 to 1."""
     return (upper << 7 | lower) / _PAIR_MAX
 
 
 def wheel_share(wheel_value: int) -> float:
-    """Where the wheel stands: 0 and 1 at its ends (0 and 16383), one half in its middle."""
+    """The position of the wheel: 0 and 1 at its ends (0 and 16383), one half in its middle."""
     if wheel_value <= _WHEEL_MIDDLE:
         return 0.5 * wheel_value / _WHEEL_MIDDLE
     return 0.5 + 0.5 * (wheel_value - _WHEEL_MIDDLE) / (_PAIR_MAX - _WHEEL_MIDDLE)

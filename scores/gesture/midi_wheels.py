@@ -152,7 +152,7 @@ class Wheels:
         return True
 
     def _set_zone(self, master: int, n_channels: int) -> None:
-        """Give a master so many channels, from its own on; 0 ends the zone."""
+        """Give a master a number of channels, from its own on; 0 ends the zone."""
         self._masters = {c: m for c, m in self._masters.items() if m != master}
         channels = list(_MASTERS[master])[: min(n_channels, 15)]
         self._masters |= dict.fromkeys(channels, master)

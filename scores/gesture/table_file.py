@@ -1,6 +1,6 @@
 """Tables as text: a header, then rows of numbers, as programs and spreadsheets write them.
 
-Between columns stand `,`, `;` or tabs; a line `sep=;` before the header says which. Cells may be
+The separator is `,`, `;` or a tab; a line `sep=;` before the header says which. Cells may be
 quoted, and a number may have a decimal comma where that divides no columns. Units stand behind the
 names, `x [mm]` or `x (mm)`, or in a row of their own below the names.
 """
@@ -69,7 +69,7 @@ def sheet(file: IO[str], path: Path) -> Sheet:
 
 
 def _separator(header: str) -> str:
-    """What stands between the columns of a header."""
+    """The separator between the columns of a header."""
     bare = _QUOTED.sub("", header)
     return next((candidate for candidate in _SEPARATORS if candidate in bare), ",")
 

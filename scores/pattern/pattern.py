@@ -118,7 +118,7 @@ class PlaceSequence:
         return (place_index + self.pattern.skip) // self.pattern.order.places
 
     def places_of(self, rounds: int) -> int:
-        """The number of places in so many rounds, without those that are skipped."""
+        """The number of places in `rounds` rounds, without skipped ones."""
         pattern_order, euclid = self.pattern.order, self.pattern.euclid
         if euclid is None:
             return rounds * pattern_order.places - self.pattern.skip

@@ -33,7 +33,7 @@ _INSTANT = Fraction(1, 64)  # of a cycle: which strokes begin at an instant is s
 
 
 def legato(length_factor: Fraction, changed_pattern: Pattern) -> Pattern:
-    """Each stroke sounds for so much of the time until the next stroke of its line begins.
+    """Each stroke sounds for a share of the time until the next stroke of its line.
 
     Of a note that is repeated at a rate each stroke does until the next one of the note.
     """
@@ -80,7 +80,7 @@ def _onsets(
 def tremolo(
     stroke_count: int, changed_pattern: Pattern, first_factor: float = 1.0, last_factor: float = 1.0
 ) -> Pattern:
-    """Each stroke so many times within its span, from one factor of its impulse to another.
+    """Each stroke `stroke_count` times within its span, from one factor of its impulse to another.
 
     Factors are geometric: even steps of strength.
     """

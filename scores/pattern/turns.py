@@ -26,7 +26,7 @@ _TRANSFORM = re.compile(rf"[^\s,]+(?:\s+(?!(?:{_WORDS})(?:[\s,]|$))[^\s,]+)*")
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Which places a change is for, by the word of a transformation and its values.
+    """A rule that selects places for a change, by the word of a transformation and its values.
 
     `number` is that of its draws by chance.
     """
@@ -59,7 +59,7 @@ class Turn:
 class Occasion(NamedTuple):
     """A place of a pattern: its round from 0, and how much of the round is over (0 to 1).
 
-    `draw` says whether chance of a number lets happen what has a probability.
+    `draw(number, probability)` decides by chance whether an event with this probability happens.
     """
 
     round: int
@@ -104,7 +104,9 @@ def iterations(turns: Iterable[Turn]) -> Iterator[int]:
 
 
 def numbered(turns: Iterable[Turn], numbers: Iterator[int] | None = None) -> tuple[Turn, ...]:
-    """Turns whose rules have numbers in the order written, so that each draws by itself."""
+    """The turns with their rules numbered in the order written, so that each rule has draws of
+    its own.
+    """
     numbers = numbers or count(1)
     return tuple([_numbered(turn, numbers) for turn in turns])
 

@@ -127,8 +127,8 @@ def notes_in(phrase: Values, values: Values) -> tuple[Name, ...]:
 def in_quarters(
     phrase: Values, phrase_hits: tuple[Hit, ...], phrase_length: Length | None
 ) -> tuple[tuple[Hit, ...], Length | None]:
-    """The hits and the length of what strikes play; of a MIDI file in quarter notes, which are not
-    beats where the meter has other notes.
+    """The hits of strikes, and their length. Those of a MIDI file count in quarter notes, which
+    differ from beats if the meter counts other notes.
     """
     if not is_midi(phrase):
         return phrase_hits, phrase_length

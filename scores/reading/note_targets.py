@@ -42,8 +42,8 @@ class NoteTargets:
         return replace(row, what=tuple(new_names), before=row.before or row.what)
 
     def moved(self, word: Name, semitones: float) -> Name:
-        """A note, or a module of one, moved by so many semitones, of which an integer is keys of a
-        scale. Raises TextError.
+        """A note, or a module of one, moved by semitones; in a tuning of keys an integer counts
+        keys. Raises TextError.
         """
         moved_note = self._note(word)
         if moved_note is None:

@@ -47,9 +47,7 @@ def with_wheels(
 
 
 def _glides(wheel_strikes: Strikes, curves: NoteCurves, semitones: float) -> Iterator[NoteGlide]:
-    """The glides of each instrument that is struck; its notes are so many semitones above the
-    file's.
-    """
+    """The glides of each struck instrument, whose notes lie `semitones` above those of the file."""
     places_by_part: dict[str, dict[str, Place]] = {}
     for hit in wheel_strikes.hits:
         places_by_part.setdefault(hit.what, {}).update(

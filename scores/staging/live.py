@@ -43,8 +43,7 @@ _STILL = 1e-12  # largest movement of a key at rest [m]
 
 @dataclass(frozen=True, slots=True)
 class LiveHand:
-    """A real hand on a key. `standin` (n_ticks,) [m] are the positions that play while nobody is
-    there.
+    """A real hand on a key. `standin` (n_ticks,) [m] are the positions that play without a person.
 
     The player's part, or the stand-in, lasts `ticks`.
     """

@@ -95,8 +95,8 @@ class _Budget(TypedDict):
 
 
 class Watched(TypedDict, total=False):
-    """Parts that are computed to be seen, and the frames from step to step of those that nobody
-    hears.
+    """Parts that are computed for pictures, and the step in frames of those that are not
+    audible.
     """
 
     seen: Sequence[str]

@@ -1,4 +1,6 @@
-"""What stages of nearly the same piece know from the ones before, so that the past costs little."""
+"""Results that successive stages of nearly the same piece share, so that past events cost
+little.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ _APART = 1e-6  # margin [beats] for strikes to count as over
 
 @dataclass(slots=True)
 class KnownStrikes:
-    """Remembers which strikes are not over."""
+    """Keeps the strikes that are not over."""
 
     _meters: list[tuple[float, int, Meter]] = field(default_factory=list)
     _not_over: NotOver[tuple[Strikes]] = field(default_factory=NotOver)

@@ -247,7 +247,7 @@ class Striking:
         return instant + _ALONE if is_drawn else instant
 
     def _strike(self, mat: int, span: Span, member: int, number: int, count: int) -> None:
-        """Strike a MAT as hard as the strikes say for one number of so many."""
+        """Strike a MAT with the impulse of stroke `number` of `count`."""
         strikes, strike_gain = self.strikes, self._gain
         if strikes.levels is not None:
             level = strikes.levels.step(number, count)

@@ -1,4 +1,4 @@
-"""Finds instruments that nobody hears, and instruments that are heard but that nothing moves."""
+"""Finds instruments without an audible output, and audible instruments that nothing moves."""
 
 from __future__ import annotations
 

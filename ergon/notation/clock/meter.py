@@ -97,7 +97,7 @@ class Bars:
         return self._starts[i] + (bar - self._bars[i]) * beats, beats
 
     def after_quarters(self, piece_beats: float, quarters: float) -> float:
-        """The beat of the piece that lies so many quarter notes after another."""
+        """The beat of the piece that lies `quarters` quarter notes after another."""
         i = max(0, bisect_right(self._starts, piece_beats + SAME) - 1)
         while i + 1 < len(self._starts):
             unit = self._meters[i].unit

@@ -296,7 +296,7 @@ class NamesOf(Shape):
         return f"names, each {self.item.words()}"
 
     def inner(self, name: str | int) -> Shape | None:
-        """Every name has the same shape; below a loop stand names as beside it."""
+        """Every name has the same shape, also below a loop."""
         return self if self.has_loops and loops.is_loop(str(name)) else self.item
 
 

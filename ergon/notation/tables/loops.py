@@ -160,7 +160,7 @@ class _Writer:
             yield names.new_child({variable: Amount(Fraction(number), "")})
 
     def body(self, body: document.Mapping, names: Names, depth: int) -> None:
-        """Write what stands below a loop out for one turn."""
+        """Write out the nodes below a loop for one turn."""
         turn_copy = _Copy(self, names)
         for entry_word, (name_node, child_node) in body.entries.items():
             if entry_word == "let" and isinstance(child_node, document.Mapping):
@@ -206,8 +206,8 @@ class _Writer:
 
 
 def _merged(looped: Node, written_node: Node) -> Node:
-    """A module of a loop with the fields of one of the same name and kind that is written beside
-    it; one of another kind stands in its place.
+    """A module of a loop with the fields of a written module of the same name and kind. A
+    written module of another kind replaces it.
     """
     if not (isinstance(looped, document.Mapping) and isinstance(written_node, document.Mapping)):
         return written_node

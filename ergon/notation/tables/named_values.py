@@ -64,7 +64,7 @@ def add_named(
 ) -> bool:
     """Add a name of `let:`, or what is wrong with it; False after the last one that is allowed.
 
-    `name_index` of them were before it, and `later` are all that stand with it.
+    `name_index` is the number of earlier names; `later` are all names of the section.
     """
     error: TextError | None = None
     if name_index >= MAX_NAMES:
@@ -132,7 +132,7 @@ def parse_with_names(text_node: Scalar, parse: Callable[[str], _T]) -> _T:
 
 
 def has_name(word: str, document: Document) -> bool:
-    """Whether a name of `let:` stands in a word."""
+    """Whether a word contains a name of `let:`."""
     names = named_amounts(document).names
     return any(part in names for part in WORD.findall(word))
 

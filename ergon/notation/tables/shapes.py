@@ -93,7 +93,7 @@ class Context:
 
 
 class Shape(ABC):
-    """What may stand after a name."""
+    """The shape of a value: the nodes that a name accepts."""
 
     @abstractmethod
     def read(self, node: Node, name: str, context: Context) -> Any:
@@ -112,7 +112,7 @@ class Shape(ABC):
         return self
 
     def inner(self, name: str | int) -> Shape | None:
-        """The shape below a name or an item's number; None where nothing may stand."""
+        """The shape below a name or an item's number; None if no value is accepted there."""
         return None
 
     def field_names(self) -> Collection[str]:
@@ -317,7 +317,7 @@ def wrong_shape(
     help: str | None = None,
     suggestion: str | None = None,
 ) -> Any:
-    """Report a mapping, list or text that stands where another is expected."""
+    """Report a node that is a mapping, list or text where another kind is expected."""
     if isinstance(wrong_node, document.Mapping):
         actual = "is a mapping"
     elif isinstance(wrong_node, Scalar):

@@ -185,7 +185,7 @@ _NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 
 
 def _moved_by_fifths(note_word: str, fifths: int, semitone_step: int) -> str:
-    """A note moved by fifths, and by so many semitones in all."""
+    """A note moved by fifths, `semitone_step` semitones in all."""
     text_match = _NOTE.fullmatch(note_word)
     assert text_match is not None
     letter, signs, octave = text_match[1], _SIGNS[text_match[2]], int(text_match[3])

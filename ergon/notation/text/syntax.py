@@ -1,4 +1,4 @@
-"""What is wrong with a text that is not YAML, or not text at all, in a composer's words."""
+"""Explains why a file is not YAML, or not text, in terms of a score."""
 
 import re
 from collections.abc import Callable

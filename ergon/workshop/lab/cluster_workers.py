@@ -38,9 +38,7 @@ class _Sound(TypedDict):
 
 
 class _Which(TypedDict):
-    """The maps of a `method`; if a score comes with it, those of the score for so many
-    `seconds`.
-    """
+    """The maps of a `method`, or those of the score if there is one, for `seconds` of it."""
 
     method: str
     seconds: float

@@ -29,8 +29,8 @@ from ergon.workshop.lab.scene import Score
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChartOptions(ReadOptions):
-    """How much of a score is computed [s], which measure of error is drawn, which methods (all by
-    default), up to which oversampling, and an error [dB] for which the planner is asked too.
+    """The length computed [s], the measure of error, the methods (by default all), the largest
+    oversampling, and an error [dB] for which the planner's choice is added.
     """
 
     seconds: float = 2.0

@@ -28,7 +28,7 @@ _PLAYED = ("gestures", "takes")
 
 @dataclass(frozen=True, slots=True)
 class Completion:
-    """A word that may stand at the cursor."""
+    """A possible word at the cursor."""
 
     word: str
     kind: Literal["field", "kind", "name", "value", "unit"]

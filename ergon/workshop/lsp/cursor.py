@@ -1,4 +1,4 @@
-"""Where a cursor stands in a score: the node, the table that reads it, and the field."""
+"""The place of a cursor in a score: the node, the table that reads it, and the field."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ class Line:
         return self.text.lstrip("{").partition(":")[0]
 
     def written(self, indent: str) -> Iterator[str]:
-        """The line as it stands in a score, after its comments."""
+        """The line of a score, after its comments."""
         yield from (f"{indent}# {printable(line)}" for line in self.before)
         yield f"{indent}{self.name}: {self.text}{trailing_comment(self.comment)}"
 

@@ -205,7 +205,7 @@ def _v1_points(
     keyword: str,
     line_number: int,
 ) -> tuple[tuple[Point, ...], list[str]]:
-    """The places on macros, which stand after the values, in the order of the points."""
+    """The places on macros, which follow the values, in the order of the points."""
     on = [point for point in end_points if point.name in macros]
     if len(value_words) < len(on):
         raise ModelError(f"{keyword}: where on {quote(on[0].name)} is left out", line_number)

@@ -17,7 +17,7 @@ Vector = tuple[float, float, float]
 
 
 def drag(friction: float, mass: float) -> float:
-    """Viscosity [kg per sample] by which a score's drag takes friction/mass of a step."""
+    """The viscosity [kg per sample] with which a score's drag removes friction/mass of a step."""
     return -mass * math.log1p(-friction / mass)
 
 
@@ -61,7 +61,7 @@ def place(mass: Part) -> Vector:
 
 
 def step(part: Part, rate: float) -> Vector:
-    """The step [per sample] that a mass made before the first sample."""
+    """The displacement of a mass [per sample] before the first sample."""
     values = part.values
     return values["initVel.x"] / rate, values["initVel.y"] / rate, values["initVel.z"] / rate
 

@@ -24,7 +24,7 @@ class Table:
     values: Sequence[float]
 
     def interpolate(self, table_place: float) -> float:
-        """The value that pmpd reads at a place, by linear interpolation."""
+        """The value at a place, which pmpd interpolates linearly."""
         place_size = abs(table_place) * len(self.values)
         place_sign = 1.0 if table_place > 0.0 else -1.0
         if place_size >= len(self.values) - 1:

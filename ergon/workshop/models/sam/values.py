@@ -101,7 +101,7 @@ class Values:
         return sound_value if isinstance(sound_value, Sound) else Sound({}, (), sound_value)
 
     def tree(self, name: str) -> Node:
-        """The expression that a name stands for. Raises ModelError."""
+        """The expression of a name. Raises ModelError."""
         if name not in self._trees:
             definition = self.definitions[name]
             self._trees[name] = parse(definition.text, definition.line)
