@@ -60,7 +60,9 @@ class LazyGroup(click.Group):
         return name if self.name == ROOT else f"{self.name} {name}"
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Read the options before a command. One that belongs behind it is told so."""
+        """Read the options before a command. An option that belongs after the command is refused
+        with the right order.
+        """
         if (
             self.name == ROOT
             and args[:1] in (["-h"], ["--help"])
@@ -124,7 +126,7 @@ class LazyGroup(click.Group):
         if close := nearest(command_name, self.table):
             return f"{error_sentence} Did you mean '{close}'?"
         if not is_root:
-            return f"{error_sentence} `ergon {self.name} -h` lists those that there are."
+            return f"{error_sentence} `ergon {self.name} -h` lists the commands."
         if manual.matches(command_name, manual.pages()):
             return f"{error_sentence} `ergon help {command_name}` opens a page about it; {_ALL}."
         return f"{error_sentence} {_ALL}."

@@ -94,7 +94,7 @@ def band(level_shape: Shape) -> Record:
                 "how far they move at each place at most",
                 required=True,
             ),
-            Field("seed", k.integer(0, 2**31 - 1, "3"), "what is drawn: another is another", 1),
+            Field("seed", k.integer(0, 2**31 - 1, "3"), "seed of the draws", 1),
         ),
         build=_build,
     )

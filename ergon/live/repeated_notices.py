@@ -22,7 +22,7 @@ class _Counted:
     sentence: str = ""
 
     def line(self) -> tuple[int, str]:
-        """What came since the last line, which begins anew."""
+        """The line of the notices since the last line; the count starts again."""
         if self.seconds:
             words = f"{self.count} times more, for {self.seconds:.3f} s in all"
             notice_sentence = f"the physics thread was stopped {words}"
@@ -68,7 +68,9 @@ class RepeatedNotices:
         return self._lines(None)
 
     def _lines(self, latest: int | None) -> list[tuple[int, str]]:
-        """Of kinds whose last line came at frame `latest` or before, or of all."""
+        """Lines of the kinds whose last line came at frame `latest` or before; None: of all
+        kinds.
+        """
         pending = (notice for notice in self._counted.values() if notice.count)
         return sorted(
             counted.line() for counted in pending if latest is None or counted.line_frame <= latest

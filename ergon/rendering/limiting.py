@@ -8,8 +8,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-# A constant in a channel of its own comes out times the gain; too small to be limited, and a power
-# of two, so that no bit is lost.
+# The limiter multiplies this constant, in a channel of its own, by its gain. It is too small to be
+# limited, and a power of two, so that no bit is lost.
 _PROBE = 2.0**-100
 
 

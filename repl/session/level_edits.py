@@ -80,7 +80,7 @@ def _mute_strikes(command: MuteStrikes) -> VersionEdit:
 
 @makes_edit(SoloStrikes)
 def _solo_strikes(command: SoloStrikes) -> VersionEdit:
-    """Silence all other strikes, and the instruments that players play and these strikes do not."""
+    """Silence all other strikes, and instruments of players that these strikes do not play."""
 
     def edit(version: Version, beat: float) -> Version:
         level_key = _key(version, command.name)

@@ -1,4 +1,4 @@
-"""What comes by MIDI: printed as it comes, and counted where nothing is mapped to it."""
+"""Prints incoming MIDI messages, and counts those without a map."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from ergon.live.midi_messages import Control, Note, NoteEnd, Played, Pressure, P
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-_LINES_MAX = 10  # printed in a period; the rest is counted
+_LINES_MAX = 10  # messages printed in a period; the others are counted
 _PERIOD = 0.5  # [s]
-_WAITING_MAX = 2000  # messages; of more in a period the first are not even counted
+_WAITING_MAX = 2000  # messages in a period; older ones are dropped
 _NOTE_NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 _SHOWN_MAX = 8  # kinds of messages in one line
 
@@ -25,7 +25,7 @@ class MidiMonitor:
         self.is_on = False
         self._unmapped: Counter[str] = Counter()
         self._waiting: deque[tuple[str, str]] = deque(maxlen=_WAITING_MAX)
-        self._ends_at = 0.0  # [s] where the present period ends
+        self._ends_at = 0.0  # [s] end of the present period
         self._n_left = _LINES_MAX
         self._rest: Counter[str] = Counter()
 
@@ -40,8 +40,8 @@ class MidiMonitor:
             self._waiting.append((message_source, text))
 
     def lines_due(self, now: float) -> Sequence[str]:
-        """The lines to print at an instant [s]: at most some each half second, and how many more
-        there were.
+        """The lines to print at an instant [s]: a bounded number each half second, and the
+        number of the others.
         """
         monitor_lines = []
         if now >= self._ends_at:
@@ -59,7 +59,7 @@ class MidiMonitor:
         return monitor_lines
 
     def unmapped_line(self) -> str | None:
-        """What came and had no map, as a line; None if there was nothing."""
+        """A line on the messages without a map; None if there were none."""
         counts = Counter(dict(self._unmapped))  # another thread may count on meanwhile
         return f"not mapped: {_counted(counts)}" if counts else None
 

@@ -170,7 +170,7 @@ class ReplayedSession:
         yield frames_max
 
     def _note_next(self) -> None:
-        """Note the next change: the timeline goes no further than a skip had it go."""
+        """Note the next change. The timeline ends where that of the session ended at a skip."""
         schedule, coming = self._schedule, self._coming
         schedule.next_frame = coming[0].frame if coming else math.inf
         staged = next((one for one in coming if one.is_staged), None)

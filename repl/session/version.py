@@ -106,8 +106,8 @@ class Version:
     strike_levels: StrikeLevels = field(default_factory=StrikeLevels)
 
     def taken_over(self) -> Version:
-        """The version once it has taken over: a line after it says anew how its own takes over, and
-        what it read.
+        """The version after its takeover, without the fields that say how it takes over and what
+        its line read.
         """
         return replace(
             self,

@@ -37,7 +37,7 @@ class CycleTransform:
         return self.values[0] if self.values else HALF
 
     def change(self, part: Pattern) -> Pattern:
-        """What the inner transformations make of a pattern."""
+        """The pattern after the inner transformations."""
         return apply(part, self.inner)
 
 

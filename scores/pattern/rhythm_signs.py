@@ -94,7 +94,7 @@ class Scanner:
             message = "')' has no '(' before it; steps are grouped by [ … ], ( ) is for kick(3,8)"
             return self.mistake(message, self.place)
         if sign == ":":
-            message = "':' and how strongly stand behind the word of a step, before what changes "
+            message = "':' and a strength follow the word of a step, before the signs that change "
             return self.mistake(message + "it: hat:p(7,16), kick:f*4", self.place)
         message = f"{quote(sign)} does not begin a step; words begin with a letter or a digit, "
         message += "and the signs are ~ [ ] < > { } * / ! @ ? | , . _"

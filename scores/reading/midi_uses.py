@@ -33,7 +33,7 @@ class _Use:
 
     name: str
     place: Place
-    channels: set[int | None] = field(default_factory=set)  # those that are played; None: all
+    channels: set[int | None] = field(default_factory=set)  # channels that are played; None: all
     has_lengths: bool = False  # the pedal counts
     has_wheel: bool = False
     has_pressure: bool = False
@@ -112,7 +112,7 @@ class MidiUses:
         return None
 
     def course(self, values: Values) -> Course:
-        """How what automation follows moves in its file; empty if an error was reported."""
+        """The course of a MIDI source that automation follows; empty if an error was reported."""
         file_name, channel_name, source_text = values["from"], values["channel"], values["by"]
         automation_label, folder = "automation: ", values.nodes["from"].document.folder
         path = self._files.locate(

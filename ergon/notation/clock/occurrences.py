@@ -1,8 +1,8 @@
 """When a play begins: `at`, `every`, `times`, `until` become starting beats.
 
 Without `every` an occurrence begins where the one before ends, final hold included. Without `times`
-and `until` there is one. `until` lets no occurrence begin at or after it; with both, the first to
-end the series ends it.
+and `until` there is one. No occurrence begins at `until` or later; with both, the first to end the
+series ends it.
 """
 
 import re

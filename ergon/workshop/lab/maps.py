@@ -14,8 +14,8 @@ from ergon.workshop.lab.map_point import MapPoint
 from ergon.workshop.lab.metrics import EARLY, Floats, early_db, spectral
 from ergon.workshop.lab.names import MapMetric
 
-# The error that still counts as right: (up to this y, at most so many dB). -20 dB is a tenth of the
-# motion, or a hundredth of the energy.
+# Rows of (largest y, largest error that counts as right [dB]). -20 dB is a tenth of the motion, or
+# a hundredth of the energy.
 RIGHT = ((inf, -20.0),)
 _SURE_DB = -6.0  # margin by which the reference must be more exact
 Progress = Callable[[int], None]

@@ -89,8 +89,8 @@ def _fit_figures(fit: Fit) -> tuple[list[str], Floats, Floats]:
 def text(measured: Measured, takes: Sequence[str], day: str) -> str:
     """The file's text; `takes` are the SHA-256 of the takes of the measurement.
 
-    M is the mass of the key with its modes. Each comment is a standard deviation; a row of
-    correlations is of a figure with those before it.
+    M is the mass of the key with its modes. Each comment is a standard deviation; a row has the
+    correlations of a figure with the figures before it.
     """
     fit = measured.fit
     figure_names, values, covariance = _fit_figures(fit)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .output_error import Fit
 
 FITTED_SHARE = 0.75  # share of the last take that is fitted if none is held out
-_ITERATIONS, _TRIAL_ITERATIONS = 30, 12  # of a fit; until it must be better than the one before
+_ITERATIONS, _TRIAL_ITERATIONS = 30, 12  # of a fit, and of a fit before it is compared
 _ROUGH_ITERATIONS = 5  # iterations from each of several starts
 _UNKNOWN = 0.5  # relative deviation above which a part is not significant
 _WORTH = 10.0  # fall of BIC: very strong evidence (Kass and Raftery 1995)
@@ -42,7 +42,9 @@ class Stage:
     is_worth: bool = False
 
     def explains_more(self, other: Stage) -> bool:
-        """Whether it explains the takes better than another stage, by very strong evidence."""
+        """Whether there is very strong evidence that it explains the takes better than another
+        stage.
+        """
         return self.fit.bic < other.fit.bic - _WORTH
 
 
@@ -148,7 +150,7 @@ def with_values(parameter_row: Floats, values_by_name: dict[str, float]) -> Floa
 
 
 def knows(fit: Fit, columns: Iterable[int]) -> bool:
-    """Whether a fit knows these parameters that it has, where they cannot be zero."""
+    """Whether a fit determines these of its parameters, if they cannot be zero."""
     return all(_is_known(fit, index) for index in columns if index in fit.columns)
 
 

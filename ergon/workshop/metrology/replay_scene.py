@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from .comparison import Replay
     from .gesture import Floats
 
-_POINTS, _LENGTH, _LASTS = 100, 1.0, 0.5  # of a chain; m; s that it shows
-_HEIGHT = 0.1  # m: the most that a curve goes up or down
+_POINTS, _LENGTH, _LASTS = 100, 1.0, 0.5  # points of a chain; its length [m]; the time shown [s]
+_HEIGHT = 0.1  # largest deflection of a curve [m]
 
 
 @dataclass(frozen=True, slots=True)
