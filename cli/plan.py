@@ -301,88 +301,73 @@ def _often(row: PlanRow) -> str:
     return f"{times} a frame" if row.every == 1 else f"{times} in {plural(row.every, 'frame')}"
 
 
-def _why(plan_row: PlanRow) -> list[str]:
+def _why(row: PlanRow) -> list[str]:
     """How a part is computed, and why, in sentences."""
-    name = " + ".join(plan_row.parts)
-    reason_lines = [f"{name}: {plural(plan_row.n_mat, 'MAT')} and {plural(plan_row.n_lia, 'LIA')}."]
-    if plan_row.what == "oscillators":
-        reason_lines.append(
+    name = " + ".join(row.parts)
+    lines = [f"{name}: {plural(row.n_mat, 'MAT')} and {plural(row.n_lia, 'LIA')}."]
+    if row.what == "oscillators":
+        lines.append(
             "  Nothing ties its masses to each other: each runs exactly, by its own poles."
         )
-    elif plan_row.what == "unheard":
-        reason_lines.append(
-            "  No output listens to it, nor to anything that it can move: it is left out."
-        )
-    elif plan_row.what == "still":
-        reason_lines.append("  Nothing ever moves it: what is heard of it is a constant.")
-    elif plan_row.modes is not None:
-        n_used, n_total = plan_row.modes
-        used_modes = f"{plural(n_used, _mode(plan_row))} of {n_total:,}"
-        reason_lines.append(f"  It is linear: {used_modes} are computed, each exactly.")
-        if plan_row.left_out_db is not None:
-            reason_lines.append(
-                f"  The others together would be {-plan_row.left_out_db:.0f} dB below the rest."
+    elif row.what == "unheard":
+        lines.append("  No output listens to it, nor to anything that it can move: it is left out.")
+    elif row.what == "still":
+        lines.append("  Nothing ever moves it: what is heard of it is a constant.")
+    elif row.modes is not None:
+        n_used, n_total = row.modes
+        used_modes = f"{plural(n_used, _mode(row))} of {n_total:,}"
+        lines.append(f"  It is linear: {used_modes} are computed, each exactly.")
+        if row.left_out_db is not None:
+            lines.append(
+                f"  The others together would be {-row.left_out_db:.0f} dB below the rest."
             )
-    elif plan_row.macrostep is not None:
-        if plan_row.what == "e4":
-            reason_lines.append(
+    elif row.macrostep is not None:
+        if row.what == "e4":
+            lines.append(
                 "  Its springs act by their exact flow (E4), and its rate changes no sound."
             )
         else:
-            often = f"once in {plural(plan_row.macrostep, 'frame')}"
-            reason_lines.append(f"  Its springs pull {often}, by the CA scheme at that rate.")
-        if plan_row.offered:
-            reason_lines.append("  The planner chose this by itself: it costs less.")
-        if plan_row.radius is not None:
-            reason_lines.append(
-                f"  Nothing grows from frame to frame: |λ| is at most {plan_row.radius:.9g}."
-            )
-    elif plan_row.what == "stepped":
-        reason_lines.append(
-            f"  It is stepped module by module by the CA scheme, {_often(plan_row)}."
-        )
+            often = f"once in {plural(row.macrostep, 'frame')}"
+            lines.append(f"  Its springs pull {often}, by the CA scheme at that rate.")
+        if row.offered:
+            lines.append("  The planner chose this by itself: it costs less.")
+        if row.radius is not None:
+            lines.append(f"  Nothing grows from frame to frame: |λ| is at most {row.radius:.9g}.")
+    elif row.what == "stepped":
+        lines.append(f"  It is stepped module by module by the CA scheme, {_often(row)}.")
     else:
-        reason_lines.append(
-            f"  It is stepped as one mesh by {_HOW[plan_row.what]}, {_often(plan_row)}."
-        )
-    if plan_row.because is not None:
-        reason_lines.append(f"  It is not computed by modes: {plan_row.because}.")
-    if plan_row.stays is not None:
-        reason_lines.append(f"  The rate that it asks for is not used for {plan_row.stays}.")
-    if plan_row.contact_substeps > 1:
-        reason_lines.append("  Closed contacts, and single laws, are computed between frames,")
-        steps = plural(_contact_steps(plan_row), "step")
-        reason_lines.append(f"  {steps} a frame or more, of order {plan_row.contact_order}.")
-    if plan_row.error_db is not None and plan_row.error_s is not None:
-        span_text = f"over the first {plan_row.error_s:.2g} s"
-        reason_lines.append(
-            f"  A pilot measured an error of {plan_row.error_db:.0f} dB {span_text}."
-        )
-    if plan_row.audible is not None:
+        lines.append(f"  It is stepped as one mesh by {_HOW[row.what]}, {_often(row)}.")
+    if row.because is not None:
+        lines.append(f"  It is not computed by modes: {row.because}.")
+    if row.stays is not None:
+        lines.append(f"  The rate that it asks for is not used for {row.stays}.")
+    if row.contact_substeps > 1:
+        lines.append("  Closed contacts, and single laws, are computed between frames,")
+        steps = plural(_contact_steps(row), "step")
+        lines.append(f"  {steps} a frame or more, of order {row.contact_order}.")
+    if row.error_db is not None and row.error_s is not None:
+        span_text = f"over the first {row.error_s:.2g} s"
+        lines.append(f"  A pilot measured an error of {row.error_db:.0f} dB {span_text}.")
+    if row.audible is not None:
         from ergon.scores.staging.planning import error_text
 
-        reason_lines.append(f"  Of that {error_text(plan_row.audible)}.")
-    if plan_row.harder_at is not None:
-        reason_lines.append(
-            f"  From {plan_row.harder_at:.3g} s on it is played harder than while that was "
-            "measured."
+        lines.append(f"  Of that {error_text(row.audible)}.")
+    if row.harder_at is not None:
+        lines.append(
+            f"  From {row.harder_at:.3g} s on it is played harder than while that was measured."
         )
-    if plan_row.cut_short:
-        reason_lines.append(
-            "  Planning ended there: its trials had done all the work that they may."
+    if row.cut_short:
+        lines.append("  Planning ended there: its trials had done all the work that they may.")
+    if row.diverges:
+        lines.append("  Its motion diverged in a trial: a render stops there.")
+    if row.spectral_db is not None:
+        lines.append("  After that it is chaotic: no two methods give the same waveform;")
+        lines.append(f"  its third octaves are right to {row.spectral_db:.1f} dB, in the mean.")
+    if row.guarantee is not None:
+        lines.append(
+            f"  It cannot diverge: {row.guarantee}."
+            if row.guarantee == "proved"
+            else f"  Stability: {row.guarantee}."
         )
-    if plan_row.diverges:
-        reason_lines.append("  Its motion diverged in a trial: a render stops there.")
-    if plan_row.spectral_db is not None:
-        reason_lines.append("  After that it is chaotic: no two methods give the same waveform;")
-        reason_lines.append(
-            f"  its third octaves are right to {plan_row.spectral_db:.1f} dB, in the mean."
-        )
-    if plan_row.guarantee is not None:
-        reason_lines.append(
-            f"  It cannot diverge: {plan_row.guarantee}."
-            if plan_row.guarantee == "proved"
-            else f"  Stability: {plan_row.guarantee}."
-        )
-        reason_lines.append(f"  It costs {plan_row.cost:.2g} of a core at real time.")
-    return reason_lines
+        lines.append(f"  It costs {row.cost:.2g} of a core at real time.")
+    return lines

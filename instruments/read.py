@@ -231,10 +231,10 @@ def form(instrument_node: Node) -> Form:
     """The form in which an instrument is written."""
 
     def text(field: str) -> str:
-        found = (
+        field_node = (
             instrument_node.get(field) if isinstance(instrument_node, document.Mapping) else None
         )
-        return found.text.strip() if isinstance(found, document.Scalar) else ""
+        return field_node.text.strip() if isinstance(field_node, document.Scalar) else ""
 
     if text("space") not in ("", "1"):
         return "space"

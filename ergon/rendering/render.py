@@ -220,10 +220,14 @@ def render_array(
 
     mixed_blocks: list[NDArray[np.float64]] = []
 
-    def written_to(of: RenderJob, first_frame: int) -> MasterChain:
-        mixed_blocks.append(np.zeros((of.n_frames, of.format.n_channels)))
+    def written_to(written_job: RenderJob, first_frame: int) -> MasterChain:
+        mixed_blocks.append(np.zeros((written_job.n_frames, written_job.format.n_channels)))
         return chain_of(
-            ArrayWriter(of.format, mixed_blocks[0]), stage, of, limiter_of(stage, of), first_frame
+            ArrayWriter(written_job.format, mixed_blocks[0]),
+            stage,
+            written_job,
+            limiter_of(stage, written_job),
+            first_frame,
         )
 
     mixer = stage.mixer(highpass=job.level.highpass, reference=job.level.reference)

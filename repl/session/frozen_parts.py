@@ -246,9 +246,9 @@ def _names(stem: JournalEvent) -> tuple[str, ...]:
 
 def _rows(journal_event: JournalEvent, rows_name: str) -> list[JournalEvent]:
     listed = journal_event.get(rows_name, list)
-    if len(listed) > _ROWS_MAX or not all(isinstance(one, dict) for one in listed):
+    if len(listed) > _ROWS_MAX or not all(isinstance(row_value, dict) for row_value in listed):
         journal_event.refuse(f"the field '{rows_name}' has the wrong type or value")
     return [
-        JournalEvent(journal_event.file, journal_event.number, journal_event.name, one)
-        for one in listed
+        JournalEvent(journal_event.file, journal_event.number, journal_event.name, row_value)
+        for row_value in listed
     ]

@@ -316,8 +316,8 @@ def _reload(command: Reload) -> VersionEdit:
         ) in version.renames:  # a renamed thing is what it was: its edits meet there
             with contextlib.suppress(EditError, NotTakenError):
                 both = [
-                    renaming.rename(one, piece_of(one), old_name, new_name)
-                    for one in (texts_before, current_texts)
+                    renaming.rename(renamed_texts, piece_of(renamed_texts), old_name, new_name)
+                    for renamed_texts in (texts_before, current_texts)
                 ]
                 texts_before, current_texts = both
         texts, dropped = merging.merged(texts_before, current_texts, version.texts)

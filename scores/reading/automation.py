@@ -209,82 +209,71 @@ def build_automation(
     """The automation of a known parameter, whose amounts `read_amount` reads; None if an error was
     reported. A file that it follows is noted in `midi`.
     """
-    automation_values, pattern, swing = values, None, None
+    fields, pattern, swing = values, None, None
     moves: tuple[tuple[Length, Amount], ...] = ()
     amounts: Mapping[str, Amount] = {}
     curve_points: tuple[CurvePoint, ...] = ()
-    range_name = "range" if automation_values.written("range") else "to"
+    range_name = "range" if fields.written("range") else "to"
     try:
-        if automation_values.written("from"):
+        if fields.written("from"):
             range_ends = parse_with_names(
-                _node(automation_values, "range"), lambda text: parse_range(text, read_amount)
+                _node(fields, "range"), lambda text: parse_range(text, read_amount)
             )
-            moves = _moves(
-                range_ends, parameter_name, midi.course(automation_values), automation_values
-            )
+            moves = _moves(range_ends, parameter_name, midi.course(fields), fields)
             if not moves:  # a mistake of the file was reported
                 return None
-        elif automation_values.written("set") and is_curve(automation_values["to"]):
+        elif fields.written("set") and is_curve(fields["to"]):
             curve_points = parse_with_names(
-                _node(automation_values, "to"), lambda text: parse_curve(text, read_amount)
+                _node(fields, "to"), lambda text: parse_curve(text, read_amount)
             )
-        elif automation_values["over"] is not None:
-            node = automation_values.nodes["to"]
-            value = (literal(node) if isinstance(node, Scalar) else None) or automation_values["to"]
-            curve_points = (
-                CurvePoint(Time(), _final_amount(value, read_amount), automation_values["curve"]),
-            )
-            if not automation_values["over"].is_some:
-                automation_values.error("E202", "automation: a glide takes a time above 0", "over")
+        elif fields["over"] is not None:
+            node = fields.nodes["to"]
+            value = (literal(node) if isinstance(node, Scalar) else None) or fields["to"]
+            curve_points = (CurvePoint(Time(), _final_amount(value, read_amount), fields["curve"]),)
+            if not fields["over"].is_some:
+                fields.error("E202", "automation: a glide takes a time above 0", "over")
                 return None
-        elif automation_values.written("set"):
+        elif fields.written("set"):
             is_pitch = parameter_name == "f"
             value_order, amounts = parse_with_names(
-                _node(automation_values, "to"),
-                lambda text: parse_values(text, read_amount, is_pitch=is_pitch),
+                _node(fields, "to"), lambda text: parse_values(text, read_amount, is_pitch=is_pitch)
             )
-            pattern = pattern_of(cast("PatternValues", automation_values.by_name), value_order)
-            if automation_values["every"] is None and pattern.euclid is None:
+            pattern = pattern_of(cast("PatternValues", fields.by_name), value_order)
+            if fields["every"] is None and pattern.euclid is None:
                 message = (
                     "automation: one value needs `over`, the length of the glide"
                     if value_order.places == 1
                     else "automation: the length of a step is missing; write `every`"
                 )
-                automation_values.error("E103", message, "to")
+                fields.error("E103", message, "to")
                 return None
         else:
             low_amount, high_amount = parse_with_names(
-                _node(automation_values, "range"), lambda text: parse_range(text, read_amount)
+                _node(fields, "range"), lambda text: parse_range(text, read_amount)
             )
             swing = Swing(
-                low_amount,
-                high_amount,
-                automation_values["period"],
-                automation_values["shape"],
-                automation_values["phase"],
+                low_amount, high_amount, fields["period"], fields["shape"], fields["phase"]
             )
             if not swing.period.is_some:
-                automation_values.error("E202", "automation: the period must be above 0", "period")
+                fields.error("E202", "automation: the period must be above 0", "period")
                 return None
     except TextError as error:
-        automation_values.context.text_error(
-            error, _node(automation_values, range_name), range_name
-        )
+        fields.context.text_error(error, _node(fields, range_name), range_name)
         return None
     return Automation(
         automated_target,
         parameter_name,
-        automation_values["at"],
-        automation_values["until"],
-        automation_values["every"],
-        automation_values["times"],
+        fields["at"],
+        fields["until"],
+        fields["every"],
+        fields["times"],
         pattern,
         amounts,
         swing,
-        automation_values.node.place,
-        automation_values.place_of("at"),
+        fields.node.place,
+        fields.place_of("at"),
         points=curve_points,
-        over=automation_values["over"],
+        over=fields["over"],
         moves=moves,
     )
 

@@ -212,86 +212,68 @@ def take(values: Values, score_files: Files) -> TakeFile | None:
     )
 
 
-def _input(input_values: Values, files: Files, error_label: str) -> TakeFile | None:
+def _input(values: Values, files: Files, error_label: str) -> TakeFile | None:
     """An input; missing fields and those that do not belong to it are reported."""
-    for field_name in input_values.written(*_NOT_OF_INPUTS):
-        input_values.error(
-            "E111",
-            f"{input_values.context.label(field_name)}: an input has no {field_name}; remove it",
-            field_name,
+    label = values.context.label
+    for field_name in values.written(*_NOT_OF_INPUTS):
+        values.error(
+            "E111", f"{label(field_name)}: an input has no {field_name}; remove it", field_name
         )
-    is_osc = input_values["input"] == OSC
-    if input_values["gain"] is None or input_values["input"] is None:
-        if not input_values.written("gain"):
-            message = (
-                f"{input_values.context.label('')} has no 'gain': what full scale is, such as 2mN "
-                "or 0.1mm"
-            )
-            input_values.context.error("E103", message, input_values.place)
+    is_osc = values["input"] == OSC
+    if values["gain"] is None or values["input"] is None:
+        if not values.written("gain"):
+            message = f"{label('')} has no 'gain': what full scale is, such as 2mN or 0.1mm"
+            values.context.error("E103", message, values.place)
         return None
-    input_gain, is_force = input_values["gain"]
-    clamp, is_clamp_force = input_values["clamp"] or (abs(input_gain), is_force)
+    input_gain, is_force = values["gain"]
+    clamp, is_clamp_force = values["clamp"] or (abs(input_gain), is_force)
     if is_clamp_force != is_force:
         unit_noun = "a force" if is_force else "a length"
-        input_values.error(
-            "E111",
-            f"{input_values.context.label('clamp')}: `gain` is {unit_noun}, so `clamp` is one",
-            "clamp",
-        )
+        values.error("E111", f"{label('clamp')}: `gain` is {unit_noun}, so `clamp` is one", "clamp")
     elif clamp < 0.0:
-        input_values.error(
+        values.error(
             "E202",
-            f"{input_values.context.label('clamp')}: this limit acts in both directions; write it "
-            "without a sign",
+            f"{label('clamp')}: this limit acts in both directions; write it without a sign",
             "clamp",
         )
     path = None
-    if input_values["file"] is not None:
-        folder = input_values.nodes["file"].document.folder
-        path = folder / input_values["file"]
+    if values["file"] is not None:
+        folder = values.nodes["file"].document.folder
+        path = folder / values["file"]
         if path.suffix.lower() != ".wav":
-            input_values.error("E206", f"{error_label}what an input hears is a .wav file", "file")
+            values.error("E206", f"{error_label}what an input hears is a .wav file", "file")
         else:
             path = (
                 files.locate(
-                    input_values["file"],
-                    folder,
-                    input_values.place_of("file"),
-                    error_label,
-                    is_text=False,
+                    values["file"], folder, values.place_of("file"), error_label, is_text=False
                 )
                 or path
             )
-    elif input_values["channel"] is not None:
-        message = (
-            f"{input_values.context.label('channel')}: is of a file, and the input has none; "
-            "remove it"
-        )
-        input_values.error("E111", message, "channel")
-    highpass = _HIGHPASS if input_values["highpass"] is None else input_values["highpass"]
-    glide = _GLIDE if input_values["glide"] is None else input_values["glide"]
-    for field_name in input_values.written("highpass" if is_osc else "glide"):
+    elif values["channel"] is not None:
+        message = f"{label('channel')}: is of a file, and the input has none; remove it"
+        values.error("E111", message, "channel")
+    highpass = _HIGHPASS if values["highpass"] is None else values["highpass"]
+    glide = _GLIDE if values["glide"] is None else values["glide"]
+    for field_name in values.written("highpass" if is_osc else "glide"):
         which = "an input by OSC" if is_osc else "an input of the sound card"
-        input_values.error(
-            "E111",
-            f"{input_values.context.label(field_name)}: {which} has no {field_name}; remove it",
-            field_name,
+        values.error(
+            "E111", f"{label(field_name)}: {which} has no {field_name}; remove it", field_name
         )
     if glide > _GLIDE_MAX:
-        message = f"{input_values.context.label('glide')}: the longest glide is {_GLIDE_MAX:g} s"
-        input_values.error("E202", message, "glide")
+        message = f"{label('glide')}: the longest glide is {_GLIDE_MAX:g} s"
+        values.error("E202", message, "glide")
     return TakeFile(
-        name=input_values.context.name,
+        name=values.context.name,
         path=path,
-        channel=input_values["channel"],
+        channel=values["channel"],
         trim=None,
         smooth=None,
         rate=None,
         unit=None,
-        place=input_values.place,
-        places={name: node.place for name, node in input_values.nodes.items()},
+        place=values.place,
+        places={name: node.place for name, node in values.nodes.items()},
         input=SoundInput(
-            None if is_osc else input_values["input"],
+            None if is_osc else values["input"],
             input_gain,
             is_force,
             None if is_osc else highpass,

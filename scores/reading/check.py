@@ -78,15 +78,13 @@ class Checker:
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reach_led(memory, score_file)
         included = self._included(score_times, len(duet))
-        for struck_strikes in chain(
-            strikes, *(included_piece.strikes for _, included_piece in included)
-        ):
-            for target in struck_strikes.to:
+        for struck in chain(strikes, *(included_piece.strikes for _, included_piece in included)):
+            for target in struck.to:
                 self.part_names.bring(target)
         self.matter.look_up()
         automation_targets = AutomationTargets(self.matter, self.part_names, self.uses.midi)
-        for struck_strikes in strikes:
-            automation_targets.check_glides(struck_strikes)
+        for struck in strikes:
+            automation_targets.check_glides(struck)
         plays = self._plays(score_times.known)
         automation_changes = KnownEntries(memory, "automation", score_file).read(
             self.score["automation"] or (),

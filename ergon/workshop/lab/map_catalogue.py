@@ -224,9 +224,11 @@ def _stiffer(
 
     def case(factor: float, stiffness_times: float) -> MapPoint:
         def truth(n_frames: int) -> Truth:
-            found = finest(factor)
+            finest_run = finest(factor)
             return (
-                UNKNOWN if found is None else found.sampled(piece.rate * stiffness_times, n_frames)
+                UNKNOWN
+                if finest_run is None
+                else finest_run.sampled(piece.rate * stiffness_times, n_frames)
             )
 
         return Stepped(scene(factor, stiffness_times), _setting(method), truth)

@@ -277,7 +277,7 @@ def _covariance(
 def fit(
     gestures: Sequence[Gesture],
     parameter_row: Floats,
-    fitted_columns: Sequence[int],
+    columns: Sequence[int],
     starts: Sequence[float] | None = None,
     iterations: int = 30,
     *,
@@ -289,28 +289,26 @@ def fit(
     Unknown forces are fitted with them. A rough fit has no covariance. Raises EngineError if
     `parameter_row` is not a valid key.
     """
-    start_positions = np.array([g.start for g in gestures] if starts is None else starts)
-    n_fitted, damping, least = len(fitted_columns), *_DAMPING
-    first_force = n_fitted + len(start_positions)
+    start_points = np.array([g.start for g in gestures] if starts is None else starts)
+    n_fitted, damping, least = len(columns), *_DAMPING
+    first_force = n_fitted + len(start_points)
     n = sum(int(g.counts.sum()) for g in gestures)
-    error_squares, force_squares = _squares(parameter_row, gestures, start_positions)
+    error_squares, force_squares = _squares(parameter_row, gestures, start_points)
     by_force: list[Floats] = []
     n_slow_steps = 0
     for iteration in range(iterations):
         _core.poll()
         # The effect of a force changes little from step to step.
         if iteration % _EVERY == 0 or not by_force:
-            gestures_and_starts = zip(gestures, start_positions, strict=True)
+            gestures_and_starts = zip(gestures, start_points, strict=True)
             by_force = [_force_derivatives(parameter_row, g, x) for g, x in gestures_and_starts]
         variance = error_squares / n
-        square, slope = _normal(
-            parameter_row, fitted_columns, gestures, start_positions, by_force, variance
-        )
+        square, slope = _normal(parameter_row, columns, gestures, start_points, by_force, variance)
         for _ in range(_TRIALS):
-            damped_step = _damped_step(parameter_row, fitted_columns, square, slope, damping)
+            damped_step = _damped_step(parameter_row, columns, square, slope, damping)
             stepped_row, stepped_starts = (
-                step_parameters(parameter_row, fitted_columns, damped_step[:n_fitted]),
-                start_positions + damped_step[n_fitted:first_force],
+                step_parameters(parameter_row, columns, damped_step[:n_fitted]),
+                start_points + damped_step[n_fitted:first_force],
             )
             pushed = _forced(gestures, damped_step[first_force:])
             new_error_squares, new_force_squares = _squares(stepped_row, pushed, stepped_starts)
@@ -322,7 +320,7 @@ def fit(
             damping *= 10
         else:
             break
-        parameter_row, start_positions, error_squares, force_squares, gestures = (
+        parameter_row, start_points, error_squares, force_squares, gestures = (
             stepped_row,
             stepped_starts,
             new_error_squares,
@@ -341,15 +339,15 @@ def fit(
         covariance = np.full((n_fitted, n_fitted), np.nan)
     else:
         if not by_force:
-            gestures_and_starts = zip(gestures, start_positions, strict=True)
+            gestures_and_starts = zip(gestures, start_points, strict=True)
             by_force = [_force_derivatives(parameter_row, g, x) for g, x in gestures_and_starts]
         covariance = _covariance(
-            parameter_row, fitted_columns, gestures, start_positions, by_force, error_squares
+            parameter_row, columns, gestures, start_points, by_force, error_squares
         )
     return Fit(
         parameter_row,
-        tuple(fitted_columns),
-        tuple(map(float, start_positions)),
+        tuple(columns),
+        tuple(map(float, start_points)),
         covariance,
         float(np.sqrt(error_squares / n)),
         n,

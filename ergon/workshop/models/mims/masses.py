@@ -200,8 +200,8 @@ def _macro(writing: Writing, model_statement: Statement) -> None:
         row_count,
         column_count,
         {
-            value: "0" if own_value.along else own_value.text
-            for value, own_value in model_values.items()
+            value: "0" if macro_value.along else macro_value.text
+            for value, macro_value in model_values.items()
         },
         _start(writing, model_statement, (model_values["M"].first, 0.0, air)),
         writing.text(model_statement, "x0") if x0 else "0",

@@ -280,113 +280,68 @@ class _Builder:
         proxy_point.place = proxy_module.place
         self.to.points.append(proxy_point)
 
-    def _generator(self, piece_part: Part, generator_module: Module, generator_name: str) -> None:
-        generator_fields, module_key = (
-            generator_module.fields,
-            (piece_part.name, generator_module.name),
-        )
+    def _generator(self, part: Part, module: Module, name: str) -> None:
+        fields, module_key = (module.fields, (part.name, module.name))
         self.points_by_module[module_key] = []
-        if generator_module.kind == "MODES":
-            refusal_reason = (
-                f"{generator_name}: MODES is a bank of resonators, and no network of masses"
-            )
-            self._refuse(
-                generator_module.place,
-                f"{refusal_reason}; name {piece_part.name} for a Faust program of its own",
-            )
+        if module.kind == "MODES":
+            reason = f"{name}: MODES is a bank of resonators, and no network of masses"
+            self._refuse(module.place, f"{reason}; name {part.name} for a Faust program of its own")
             return
-        starts = {
-            field_name: generator_fields.get(field_name) or 0.0 for field_name in ("X0", "V0")
-        }
+        starts = {field_name: fields.get(field_name) or 0.0 for field_name in ("X0", "V0")}
         if not all(isinstance(value, float) for value in starts.values()):
-            self._refuse(
-                generator_module.place,
-                f"{generator_name}: members that start elsewhere than the others",
-            )
+            self._refuse(module.place, f"{name}: members that start elsewhere than the others")
             return
         assembly = Assembly()
-        assembly.part(piece_part.name, [generator_module], ca_rate=piece_part.ca_rate)
+        assembly.part(part.name, [module], ca_rate=part.ca_rate)
         network = assembly.network
-        member_count, element_table = network.count(0), network.elements([piece_part.name])
-        if (
-            not {*element_table.kinds} <= {"CEL", "RES", "FRO", "REF"}
-            or (element_table.stiffness < 0).any()
-        ):
-            self._refuse(
-                generator_module.place,
-                f"{generator_name}: a {generator_module.kind} that hardens, stretches or bends",
-            )
+        count, table = network.count(0), network.elements([part.name])
+        if not {*table.kinds} <= {"CEL", "RES", "FRO", "REF"} or (table.stiffness < 0).any():
+            self._refuse(module.place, f"{name}: a {module.kind} that hardens, stretches or bends")
             return
-        if member_count > self.points_max:
+        if count > self.points_max:
             self._refuse(
-                generator_module.place,
-                f"{generator_name}: {member_count:,} masses, and at most {self.points_max:,} are "
-                "written",
+                module.place,
+                f"{name}: {count:,} masses, and at most {self.points_max:,} are written",
             )
             return
         first_point = len(self.to.points)
-        self.points_by_module[module_key] = list(range(first_point, first_point + member_count))
+        self.points_by_module[module_key] = list(range(first_point, first_point + count))
         self.centres[module_key] = first_point + network.centre(0)
-        slots = {mat: slot for slot, mat in enumerate(element_table.mats)}
+        slots = {mat: slot for slot, mat in enumerate(table.mats)}
         ties = {
             int(a): (float(k), float(z))
             for kind, a, k, z in zip(
-                element_table.kinds,
-                element_table.a,
-                element_table.stiffness,
-                element_table.damping,
-                strict=True,
+                table.kinds, table.a, table.stiffness, table.damping, strict=True
             )
             if kind == "CEL"
         }
         rate = self.to.rate
-        for member in range(member_count):
-            member_name, member_slot = f"{generator_name}.{member}", slots.get(member)
-            if member_slot is None:
-                member_point = Point(member_name, 0.0, f"SOL of {generator_module.kind}")
+        for member in range(count):
+            member_name, slot_index = f"{name}.{member}", slots.get(member)
+            if slot_index is None:
+                point = Point(member_name, 0.0, f"SOL of {module.kind}")
             else:
-                m = float(element_table.masses[member_slot])
-                tie = dict(zip(("K", "Z"), ties.get(member_slot, (None, 0.0)), strict=True))
-                make = _mas if member_slot not in ties else _cel
-                member_point = make(
-                    {"M": m, **tie, **starts}, member_name, piece_part.ca_rate, rate
-                )
-            member_point.is_ca, member_point.place = (
-                piece_part.ca_rate is not None,
-                generator_module.place,
-            )
-            self.to.points.append(member_point)
+                m = float(table.masses[slot_index])
+                tie = dict(zip(("K", "Z"), ties.get(slot_index, (None, 0.0)), strict=True))
+                make = _mas if slot_index not in ties else _cel
+                point = make({"M": m, **tie, **starts}, member_name, part.ca_rate, rate)
+            point.is_ca, point.place = (part.ca_rate is not None, module.place)
+            self.to.points.append(point)
         first_link = len(self.to.links)
         ground = None
-        point_indices = [first_point + mat for mat in element_table.mats]
-        link_rows = zip(
-            element_table.kinds,
-            element_table.a,
-            element_table.b,
-            element_table.stiffness,
-            element_table.damping,
-            strict=True,
-        )
+        point_indices = [first_point + mat for mat in table.mats]
+        link_rows = zip(table.kinds, table.a, table.b, table.stiffness, table.damping, strict=True)
         for link_number, (link_kind, a, b, k, z) in enumerate(link_rows):
             if link_kind == "CEL":
                 continue
             if ground is None and min(a, b) < 0:
                 ground = len(self.to.points)
-                self.to.points.append(
-                    Point(f"{generator_name}.ground", 0.0, f"SOL of {generator_module.kind}")
-                )
+                self.to.points.append(Point(f"{name}.ground", 0.0, f"SOL of {module.kind}"))
             end_points = [ground if end < 0 else point_indices[end] for end in (int(a), int(b))]
             tie = {"K": float(k), "Z": float(z)}
-            self._join(
-                piece_part,
-                f"{generator_name}.link.{link_number}",
-                end_points,
-                link_kind,
-                tie,
-                generator_module.place,
-            )
+            self._join(part, f"{name}.link.{link_number}", end_points, link_kind, tie, module.place)
         point_range = range(first_point, len(self.to.points)), range(first_link, len(self.to.links))
-        self._body(generator_module, generator_name, member_count, *point_range)
+        self._body(module, name, count, *point_range)
 
     def _body(self, module: Module, name: str, count: int, points: range, links: range) -> None:
         """Add a generator as a whole, if it is one row or one rectangle of equal masses."""
