@@ -279,12 +279,12 @@ class SessionServer:
     # --- lines ------------------------------------------------------------------------------------
 
     def _queue_line(
-        self, prompt: PromptConnection, request_number: Any, line_text: str, releases: bool
+        self, prompt: PromptConnection, request_number: Any, text: str, releases: bool
     ) -> None:
         if prompt.waiting >= _LINES_MAX:
             raise ProtocolError(f"{_LINES_MAX} lines of this prompt are waiting already")
         prompt.waiting += 1
-        self._queue.enter(line_text, (prompt, request_number, releases))
+        self._queue.enter(text, (prompt, request_number, releases))
 
     def _do_lines(self) -> None:
         """Do lines, in a separate thread, because a line may take a while."""
