@@ -14,7 +14,7 @@ from ergon import _core
 from ergon.common.errors import ErgonError
 from ergon.scores.staging.refusals import StageError
 from ergon.workshop.lab import canonical, runs
-from ergon.workshop.lab.energy import drift, production_db
+from ergon.workshop.lab.energy import ROUNDING_DB, drift, production_db
 from ergon.workshop.lab.metrics import Floats, bands_db, early_db, onset, spectral, waveform_db
 from ergon.workshop.lab.names import Metric
 from ergon.workshop.lab.partials import Partial, compare, strongest
@@ -30,6 +30,9 @@ _DOUBLINGS = 2  # of the reference, beyond all that is charted
 _EXACT_PLAN = Setting(None, budget_db=-120.0)
 _YARDSTICK = 100  # masses of a string, for a second: some 10 ms
 _SCATTER = 1.1  # between two timings of the same work
+_SAME = 1e-10  # of the largest sample: so little differ sounds of one motion, in their last bits
+# What an energy error counts: all energy; what links made alone, where no ledger is kept.
+EnergyCount = Literal["", "all", "links"]
 Progress = Callable[[int], None]
 
 
@@ -43,8 +46,10 @@ class Point:
 
     None means not measured. `t60` [%] and `cents` are the worst among the strongest partials;
     `bands_db` is of third octaves; `energy_db` is energy made by the scheme over energy given,
-    `drift_db_s` its trend. `is_bounded`: in the metric of the chart the error is below that of the
-    reference, so that only this bound is known.
+    `drift_db_s` its trend, and `energy_of` what is counted: without a ledger only what contacts and
+    laws made is known, not what they took too much. `is_bounded`: in the metric of the chart the
+    error is below that of the reference (of energy: below rounding), so that only this bound is
+    known.
     """
 
     setting: Setting
@@ -60,6 +65,7 @@ class Point:
     t60: float | None = None
     energy_db: float | None = None
     drift_db_s: float | None = None
+    energy_of: EnergyCount = ""
     on_front: bool = False
     is_bounded: bool = False
 
@@ -77,8 +83,8 @@ class Point:
 class Chart:
     """All points of a scene, and the reference against which they were measured.
 
-    `floor` is the reference's own error in the metric: smaller errors cannot be distinguished.
-    It is None for energy, whose true error is 0. `doubts` name methods that converge to another
+    `floor` is the reference's own error in the metric, and rounding for energy, whose true error is
+    0: smaller errors cannot be distinguished. `doubts` name methods that converge to another
     sound. `alike` are groups of methods whose samples are the same wherever both ran: each is
     one curve.
     """
@@ -198,7 +204,7 @@ def measure(
     has_plans = any(setting.method is None for setting in settings_wanted)
     rival = _EXACT_PLAN if has_plans else None
     reference = refine(sounds, bench.sound, doublings=_DOUBLINGS, rival=rival)
-    points = [played_setting.point for played_setting in played]
+    points = _with_ledger_of_ca([each.point for each in played], sounds_by_setting)
     floor = None
     doubtful: tuple[str, ...] = ()
     if reference is not None:
@@ -333,10 +339,43 @@ def _with_energy(bench: _Bench, point: Point) -> Point:
     except _core.EngineError:
         run = runs.start(bench.scene, point.setting)
         run.frames(bench.n_frames)
-        return replace(point, energy_db=run.created_db())
+        return replace(point, energy_db=run.created_db(), energy_of="links")
     t = [float(edge) / bench.scene.rate for edge in edges[1:]]
     energy_drift = drift(t, ledgers)
-    return replace(point, energy_db=production_db(ledgers[-1]), drift_db_s=energy_drift.per_second)
+    return replace(
+        point,
+        energy_db=production_db(ledgers[-1]),
+        drift_db_s=energy_drift.per_second,
+        energy_of="all",
+    )
+
+
+def _with_ledger_of_ca(points: list[Point], sounds: Mapping[Setting, Floats]) -> list[Point]:
+    """The points; a plan that moves as CA does, to rounding, has the energy errors of CA's ledger.
+
+    A plan keeps no ledger, and steps the most of a piece by CA.
+    """
+    by_ca = {
+        point.setting.oversampling: point
+        for point in points
+        if point.setting.method == "ca" and point.setting.precision == "f64"
+    }
+
+    def with_ledger(point: Point) -> Point:
+        twin = by_ca.get(point.setting.oversampling)
+        if point.energy_of != "links" or twin is None or twin.energy_of != "all":
+            return point
+        ours, theirs = sounds.get(point.setting), sounds.get(twin.setting)
+        if ours is None or theirs is None or not _is_same(ours, theirs):
+            return point
+        return replace(point, energy_db=twin.energy_db, drift_db_s=twin.drift_db_s, energy_of="all")
+
+    return [with_ledger(point) for point in points]
+
+
+def _is_same(y: Floats, x: Floats) -> bool:
+    """Whether two sounds differ in last bits alone."""
+    return bool(np.abs(y - x).max(initial=0.0) <= _SAME * np.abs(x).max(initial=0.0))
 
 
 class Judge:
@@ -372,7 +411,7 @@ class Judge:
         if metric == "waveform":
             return self.reference.floor_db
         if metric == "energy":
-            return None
+            return ROUNDING_DB
         point_before = self.point(Point(self.reference.setting), self.reference.before).error(
             metric
         )

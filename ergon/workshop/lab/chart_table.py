@@ -77,16 +77,37 @@ def lines(chart: Chart) -> str:
             f"  reference: {chart.reference.setting}, own error about "
             f"{chart.reference.floor_db:.0f} dB of waveform{order_text}\n"
         )
-        if any(point.is_bounded for point in chart.points):
-            rows.append("  <: below the error of the reference itself, so no more is known\n")
+    rows.extend(f"  {note}\n" for note in _notes(chart))
     rows.extend(f"  the same samples here: {', '.join(group)}\n" for group in chart.alike)
     return f"{'':16}   s per s  {METRICS[chart.metric]}\n" + "".join(rows)
+
+
+def _notes(chart: Chart) -> list[str]:
+    """What a figure leaves open."""
+    notes = []
+    if any(point.is_bounded for point in chart.points):
+        notes.append(
+            "<: below what rounding makes, so no more is known"
+            if chart.metric == "energy"
+            else "<: below the error of the reference itself, so no more is known"
+        )
+    if any(_counts_links(chart, point) for point in chart.points):
+        notes.append(
+            "+: only what contacts and laws made is counted, not what they took too much; "
+            "only ca keeps a ledger"
+        )
+    return notes
+
+
+def _counts_links(chart: Chart, point: Point) -> bool:
+    return chart.metric == "energy" and point.energy_of == "links"
 
 
 def _shown(chart: Chart, point: Point, error: float | None) -> str:
     """The error in the metric of the chart, no smaller than the reference's own."""
     if error is None:
         return "unknown"
+    mark = "+" if _counts_links(chart, point) else ""
     if point.is_bounded and chart.floor is not None:
-        return f"<{chart.floor:.3g}"
-    return f"{error:.3g}"
+        return f"<{chart.floor:.3g}{mark}"
+    return f"{error:.3g}{mark}"

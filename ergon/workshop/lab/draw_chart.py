@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from math import floor as rounded_down
 from math import isfinite
 from textwrap import fill
 from typing import TYPE_CHECKING
 
 from ergon.workshop.lab.chart import Chart, Point, likely_cost
+from ergon.workshop.lab.energy import ROUNDING_DB
 from ergon.workshop.lab.names import METHODS, METRICS
 from ergon.workshop.lab.pictures import COLOURS
 
@@ -19,6 +21,7 @@ _LEAST = 1e-6  # cents, or dB of spectra: smaller is nothing, and a logarithm ne
 _LEAST_DB = -320.0
 _TITLE = 60  # letters of a title that fit beside one another
 _ROW = 0.045  # of the height of the axes: a row of failures
+_BELOW_DB = 10.0  # below the lowest figure of energy: where points stand that made none
 
 
 def draw(chart: Chart, title: str, machine: str) -> Figure:
@@ -53,18 +56,27 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
     for point in measured_points:
         if point.setting.method is None:
             _planner(ax, chart, point)
+    if chart.metric == "energy":
+        _energy_notes(ax, chart, measured_points)
     _limits(ax, chart, measured_points)
     _failures(ax, chart)
     if ax.get_legend_handles_labels()[0]:
         # Below the axes it lies on no data.
-        figure.legend(loc="outside lower center", ncols=2, frameon=False)
+        spacing = 0.9 if chart.metric == "energy" else 0.5  # rings are large
+        figure.legend(loc="outside lower center", ncols=2, frameon=False, labelspacing=spacing)
     return figure
 
 
 def _height(chart: Chart, point: Point) -> float:
-    """The height of a point; points below the floor are drawn on it."""
+    """The height of a point; points below the floor are drawn on it, and those that made no energy
+    below all that did: at the floor they would press the others into a corner.
+    """
     error = point.error(chart.metric)
     assert error is not None
+    if chart.metric == "energy" and point.is_bounded:
+        known = (p.error("energy") for p in chart.points if not p.is_bounded)
+        lowest = min((db for db in known if db is not None), default=0.0)
+        return _BELOW_DB * rounded_down(lowest / _BELOW_DB - 1.0)
     least = _LEAST_DB if chart.metric in _IN_DB else _LEAST
     return max(error, least if chart.floor is None else chart.floor, least)
 
@@ -103,6 +115,25 @@ def _planner(ax: Axes, chart: Chart, point: Point) -> None:
     _word(ax, point.reason, position, "black", below=True)
 
 
+def _energy_notes(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
+    """Point down from what made no energy, ring what is counted in part, and say both below."""
+    below = [(_cost(p), _height(chart, p)) for p in measured_points if p.is_bounded]
+    in_part = [(_cost(p), _height(chart, p)) for p in measured_points if p.energy_of == "links"]
+    if below:
+        x, y = zip(*((cost, height - 0.3 * _BELOW_DB) for cost, height in below), strict=True)
+        label = f"made none above rounding ({ROUNDING_DB:g} dB)"
+        ax.plot(x, y, linestyle="", marker=r"$\downarrow$", markersize=10, color="#666666",
+                label=label, zorder=4)  # fmt: skip
+        edge = max(height for _, height in below) + 0.5 * _BELOW_DB
+        ax.axhline(edge, color="#999999", linewidth=0.8, linestyle="--", zorder=0)
+        # Below this line is no scale.
+        ax.yaxis.set_major_formatter(lambda db, _: f"{db:g}".replace("-", "−") if db > edge else "")
+    if in_part:
+        x, y = zip(*in_part, strict=True)
+        ax.plot(x, y, "o", color="#666666", markerfacecolor="none", markersize=17,
+                label="only what contacts and laws made is counted", zorder=2)  # fmt: skip
+
+
 def _front(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
     """No fixed setting is both cheaper and better than the points on this line; stars may be."""
     row = sorted((_cost(p), _height(chart, p)) for p in measured_points if p.on_front)
@@ -119,7 +150,8 @@ def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
     if chart.metric not in _IN_DB:
         ax.set_ylim(top=2.5 * max(*heights, 1e-3))
     else:
-        heights_and_floor = heights if floor is None else [*heights, max(floor, _LEAST_DB)]
+        has_floor = floor is not None and chart.metric != "energy"
+        heights_and_floor = [*heights, max(floor, _LEAST_DB)] if has_floor else heights
         low, high = min(heights_and_floor), max(heights)
         room = max(6.0, 0.08 * (high - low))
         rows = len(_failed_methods(chart))
@@ -131,6 +163,8 @@ def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
         ax.text(1.0, 0.01, " real time", transform=ax.get_xaxis_transform(), fontsize=8)
     if floor is None or not isfinite(floor) or chart.reference is None:
         return
+    if chart.metric == "energy":
+        return  # arrows say what is below rounding
     floor = max(floor, _LEAST_DB if chart.metric in _IN_DB else _LEAST)
     bottom = ax.get_ylim()[0]
     if chart.metric not in _IN_DB:
