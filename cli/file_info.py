@@ -74,6 +74,8 @@ def unknown(path: Path) -> str:
         "gestures": (".gms",),
     }
     listed = "; ".join(f"{noun} ({', '.join(endings)})" for noun, endings in forms.items())
+    if not path.stat().st_size:
+        return f"{path} is empty"
     return f"{path} is nothing that ergon reads; `ergon info` reads {listed}"
 
 

@@ -9,7 +9,8 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.common.sound_files import foreign_file, is_sound
+from ergon.common.foreign_files import foreign_file
+from ergon.common.sound_files import is_sound
 from ergon.common.terminal import printable
 
 from . import options

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ergon.common.foreign_files import foreign_file
 from ergon.common.terminal import printable
 
 from . import options
@@ -17,7 +18,7 @@ from .units import metres, seconds
 
 if TYPE_CHECKING:
     from ergon._core import Recording
-    from ergon.scores.gesture.summary import Column
+    from ergon.scores.gesture.summary import Column, Table
 
 
 @click.command()
@@ -34,6 +35,8 @@ def info(console: Console, file: str) -> None:
 
     path = Path(file)
     if path.suffix.lower() not in (SUFFIX, *SUFFIXES):
+        if (foreign := foreign_file(path)) is not None:
+            raise Refused(f"{file}: {foreign}")
         *other_suffixes, last_suffix = (SUFFIX, *SUFFIXES)
         raise Refused(f"{file}: a take is a {', '.join(other_suffixes)} or {last_suffix} file")
     take(console, path)
@@ -145,7 +148,10 @@ def _table(console: Console, path: Path) -> None:
             samples=table.n_rows,
             duration_s=span,
             rate_hz=rate,
-            channels=[{"name": c.name, "low": c.low, "high": c.high} for c in channels],
+            channels=[
+                {"name": c.name, "low": c.low, "high": c.high, "not_finite": c.n_missing}
+                for c in channels
+            ],
             passed_over=list(table.passed_over),
         )
         return
@@ -154,13 +160,32 @@ def _table(console: Console, path: Path) -> None:
         words.append(f"{seconds(span)}, {rate:.3g} Hz on average")
     lines = [f"{path}: " + ", ".join(words)]
     lines += [
-        f"  {c.name}: {c.low:g} … {c.high:g}, from {c.first:g} to {c.last:g}"
+        f"  {c.name}: {c.low:g} … {c.high:g}, from {c.first:g} to {c.last:g}{_missing(table, c)}"
         if c.low <= c.high
         else f"  {c.name}: never seen"
         for c in channels
     ]
     lines += [f"  passed over: {passed_over}" for passed_over in table.passed_over]
     console.data("\n".join(printable(line) for line in lines) + "\n")
+
+
+def _missing(table: Table, column: Column) -> str:
+    """How many values of a column are not there, and where the first of them is."""
+    if column.first_missing is None:
+        return ""
+    if table.has_hidden:
+        frames = plural(column.n_missing, "frame")
+        return f"; not seen in {frames}, first in frame {column.first_missing:,}"
+    where = (
+        f"sample {column.first_missing:,}"
+        if column.line_missing is None
+        else f"line {column.line_missing:,}"
+    )
+    verb = "is" if column.n_missing == 1 else "are"
+    return (
+        f"; {plural(column.n_missing, 'value')} {verb} not finite, first in {where}: a take of it "
+        "is refused"
+    )
 
 
 def _seconds(time: Column) -> float | None:

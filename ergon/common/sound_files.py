@@ -8,15 +8,6 @@ from pathlib import Path
 
 from ergon.common.regular import open_regular
 
-# How files of sound begin that are not read here.
-_FOREIGN = (
-    (re.compile(rb"riff\x2e\x91\xcf\x11"), "Wave64"),
-    (re.compile(rb"OggS"), "Ogg"),
-    (re.compile(rb"ID3|\xff[\xf2\xf3\xfa\xfb]"), "MP3"),
-    (re.compile(rb"caff"), "Core Audio (CAF)"),
-    (re.compile(rb".{4}ftyp", re.DOTALL), "MPEG-4"),
-    (re.compile(rb"\.snd|dns\."), "AU"),
-)
 _HEAD = 16  # bytes that tell
 
 WAVE, FLAC = ".wav", ".flac"
@@ -49,22 +40,6 @@ def first_bytes(path: Path) -> bytes:
     """So many bytes of a regular file as say what it holds. Raises OSError."""
     with open_regular(path) as file:
         return file.read(_HEAD)
-
-
-def foreign_form(head: bytes) -> str | None:
-    """The name of the form of sound that a file with these first bytes has, if it is one that is
-    not read, with what to do.
-    """
-    name = next((name for pattern, name in _FOREIGN if pattern.match(head)), None)
-    return name and f"it is sound in the form {name}, which is not read; save it as WAV or FLAC"
-
-
-def foreign_file(path: Path) -> str | None:
-    """The same for a file; None for one that is not regular or cannot be read."""
-    try:
-        return foreign_form(first_bytes(path))
-    except OSError:
-        return None
 
 
 def wrong_ending(target: str) -> str | None:

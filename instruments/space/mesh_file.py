@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import PurePath
 from typing import Protocol
 
+from ergon.common.foreign_files import foreign_form
 from ergon.instruments.space import gltf_file, obj_file
 from ergon.instruments.space.mesh import Mesh, MeshFileError
 from ergon.notation.tables.fields import Values
@@ -36,6 +37,10 @@ def from_file(values: Values, read: Read, collector: Collector) -> Values:
         return values
     place, who = values.place_of("file"), values.context.label("file")
     kind = PurePath(name).suffix.lower()
+    if (foreign := foreign_form(b"", PurePath(name))) is not None:
+        collector.error("E106", f"{who}: {foreign}", place)
+        by_name = {field: value for field, value in values.by_name.items() if field != "file"}
+        return replace(values, by_name=by_name)
     document = read(name, place, _DECODERS.get(kind, obj_file.decoded))
     mesh = None
     if document is not None and kind == _GLTF:

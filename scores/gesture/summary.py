@@ -28,7 +28,8 @@ from ergon.scores.gesture.take_file import (
 class Column:
     """One channel: its name as written (`x [mm]`), smallest, largest, first and last value.
 
-    Values that are not finite are left out; instants must be finite.
+    Values that are not finite are left out and counted, with the first of them and, in a text, its
+    line; instants must be finite.
     """
 
     name: str
@@ -36,6 +37,10 @@ class Column:
     high: float = -math.inf
     first: float = math.nan
     last: float = math.nan
+    n: int = 0
+    n_missing: int = 0
+    first_missing: int | None = None  # sample, from 1 on
+    line_missing: int | None = None
 
     @property
     def is_time(self) -> bool:
@@ -45,7 +50,13 @@ class Column:
     def add(self, block: Floats | Sequence[float]) -> None:
         """Include further values."""
         values = np.asarray(block, np.float64)
-        values = values[np.isfinite(values)]
+        is_finite = np.isfinite(values)
+        if not is_finite.all():
+            self.n_missing += int(values.size - np.count_nonzero(is_finite))
+            if self.first_missing is None:
+                self.first_missing = self.n + int(is_finite.argmin()) + 1
+        self.n += values.size
+        values = values[is_finite]
         if not values.size:
             return
         if math.isnan(self.first):
@@ -65,6 +76,7 @@ class Table:
     columns: tuple[Column, ...]
     note: str | None = None
     passed_over: tuple[str, ...] = ()
+    has_hidden: bool = False  # whether a value that is missing is a point that no camera saw
 
 
 _BLOCK = 4096  # rows
@@ -91,9 +103,11 @@ def _table(path: Path) -> Table:
             n_rows, instant_before = 0, -math.inf
             for number, cells in table.rows:
                 try:
-                    block.append([float(cell) for cell in cells])
+                    block.append(values := [float(cell) for cell in cells])
                 except ValueError:
                     raise TakeError("this line is not a row of numbers", path, number) from None
+                if not all(map(math.isfinite, values)):
+                    _note_line(columns, values, number)
                 if time is not None:
                     instant = number_in(cells[time], path, number)
                     if not instant > instant_before:
@@ -105,6 +119,13 @@ def _table(path: Path) -> Table:
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
     return Table(n_rows, columns)
+
+
+def _note_line(columns: Sequence[Column], values: Sequence[float], line: int) -> None:
+    """Note in which line a column first has a value that is not finite."""
+    for column, value in zip(columns, values, strict=False):
+        if not math.isfinite(value) and column.line_missing is None:
+            column.line_missing = line
 
 
 def _added(columns: Sequence[Column], block: list[list[float]]) -> int:
@@ -160,9 +181,10 @@ def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
             for column, values_of_column in zip(columns, values, strict=True):
                 column.add(values_of_column)
         if not motion.rate:
-            return Table(motion.n, columns, motion.note, motion.passed_over)
+            return Table(motion.n, columns, motion.note, motion.passed_over, has_hidden=True)
         time = Column("t [s]", 0.0, (motion.n - 1) / motion.rate, 0.0, (motion.n - 1) / motion.rate)
-        return Table(motion.n, (time, *columns), motion.note, motion.passed_over)
+        columns = (time, *columns)
+        return Table(motion.n, columns, motion.note, motion.passed_over, has_hidden=True)
 
     return points
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, cast
 
+from ergon.common.foreign_files import foreign_form
 from ergon.instruments.model import Module, Target
 from ergon.instruments.read import module
 from ergon.instruments.read import modules as read_modules
@@ -155,11 +156,8 @@ def take(values: Values, files: Files) -> TakeFile | None:
     if path.suffix.lower() == ".gms":
         v.error("E108", f"{label}ergon does not read GMS files yet", "file")
     elif path.suffix.lower() not in (*take_file.SUFFIXES, *note_files.SUFFIXES):
-        v.error(
-            "E206",
-            f"{label}a take is a {', '.join(take_file.SUFFIXES)}, .mid or .musicxml file",
-            "file",
-        )
+        forms = f"a take is a {', '.join(take_file.SUFFIXES)}, .mid or .musicxml file"
+        v.error("E206", f"{label}{foreign_form(b'', path) or forms}", "file")
     else:
         path = files.locate(file, folder, v.place_of("file"), label, is_text=False) or path
     is_midi = path.suffix.lower() in note_files.SUFFIXES

@@ -318,3 +318,32 @@ def test_take_trim_refuses_existing_recording(folder: Path, capsys: Capture) -> 
 def test_take_suggests_misspelt_subcommand(capsys: Capture) -> None:
     assert app.run(["take", "trimm"]) == 2
     assert "Did you mean 'trim'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("word", ["nan", "NaN", "inf", "-inf"])
+def test_take_info_names_values_that_are_not_finite(word: str, capsys: Capture, tmp_path: Path):
+    path = tmp_path / "a.csv"
+    path.write_text(f"t [s],x [mm],y [mm]\n0,0,0\n0.01,{word},1\n0.02,2,2\n0.03,{word},3\n")
+    assert app.run(["take", "info", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert "x [mm]: 0 … 2, from 0 to 2; 2 values are not finite, first in line 3" in shown
+    assert "y [mm]: 0 … 3, from 0 to 3\n" in shown
+
+
+def test_take_info_names_npz_sample_that_is_not_finite(capsys: Capture, tmp_path: Path):
+    path = tmp_path / "a.npz"
+    np.savez(path, t=np.arange(4) * 0.01, x=np.array([0.0, 1.0, np.nan, 3.0]))
+    assert app.run(["take", "info", str(path)]) == 0
+    assert "; 1 value is not finite, first in sample 3" in capsys.readouterr().out
+
+
+def test_take_info_names_frames_of_hidden_markers(capsys: Capture, tmp_path: Path):
+    head = (
+        "PathFileType\t4\t(X/Y/Z)\ta.trc\n"
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n100\t100\t3\t1\tmm\n"
+        "Frame#\tTime\tA\t\t\n\t\tX1\tY1\tZ1\n\n"
+    )
+    path = tmp_path / "a.trc"
+    path.write_text(head + "1\t0.00\t1\t2\t3\n2\t0.01\tnan\tnan\tnan\n3\t0.02\t1\t2\t3\n")
+    assert app.run(["take", "info", str(path)]) == 0
+    assert capsys.readouterr().out.count("; not seen in 1 frame, first in frame 2") == 3

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from ergon.api.errors import OptionError
+from ergon.common.foreign_files import foreign_file
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import DialectError, ModelError
@@ -80,11 +81,7 @@ def import_model(
     it sounds different in each, OptionError, and OSError.
     """
     path = Path(path)
-    try:
-        text = text_of(path)
-    except ModelError as error:
-        error.file = str(path)
-        raise
+    text = _text(path)
     if options.dialect is None and is_table(text):
         message = f"it is a table of resonances; `ergon bell {path.name}` makes an instrument of it"
         model_error = ModelError(message)
@@ -121,6 +118,20 @@ def import_model(
     unfed = _unfed(inputs, model.inputs)
     score = written(model, options.laws, inputs, path.name)
     return ImportedModel(score, dialect, len(model.statements), unfed)
+
+
+def _text(path: Path) -> str:
+    """The text of a model. Raises ModelError, also for a file of a program that is not read."""
+    foreign = foreign_file(path)
+    try:
+        text = text_of(path)
+        if foreign is None or is_model(text):
+            return text
+        error = ModelError(foreign)
+    except ModelError as not_text:
+        error = not_text if foreign is None else ModelError(foreign)
+    error.file = str(path)
+    raise error
 
 
 def _unfed(inputs: Mapping[str, Input], port_names: Sequence[str]) -> tuple[str, ...]:

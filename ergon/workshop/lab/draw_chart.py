@@ -150,8 +150,10 @@ def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
     if chart.metric not in _IN_DB:
         ax.set_ylim(top=2.5 * max(*heights, 1e-3))
     else:
-        has_floor = floor is not None and chart.metric != "energy"
-        heights_and_floor = [*heights, max(floor, _LEAST_DB)] if has_floor else heights
+        shown_floor = None if chart.metric == "energy" else floor
+        heights_and_floor = (
+            heights if shown_floor is None else [*heights, max(shown_floor, _LEAST_DB)]
+        )
         low, high = min(heights_and_floor), max(heights)
         room = max(6.0, 0.08 * (high - low))
         rows = len(_failed_methods(chart))
