@@ -166,7 +166,7 @@ def foreign_form(head: bytes, path: PurePath | None = None) -> str | None:
     `path` also from the ending of its name.
     """
     kind = next(_of(head, path), None)
-    return kind and f"it is {kind.name}, which is not read; {kind.advice}"
+    return None if kind is None else f"it is {kind.name}, which is not read; {kind.advice}"
 
 
 def _of(head: bytes, path: PurePath | None) -> Iterator[_Kind]:

@@ -36,10 +36,28 @@ FILES = {
     "a.png": (b"\x89PNG\r\n\x1a\n", "a picture", "is meant"),
     "a.zip": (b"PK\3\4" + bytes(40), "an archive", "unpack it"),
 }
-READ = (b"RIFF\0\0\0\0WAVEfmt ", b"fLaC", b"MThd\0\0\0\6", b"ergon: 1\n", b"v 0 0 1\n", b"t [s],x\n",
-        b"PK\3\4", b"\x89HDF\r\n\x1a\n", b"HIERARCHY\n", b"PathFileType\t4", b"SDIF", b"FORM",
-        b"# comment\n@m mass\n", b"#N canvas 0 0;", b"! scale.scl\n", b"ERGM", b"\xef\xbb\xbft [s],x",
-        b"\xff\xfet\0", b"<?xml version='1.0'?>\n<score-partwise>", b'{"LoudspeakerLayout": {}}')  # fmt: skip
+READ = (
+    b"RIFF\0\0\0\0WAVEfmt ",
+    b"fLaC",
+    b"FORM",
+    b"MThd\0\0\0\6",
+    b"ergon: 1\n",
+    b"v 0 0 1\n",
+    b"t [s],x\n",
+    b"\xef\xbb\xbft [s],x",
+    b"\xff\xfet\0",
+    b"PK\3\4",
+    b"\x89HDF\r\n\x1a\n",
+    b"HIERARCHY\n",
+    b"PathFileType\t4",
+    b"SDIF",
+    b"ERGM",
+    b"# comment\n@m mass\n",
+    b"#N canvas 0 0;",
+    b"! scale.scl\n",
+    b"<?xml version='1.0'?>\n<score-partwise>",
+    b'{"LoudspeakerLayout": {}}',
+)
 
 
 def written(folder: Path, name: str) -> Path:
@@ -83,7 +101,10 @@ def test_score_names_take_and_mesh_of_another_program(
     score.write_text(
         "ergon: 1\n"
         "takes: {walk: {file: walk.fbx, channel: x}}\n"
-        "instruments:\n  b:\n    space: 3\n    modules: {net: {MESH: {file: bowl.stl, M: 40g, at: [0, 0, 0], K: 1N/m}}}\n"
+        "instruments:\n"
+        "  b:\n"
+        "    space: 3\n"
+        "    modules: {net: {MESH: {file: bowl.stl, M: 40g, at: [0, 0, 0], K: 1N/m}}}\n"
     )
     for name in ("walk.fbx", "bowl.stl"):
         (tmp_path / name).write_bytes(b"x")
