@@ -115,6 +115,10 @@ def _render(console: Console, path: Path, source: str | None, trust: bool) -> No
         console.data(_lines(path, wav, samples))
     if wav.damage is not None:
         console.warn(f"{path}: {wav.damage}")
+    if (first := _not_finite(path, wav)) is not None:
+        seconds_there = first / wav.format.rate
+        message = f"frame {first + 1:,} ({seconds_there:.6g} s) is not a number"
+        console.warn(f"{path}: {message}; no command plays, folds or measures such a sound")
     if source is None:
         return
     if wav.score is None:
@@ -123,6 +127,23 @@ def _render(console: Console, path: Path, source: str | None, trust: bool) -> No
     if score.digest(piece) != wav.score:
         raise Findings(f"{path} was rendered from another score than {source}, or an earlier state")
     console.say(f"{path} was rendered from {source} as it is now")
+
+
+def _not_finite(path: Path, wav: WaveInfo) -> int | None:
+    """The first frame with a sample that is not finite; only floats can have one."""
+    if wav.format.bits not in ("float", "double"):
+        return None
+    import numpy as np
+
+    from ergon.exchange.sound import read_blocks
+
+    n_before = 0
+    for block in read_blocks(path):
+        is_finite = np.isfinite(block).all(axis=1)
+        if not is_finite.all():
+            return n_before + int(is_finite.argmin())
+        n_before += len(block)
+    return None
 
 
 def _fields(path: Path, wav: WaveInfo) -> dict[str, object]:

@@ -39,6 +39,7 @@ def midi(console: Console, path: Path) -> None:
         left_out.append(plural(n_unread_bytes, "byte") + " after the end of tracks")
     if file.n_missing:
         left_out.append(plural(file.n_missing, "track") + " that the head states, and that lack")
+    left_out += [f"{n} × {what}" if n > 1 else what for what, n in sorted(file.odd.items())]
     played = [*_understood(file)]
     if console.json:
         console.record(

@@ -78,6 +78,7 @@ class MidiSurvey:
     `tempos` are (quarter, microseconds of a quarter note), `meters` (quarter, number of beats,
     power of two of their note), in the order of time and only the last of those at one instant;
     `n_tempos` and `n_meters` count all. `moves` counts all other events but notes.
+    `odd` says what no score takes over: tempos and meters that are none, notes that never end.
     `n_bytes_after` counts bytes after the last track, `n_bytes_unread` those in tracks that follow
     the event that ends a track; `n_missing` counts tracks that the head states and the file lacks.
     """
@@ -95,6 +96,7 @@ class MidiSurvey:
     n_tempos: int = 0
     n_meters: int = 0
     moves: Counter[MidiMove] = field(default_factory=Counter)
+    odd: Counter[str] = field(default_factory=Counter)
 
     @property
     def notes(self) -> Mapping[int, int]:
@@ -132,16 +134,20 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
     for span in header.tracks:
         track = MidiTrack()
         result.tracks.append(track)
+        sounding = Counter[tuple[int, int]]()
         for event in file.track(span):
+            _follow(event, sounding)
             last_tick = max(last_tick, event.tick)
             if event.kind != m.META:
                 _count(event, track, result)
             elif event.number == m.TRACK_NAME and not track.name:
                 track.name = _text(event.content)
-            elif event.number == m.SET_TEMPO and len(event.content) == 3:
-                tempos.append((event.tick, int.from_bytes(event.content, "big")))
-            elif event.number == m.METER and len(event.content) >= 2:
-                meters.append((event.tick, (event.content[0], event.content[1])))
+            elif event.number == m.SET_TEMPO:
+                _note_tempo(event, tempos, result)
+            elif event.number == m.METER:
+                _note_meter(event, meters, result)
+        if n_hanging := sounding.total():
+            result.odd["note that nothing ends"] += n_hanging
     ticks = result.ticks
     result.length, result.n_bytes_unread = last_tick / ticks, file.n_unread
     result.n_missing = header.n_missing
@@ -149,6 +155,39 @@ def _survey(path: Path, _: FileState) -> MidiSurvey:
     result.tempos = [(tick / ticks, micros) for tick, micros in _latest(tempos)]
     result.meters = [(tick / ticks, *meter) for tick, meter in _latest(meters)]
     return result
+
+
+def _follow(event: MidiEvent, sounding: Counter[tuple[int, int]]) -> None:
+    """Count the notes that sound, by channel and number. One key may be down several times."""
+    note = event.channel, event.number
+    if event.kind == m.NOTE_ON and event.content[1]:
+        sounding[note] += 1
+    elif event.kind in (m.NOTE_ON, m.NOTE_OFF) and sounding[note]:
+        sounding[note] -= 1
+
+
+def _note_tempo(event: MidiEvent, tempos: list[tuple[int, int]], result: MidiSurvey) -> None:
+    if len(event.content) != 3:
+        result.odd["tempo without its three bytes"] += 1
+        return
+    micros = int.from_bytes(event.content, "big")
+    if not micros:
+        result.odd["tempo of 0 microseconds a quarter note"] += 1
+    tempos.append((event.tick, micros))
+
+
+def _note_meter(
+    event: MidiEvent, meters: list[tuple[int, tuple[int, int]]], result: MidiSurvey
+) -> None:
+    if len(event.content) < 2:
+        result.odd["meter without its bytes"] += 1
+        return
+    count, power = event.content[:2]
+    try:
+        _meter((count, power))
+    except TextError:
+        result.odd[f"meter of {count}/2^{power}, which no score has"] += 1
+    meters.append((event.tick, (count, power)))
 
 
 def _count(event: MidiEvent, track: MidiTrack, result: MidiSurvey) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from ergon.scores.gesture import bvh_file, c3d_file, optitrack_file, qtm_file, sdif_file, trc_file
 from ergon.scores.gesture.motion import AXES, Motion
 from ergon.scores.gesture.npz import npz
+from ergon.scores.gesture.points import UNITS_PER_METRE, UNITS_PER_SECOND
 from ergon.scores.gesture.table_file import sheet
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
@@ -80,6 +82,7 @@ class Table:
 
 
 _BLOCK = 4096  # rows
+_UNREAD_SEPARATOR = re.compile(r"[ |:]")
 
 
 def summary(path: Path) -> Table:
@@ -102,10 +105,7 @@ def _table(path: Path) -> Table:
             block: list[list[float]] = []
             n_rows, instant_before = 0, -math.inf
             for number, cells in table.rows:
-                try:
-                    block.append(values := [float(cell) for cell in cells])
-                except ValueError:
-                    raise TakeError("this line is not a row of numbers", path, number) from None
+                block.append(values := _numbers(table.names, cells, path, number))
                 if not all(map(math.isfinite, values)):
                     _note_line(columns, values, number)
                 if time is not None:
@@ -118,7 +118,45 @@ def _table(path: Path) -> Table:
             n_rows += _added(columns, block)
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
-    return Table(n_rows, columns)
+    return Table(n_rows, columns, _mistake(columns))
+
+
+def _mistake(columns: Sequence[Column]) -> str | None:
+    """What keeps a take of a table from being played, if anything does."""
+    words = [column.name.partition("[")[0].strip() for column in columns]
+    if (twice := next((word for word in words if words.count(word) > 1), None)) is not None:
+        return f"two columns are called {twice[:40]!r}: a take of them is refused"
+    units = {column.name: column.name.partition("[")[2].rstrip("] ") for column in columns}
+    for column in columns:
+        known = UNITS_PER_SECOND if column.is_time else UNITS_PER_METRE
+        if (unit := units[column.name]) and unit not in known:
+            what = "time" if column.is_time else "position"
+            return f"{column.name[:40]!r} has no unit of a {what}: a take of it is refused"
+    counts = {column.n for column in columns}
+    time = next((column for column in columns if column.is_time), None)
+    if time is not None and len(counts) > 1:
+        other = next(column for column in columns if column.n != time.n)
+        return (
+            f"{time.n:,} instants, but {other.n:,} values of {other.name[:40]!r}: a take of it is "
+            "refused"
+        )
+    return None
+
+
+def _numbers(names: Sequence[str], cells: Sequence[str], path: Path, line: int) -> list[float]:
+    """The numbers of a row. Raises TakeError, with the column of the cell that is none."""
+    for name, cell in zip(names, cells, strict=True):
+        try:
+            float(cell)
+            is_number = "_" not in cell
+        except ValueError:
+            is_number = False
+        if not is_number:
+            message = f"{cell.strip()[:40]!r} in column {name[:40]!r} is not a number"
+            if len(names) == 1 and _UNREAD_SEPARATOR.search(cell.strip()):
+                message += "; columns are divided by commas, semicolons or tabs"
+            raise TakeError(message, path, line)
+    return [float(cell) for cell in cells]
 
 
 def _note_line(columns: Sequence[Column], values: Sequence[float], line: int) -> None:
@@ -154,7 +192,7 @@ def _npz(path: Path) -> Table:
                 column.add(block)
             columns.append(column)
             n_rows = max(n_rows, row.length)
-    return Table(n_rows, tuple(columns), None, tuple(passed_over))
+    return Table(n_rows, tuple(columns), _mistake(columns), tuple(passed_over))
 
 
 def _tsv(path: Path) -> Table:

@@ -133,7 +133,7 @@ def _pitch(line: str, number: int) -> float:
         return _core.pow(2.0, cents / 1200.0)
     match = _RATIO.match(line)
     sign_after = "" if match is None else line[match.end() : match.end() + 1]
-    if match is None or sign_after.isalnum() or sign_after in {"/", "."}:
+    if match is None or sign_after.isalnum() or sign_after in {"/", ".", ","}:
         message = f"{quote(line[:40])} is no pitch; write cents with a period, or a ratio as 3/2"
         raise ScalaError(message, number, line)
     numerator, denominator = int(match[1]), int(match[2] or 1)
