@@ -21,6 +21,8 @@ _ITERATIONS, _TRIAL_ITERATIONS = 30, 12  # of a fit; until it must be better tha
 _ROUGH_ITERATIONS = 5  # iterations from each of several starts
 _UNKNOWN = 0.5  # of a part: a deviation by which it may as well not be there
 _WORTH = 10.0  # fall of BIC: very strong evidence (Kass and Raftery 1995)
+_SURE = 100.0  # fall of BIC that residuals which are correlated do not explain either
+_HIDDEN = 1e-3  # of the replay's error: a part that changes it by less is not shown there
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,13 @@ class Stage:
     def explains_more(self, other: Stage) -> bool:
         """Whether it explains the takes better than another stage, by very strong evidence."""
         return self.fit.bic < other.fit.bic - _WORTH
+
+    def is_hidden(self, before: Stage) -> bool:
+        """Whether it surely explains the takes, and the held-out gesture neither shows it nor
+        speaks against it.
+        """
+        is_sure = self.is_worth and self.fit.bic < before.fit.bic - _SURE
+        return is_sure and self.replay < (1.0 + _HIDDEN) * before.replay
 
 
 class Judge:

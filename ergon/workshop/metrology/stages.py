@@ -1,7 +1,8 @@
 """The search for the parts of a key's model.
 
 A part is kept only if the information criterion falls (Schwarz 1978), the held-out gesture is
-followed better, and its parameters are known to within a half of their values. A part that was
+followed better, and its parameters are known to within a half of their values. A mode is also kept
+if the gesture is too slow to show it, and the takes are surely explained better. A part that was
 refused is tried again after each part that was kept, until no part is kept any more: one part may
 hide another. In the end the search goes on after a refused part that explains the takes, and what
 it finds stays if the gesture is followed better. A delay or a mode that is not identified yet looks
@@ -178,7 +179,10 @@ class _Search:
             row[0] -= peak.mass
             rows.append(row)
         columns = dict.fromkeys((*best_before.fit.columns, INDEX["delay"], *mode_indices(number)))
-        return self._decide(self.judge.best_of(name, rows, tuple(columns), best_before, peak.score))
+        stage = self.judge.best_of(name, rows, tuple(columns), best_before, peak.score)
+        # Without a mode that the gesture does not show, the mass is wrong by that of the mode.
+        is_kept = stage.is_accepted or stage.is_hidden(best_before)
+        return self._decide(replace(stage, is_accepted=is_kept))
 
     def add_against_held_out(self) -> bool:
         """Whether parts were kept after one that was refused, though it explains the takes.
