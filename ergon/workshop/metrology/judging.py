@@ -22,7 +22,7 @@ _ROUGH_ITERATIONS = 5  # iterations from each of several starts
 _UNKNOWN = 0.5  # of a part: a deviation by which it may as well not be there
 _WORTH = 10.0  # fall of BIC: very strong evidence (Kass and Raftery 1995)
 _SURE = 100.0  # fall of BIC that residuals which are correlated do not explain either
-_HIDDEN = 1e-3  # of the replay's error: a part that changes it by less is not shown there
+_HIDDEN = 0.1  # of the relative fall of the error in the takes: so little a replay may rise
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +48,12 @@ class Stage:
         return self.fit.bic < other.fit.bic - _WORTH
 
     def is_hidden(self, before: Stage) -> bool:
-        """Whether it surely explains the takes, and the held-out gesture neither shows it nor
-        speaks against it.
+        """Whether the parts since a stage surely explain the takes, and the held-out gesture hardly
+        speaks against them: its error rises by less than a tenth of what that of the takes falls.
         """
         is_sure = self.is_worth and self.fit.bic < before.fit.bic - _SURE
-        return is_sure and self.replay < (1.0 + _HIDDEN) * before.replay
+        fall, rise = np.log(before.fit.rms / self.fit.rms), np.log(self.replay / before.replay)
+        return bool(is_sure and rise < _HIDDEN * fall)
 
 
 class Judge:

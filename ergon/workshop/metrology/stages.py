@@ -179,10 +179,7 @@ class _Search:
             row[0] -= peak.mass
             rows.append(row)
         columns = dict.fromkeys((*best_before.fit.columns, INDEX["delay"], *mode_indices(number)))
-        stage = self.judge.best_of(name, rows, tuple(columns), best_before, peak.score)
-        # Without a mode that the gesture does not show, the mass is wrong by that of the mode.
-        is_kept = stage.is_accepted or stage.is_hidden(best_before)
-        return self._decide(replace(stage, is_accepted=is_kept))
+        return self._decide(self.judge.best_of(name, rows, tuple(columns), best_before, peak.score))
 
     def add_against_held_out(self) -> bool:
         """Whether parts were kept after one that was refused, though it explains the takes.
@@ -199,7 +196,11 @@ class _Search:
             self._decide(replace(stage, is_accepted=True))
             self.add_parts()
             added = set(stage.fit.columns) - set(best_before.fit.columns)
-            if self.best.replay < best_before.replay and knows(self.best.fit, added):
+            # Without a mode that the gesture is too slow to show, the mass is wrong by that of the
+            # mode.
+            is_hidden = stage.name.startswith("mode") and self.best.is_hidden(best_before)
+            is_better = self.best.replay < best_before.replay or is_hidden
+            if is_better and knows(self.best.fit, added):
                 return True
             self._decide(replace(best_before, name=stage.name, is_accepted=True, is_removal=True))
         return False
