@@ -101,7 +101,7 @@ def test_export_refuses_to_overwrite_tempo_file_input(folder):
         (b"\x00\x90\x3c\x40\x60\x90\x3c\x00", "passed over: nothing"),
     ],
 )
-def test_info_of_midi_events_that_no_score_takes_over(events, message, tmp_path, capsys):
+def test_info_of_midi_events_no_score_takes(events, message, tmp_path, capsys):
     track = events + b"\x00\xff\x2f\x00"
     head = b"MThd\0\0\0\6\0\0\0\1\0\x60"
     (tmp_path / "a.mid").write_bytes(head + b"MTrk" + len(track).to_bytes(4, "big") + track)

@@ -322,7 +322,7 @@ def test_take_suggests_misspelt_subcommand(capsys: Capture) -> None:
 
 
 @pytest.mark.parametrize("word", ["nan", "NaN", "inf", "-inf"])
-def test_take_info_names_values_that_are_not_finite(word: str, capsys: Capture, tmp_path: Path):
+def test_take_info_names_infinite_values(word: str, capsys: Capture, tmp_path: Path):
     path = tmp_path / "a.csv"
     path.write_text(f"t [s],x [mm],y [mm]\n0,0,0\n0.01,{word},1\n0.02,2,2\n0.03,{word},3\n")
     assert app.run(["take", "info", str(path)]) == 0
@@ -331,7 +331,7 @@ def test_take_info_names_values_that_are_not_finite(word: str, capsys: Capture, 
     assert "y [mm]: 0 … 3, from 0 to 3\n" in shown
 
 
-def test_take_info_names_npz_sample_that_is_not_finite(capsys: Capture, tmp_path: Path):
+def test_take_info_names_infinite_npz_sample(capsys: Capture, tmp_path: Path):
     path = tmp_path / "a.npz"
     np.savez(path, t=np.arange(4) * 0.01, x=np.array([0.0, 1.0, np.nan, 3.0]))
     assert app.run(["take", "info", str(path)]) == 0
@@ -359,7 +359,7 @@ def test_take_info_names_frames_of_hidden_markers(capsys: Capture, tmp_path: Pat
         ("t [s],x [mm]\n0,\N{MINUS SIGN}1\n", "2: '\N{MINUS SIGN}1' in column 'x [mm]' is not"),
     ],
 )
-def test_take_info_names_cell_that_is_no_number(
+def test_take_info_names_cell_without_number(
     text: str, message: str, capsys: Capture, tmp_path: Path
 ):
     path = tmp_path / "a.csv"
@@ -376,9 +376,7 @@ def test_take_info_names_cell_that_is_no_number(
         ("t [min],x [mm]\n0,1\n0.1,2\n", "'t [min]' has no unit of a time"),
     ],
 )
-def test_take_info_says_what_keeps_a_table_from_playing(
-    text: str, message: str, capsys: Capture, tmp_path: Path
-):
+def test_take_info_of_unplayable_table(text: str, message: str, capsys: Capture, tmp_path: Path):
     path = tmp_path / "a.csv"
     path.write_text(text)
     assert app.run(["take", "info", str(path)]) == 0

@@ -182,7 +182,7 @@ def test_info_of_score_without_suffix_and_bundled(tmp_path: Path):
 
 
 @pytest.mark.parametrize(("subtype", "value"), [("FLOAT", np.nan), ("DOUBLE", -np.inf)])
-def test_info_of_sound_with_sample_that_is_not_finite(
+def test_info_of_sound_with_infinite_sample(
     subtype: str, value: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     samples = np.zeros((441, 2))

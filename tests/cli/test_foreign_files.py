@@ -115,7 +115,7 @@ def test_score_names_take_and_mesh_of_another_program(
 
 
 @pytest.mark.parametrize("head", READ)
-def test_foreign_form_of_files_that_are_read(head: bytes):
+def test_foreign_form_of_readable_files(head: bytes):
     assert foreign_form(head) is None
 
 

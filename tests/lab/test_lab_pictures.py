@@ -54,10 +54,10 @@ def test_chart_picture_same_bytes(tmp_path: Path, metric: str):
 
 
 def test_chart_picture_of_energy_below_rounding(tmp_path: Path):
-    made = Point(Setting("ca", 1), "ok", "", 0.01, energy_db=-47.0, energy_of="all")
-    none_made = Point(Setting(None), "ok", "bell", 0.02, energy_db=-inf, energy_of="links",
+    some_energy = Point(Setting("ca", 1), "ok", "", 0.01, energy_db=-47.0, energy_of="all")
+    no_energy = Point(Setting(None), "ok", "bell", 0.02, energy_db=-inf, energy_of="links",
                       is_bounded=True)  # fmt: skip
-    chart = Chart([made, none_made], None, ROUNDING_DB, "energy", 2.0, 44100.0)
+    chart = Chart([some_energy, no_energy], None, ROUNDING_DB, "energy", 2.0, 44100.0)
     svg, _ = save(lambda: draw_chart.draw(chart, "Bell", "a machine"), tmp_path / "one")
     text = svg.read_text(encoding="utf-8")
     assert "made none above rounding (-150 dB)" in text

@@ -54,7 +54,7 @@ def test_metrology_retries_refused_terms():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [12, 23])
-def test_metrology_keeps_mode_that_replay_does_not_show(seed: int):
+def test_metrology_keeps_mode_hidden_in_replay(seed: int):
     """A mode counted to the mass: 190 and 59 deviations."""
     measured_key = outcome(random_key(seed), seed)
     assert measured_key.replay < WITHIN
