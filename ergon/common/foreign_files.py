@@ -172,11 +172,11 @@ def foreign_form(head: bytes, path: PurePath | None = None) -> str | None:
     """What a file that begins so is, if it is of another program and not read, with what to do; by
     `path` also from the ending of its name.
     """
-    kind = next(_of(head, path), None)
+    kind = next(_kinds(head, path), None)
     return None if kind is None else f"it is {kind.name}, which is not read; {kind.advice}"
 
 
-def _of(head: bytes, path: PurePath | None) -> Iterator[_Kind]:
+def _kinds(head: bytes, path: PurePath | None) -> Iterator[_Kind]:
     """Kinds of a file, the surest first: its ending where that is of a container of several."""
     by_ending = None if path is None else _BY_ENDING.get(path.suffix.lower())
     by_bytes = next((kind for kind in _KINDS if kind.holds(head)), None)
