@@ -9,7 +9,8 @@ import click
 
 from ergon.api import score
 from ergon.api.options import ReadOptions
-from ergon.common.sound_files import foreign_file, is_sound
+from ergon.common.foreign_files import foreign_file
+from ergon.common.sound_files import is_sound
 from ergon.common.terminal import printable
 
 from . import options
@@ -86,48 +87,63 @@ def _pack(console: Console, path: Path) -> None:
     from ergon.exchange.pack import read_pack
 
     pack = read_pack(path)
-    packed_files = [
+    files = [
         (name, len(data), sha256(data).hexdigest()) for name, data in sorted(pack.files.items())
     ]
     if console.json:
-        listed = [
-            {"file": name, "bytes": size, "sha256": hash} for name, size, hash in packed_files
-        ]
+        listed = [{"file": name, "bytes": size, "sha256": hash} for name, size, hash in files]
         fields = {"ergon": pack.version, "score": pack.score, "files": listed}
         console.record("pack", file=str(path), **fields)
         return
-    console.data(f"{path}: {plural(len(packed_files), 'file')}, packed by ergon {pack.version}\n")
+    console.data(f"{path}: {plural(len(files), 'file')}, packed by ergon {pack.version}\n")
     console.data(f"score: {pack.score}\n")
-    console.data(
-        table([(name, octets(size), f"sha256 {hash}") for name, size, hash in packed_files])
-    )
+    console.data(table([(name, octets(size), f"sha256 {hash}") for name, size, hash in files]))
 
 
-def _render(console: Console, path: Path, source_path: str | None, trust: bool) -> None:
+def _render(console: Console, path: Path, source: str | None, trust: bool) -> None:
     from ergon.exchange.sound import hash_samples, read_info
     from ergon.exchange.wave_header import NotWaveError
 
     try:
         wav = read_info(path)
-        samples_hash = hash_samples(path)
+        samples = hash_samples(path)
     except NotWaveError as error:
         raise Refused(f"{path}: {error}") from None
     if console.json:
-        console.record("render", **_fields(path, wav), samples_sha256=samples_hash)
+        console.record("render", **_fields(path, wav), samples_sha256=samples)
     else:
-        console.data(_lines(path, wav, samples_hash))
+        console.data(_lines(path, wav, samples))
     if wav.damage is not None:
         console.warn(f"{path}: {wav.damage}")
-    if source_path is None:
+    if (first := _not_finite(path, wav)) is not None:
+        seconds_there = first / wav.format.rate
+        message = f"frame {first + 1:,} ({seconds_there:.6g} s) is not a number"
+        console.warn(f"{path}: {message}; no command plays, folds or measures such a sound")
+    if source is None:
         return
     if wav.score is None:
         raise Findings(f"{path} does not say which score it comes from")
-    piece = score.piece_of(score.read(source_path, ReadOptions(trust=trust), console))
+    piece = score.piece_of(score.read(source, ReadOptions(trust=trust), console))
     if score.digest(piece) != wav.score:
-        raise Findings(
-            f"{path} was rendered from another score than {source_path}, or an earlier state"
-        )
-    console.say(f"{path} was rendered from {source_path} as it is now")
+        raise Findings(f"{path} was rendered from another score than {source}, or an earlier state")
+    console.say(f"{path} was rendered from {source} as it is now")
+
+
+def _not_finite(path: Path, wav: WaveInfo) -> int | None:
+    """The first frame with a sample that is not finite; only floats can have one."""
+    if wav.format.bits not in ("float", "double"):
+        return None
+    import numpy as np
+
+    from ergon.exchange.sound import read_blocks
+
+    n_before = 0
+    for block in read_blocks(path):
+        is_finite = np.isfinite(block).all(axis=1)
+        if not is_finite.all():
+            return n_before + int(is_finite.argmin())
+        n_before += len(block)
+    return None
 
 
 def _fields(path: Path, wav: WaveInfo) -> dict[str, object]:
@@ -151,29 +167,29 @@ def _fields(path: Path, wav: WaveInfo) -> dict[str, object]:
 
 def _lines(path: Path, wav: WaveInfo, samples: str) -> str:
     bits = wav.format.bits
-    sample_form = {"float": "32-bit float", "double": "64-bit float"}.get(str(bits), f"{bits} bits")
-    info_lines = [
+    form = {"float": "32-bit float", "double": "64-bit float"}.get(str(bits), f"{bits} bits")
+    lines = [
         f"{path}: {seconds(wav.n_frames / wav.format.rate)} ({wav.n_frames:,} frames), "
-        f"{plural(wav.format.n_channels, 'channel')}, {wav.format.rate} Hz, {sample_form}, "
+        f"{plural(wav.format.n_channels, 'channel')}, {wav.format.rate} Hz, {form}, "
         f"{wav.container}, {octets(wav.offset + wav.size)}",
     ]
     if wav.title:
-        info_lines.append(f"title:   {wav.title}")
-    info_lines.append(f"made by: {wav.originator or 'not said'}")
+        lines.append(f"title:   {wav.title}")
+    lines.append(f"made by: {wav.originator or 'not said'}")
     if wav.score:
-        info_lines.append(f"score:   sha256 {wav.score}")
+        lines.append(f"score:   sha256 {wav.score}")
     if wav.plan:
-        info_lines.append(f"plan:    sha256 {wav.plan}")
-    info_lines += [f"channels: {words}" for words in _channels(path, wav)]
+        lines.append(f"plan:    sha256 {wav.plan}")
+    lines += [f"channels: {words}" for words in _channels(path, wav)]
     if wav.tracks:
-        info_lines.append(f"tracks:  {', '.join(name or '–' for name in wav.tracks)}")
-    info_lines += [
+        lines.append(f"tracks:  {', '.join(name or '–' for name in wav.tracks)}")
+    lines += [
         f"mark:    {name or 'without a name'}, {frame / wav.format.rate:.3f} s (frame {frame:,})"
         for name, frame in wav.marks
     ]
-    info_lines += [f"passed over: chunk {name}, {octets(size)}" for name, size in wav.others]
-    info_lines.append(f"samples: sha256 {samples}")
-    return "\n".join(map(printable, info_lines)) + "\n"
+    lines += [f"passed over: chunk {name}, {octets(size)}" for name, size in wav.others]
+    lines.append(f"samples: sha256 {samples}")
+    return "\n".join(map(printable, lines)) + "\n"
 
 
 def _channels(path: Path, wav: WaveInfo) -> list[str]:
@@ -189,19 +205,19 @@ def _channels(path: Path, wav: WaveInfo) -> list[str]:
         return []
     if layout.order is not None:
         return [f"Ambisonics of order {layout.order} (ACN, SN3D)"]
-    channel_words = [plural(len(layout.speakers), "loudspeaker")]
+    words = [plural(len(layout.speakers), "loudspeaker")]
     if layout.effects:
         numbers = ", ".join(str(channel + 1) for channel in layout.effects)
-        channel_words.append(f"channel {numbers} for low-frequency effects")
-    return ["; ".join(channel_words)]
+        words.append(f"channel {numbers} for low-frequency effects")
+    return ["; ".join(words)]
 
 
 def _score(console: Console, path: str, trust: bool) -> None:
     prepared = score.stage_piece(score.read(path, ReadOptions(trust=trust), console), None, console)
     piece, staged = prepared.piece, prepared.stage
     duration = staged.n_analysed_frames / staged.rate
-    end_place = score.where(piece, duration)
-    names_by_kind = {
+    end = score.where(piece, duration)
+    groups = {
         "players": list(piece.players),
         "keys": list(piece.keys),
         "instruments": list(piece.instruments),
@@ -216,21 +232,19 @@ def _score(console: Console, path: str, trust: bool) -> None:
             title=piece.title,
             score_sha256=score.digest(piece),
             duration_s=duration,
-            end=end_place,
+            end=end,
             rate_hz=staged.rate,
             channels=staged.n_channels,
             modules=staged.network.n_mat + staged.network.n_lia,
-            **names_by_kind,
+            **groups,
         )
         return
-    info_lines = [
+    lines = [
         f"{path}: {piece.title or 'without a title'}",
-        f"  {seconds(duration)}, to {end_place}; {plural(staged.n_channels, 'channel')} at "
+        f"  {seconds(duration)}, to {end}; {plural(staged.n_channels, 'channel')} at "
         f"{staged.rate:g} Hz; {plural(staged.network.n_mat, 'MAT')}, "
         f"{plural(staged.network.n_lia, 'LIA')}",
     ]
-    info_lines += [
-        f"  {kind}: {', '.join(names)}" for kind, names in names_by_kind.items() if names
-    ]
-    info_lines.append(f"  sha256 {score.digest(piece)}")
-    console.data("\n".join(info_lines) + "\n")
+    lines += [f"  {kind}: {', '.join(names)}" for kind, names in groups.items() if names]
+    lines.append(f"  sha256 {score.digest(piece)}")
+    console.data("\n".join(lines) + "\n")

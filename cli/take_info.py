@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ergon.common.foreign_files import foreign_file
 from ergon.common.terminal import printable
 
 from . import options
@@ -17,7 +18,7 @@ from .units import metres, seconds
 
 if TYPE_CHECKING:
     from ergon._core import Recording
-    from ergon.scores.gesture.summary import Column
+    from ergon.scores.gesture.summary import Column, Table
 
 
 @click.command()
@@ -34,6 +35,8 @@ def info(console: Console, file: str) -> None:
 
     path = Path(file)
     if path.suffix.lower() not in (SUFFIX, *SUFFIXES):
+        if (foreign := foreign_file(path)) is not None:
+            raise Refused(f"{file}: {foreign}")
         *other_suffixes, last_suffix = (SUFFIX, *SUFFIXES)
         raise Refused(f"{file}: a take is a {', '.join(other_suffixes)} or {last_suffix} file")
     take(console, path)
@@ -56,7 +59,7 @@ def _recording(console: Console, path: Path) -> None:
         float(ticks[0]) * hand_recording.frames / hand_recording.rate if len(ticks) else None
     )
     summary = read_description(hand_recording)
-    hand_axes = _axes(hand_recording)
+    axes = _axes(hand_recording)
     if console.json:
         console.record(
             "take",
@@ -66,7 +69,7 @@ def _recording(console: Console, path: Path) -> None:
             ticks=len(ticks),
             first_tick=int(ticks[0]) if len(ticks) else None,
             duration_s=hand_recording.duration,
-            axes=hand_axes,
+            axes=axes,
             events=len(hand_recording.events),
             dropped=hand_recording.dropped,
             lost_bytes=hand_recording.lost_bytes,
@@ -75,53 +78,53 @@ def _recording(console: Console, path: Path) -> None:
         )
         return
     rate = hand_recording.rate / hand_recording.frames
-    info_lines = [
+    lines = [
         f"{path}: {seconds(hand_recording.duration)}, {plural(len(ticks), 'tick')} at {rate:.2f} "
         "Hz "
         f"({hand_recording.frames} frames of {hand_recording.rate:g} Hz)"
     ]
     if first_instant is not None:
-        info_lines.append(f"  begins {first_instant:.3f} s into the piece")
-    for hand_axis in hand_axes:
-        axis_words = [f"  {hand_axis['name']}"]
-        if hand_axis["key"] and hand_axis["key"] != hand_axis["name"]:
-            axis_words.append(f" on {hand_axis['key']}")
+        lines.append(f"  begins {first_instant:.3f} s into the piece")
+    for axis in axes:
+        words = [f"  {axis['name']}"]
+        if axis["key"] and axis["key"] != axis["name"]:
+            words.append(f" on {axis['key']}")
         if len(ticks):
-            axis_words.append(f": {metres(hand_axis['low'])} … {metres(hand_axis['high'])}")
-            axis_words.append(f", force up to {hand_axis['force_n']:.3g} N")
-            if hand_axis["tripped"]:
-                axis_words.append(f", limiter tripped in {plural(hand_axis['tripped'], 'tick')}")
-        info_lines.append("".join(axis_words))
+            words.append(f": {metres(axis['low'])} … {metres(axis['high'])}")
+            words.append(f", force up to {axis['force_n']:.3g} N")
+            if axis["tripped"]:
+                words.append(f", limiter tripped in {plural(axis['tripped'], 'tick')}")
+        lines.append("".join(words))
     if hand_recording.events:
-        info_lines.append(f"  {plural(len(hand_recording.events), 'event')}")
-    for figure_name, value in summary.items():
+        lines.append(f"  {plural(len(hand_recording.events), 'event')}")
+    for name, value in summary.items():
         setting_values = list(value.values()) if isinstance(value, dict) else [value]
-        if axis_words := [word for word in setting_values if isinstance(word, str)]:
-            info_lines.append(f"  {figure_name}: {', '.join(axis_words)}")
+        if words := [word for word in setting_values if isinstance(word, str)]:
+            lines.append(f"  {name}: {', '.join(words)}")
     if hand_recording.dropped:
-        info_lines.append(
+        lines.append(
             f"  {plural(hand_recording.dropped, 'row')} or events were lost for want of room"
         )
-    info_lines.append(f"  {hand_recording.damage or 'whole'}")
-    console.data("\n".join(printable(line[:NAMES_MAX]) for line in info_lines) + "\n")
+    lines.append(f"  {hand_recording.damage or 'whole'}")
+    console.data("\n".join(printable(line[:NAMES_MAX]) for line in lines) + "\n")
 
 
 def _axes(take: Recording) -> list[dict[str, Any]]:
     """Figures of each hand."""
-    tick_positions, forces, flags = take.positions(), take.forces(), take.flags()
-    axis_figures: list[dict[str, Any]] = []
+    positions, forces, flags = take.positions(), take.forces(), take.flags()
+    axes: list[dict[str, Any]] = []
     for i, (name, (player, key)) in enumerate(zip(take.names, take.axes, strict=True)):
-        hand_axis: dict[str, Any] = {"name": name, "player": player, "key": key}
-        if len(tick_positions):
-            hand_axis |= {
-                "low": float(tick_positions[:, i].min()),
-                "high": float(tick_positions[:, i].max()),
+        axis: dict[str, Any] = {"name": name, "player": player, "key": key}
+        if len(positions):
+            axis |= {
+                "low": float(positions[:, i].min()),
+                "high": float(positions[:, i].max()),
                 "force_n": float(abs(forces[:, i]).max()),
                 "tripped": int((flags[:, i] & 16 != 0).sum()),
                 "stand_in": int((flags[:, i] & 8 != 0).sum()),
             }
-        axis_figures.append(hand_axis)
-    return axis_figures
+        axes.append(axis)
+    return axes
 
 
 def _table(console: Console, path: Path) -> None:
@@ -129,43 +132,65 @@ def _table(console: Console, path: Path) -> None:
     from ergon.scores.gesture.take_file import TakeError
 
     try:
-        table_summary = summary(path)
+        table = summary(path)
     except TakeError as error:
         raise Refused(error.message) from None
-    if table_summary.note is not None:
-        console.warn(f"{path}: {table_summary.note}")
-    time = next((column for column in table_summary.columns if column.is_time), None)
-    duration_text = _seconds(time) if time else None
-    rate = (table_summary.n_rows - 1) / duration_text if duration_text else None
-    value_columns = [column for column in table_summary.columns if column is not time]
+    if table.note is not None:
+        console.warn(f"{path}: {table.note}")
+    time = next((column for column in table.columns if column.is_time), None)
+    span = _seconds(time) if time else None
+    rate = (table.n_rows - 1) / span if span else None
+    channels = [column for column in table.columns if column is not time]
     if console.json:
         console.record(
             "take",
             file=str(path),
-            samples=table_summary.n_rows,
-            duration_s=duration_text,
+            samples=table.n_rows,
+            duration_s=span,
             rate_hz=rate,
-            channels=[{"name": c.name, "low": c.low, "high": c.high} for c in value_columns],
-            passed_over=list(table_summary.passed_over),
+            channels=[
+                {"name": c.name, "low": c.low, "high": c.high, "not_finite": c.n_missing}
+                for c in channels
+            ],
+            passed_over=list(table.passed_over),
         )
         return
-    table_words = [plural(table_summary.n_rows, "sample")]
-    if duration_text and rate:
-        table_words.append(f"{seconds(duration_text)}, {rate:.3g} Hz on average")
-    info_lines = [f"{path}: " + ", ".join(table_words)]
-    info_lines += [
-        f"  {c.name}: {c.low:g} … {c.high:g}, from {c.first:g} to {c.last:g}"
+    words = [plural(table.n_rows, "sample")]
+    if span and rate:
+        words.append(f"{seconds(span)}, {rate:.3g} Hz on average")
+    lines = [f"{path}: " + ", ".join(words)]
+    lines += [
+        f"  {c.name}: {c.low:g} … {c.high:g}, from {c.first:g} to {c.last:g}{_missing(table, c)}"
         if c.low <= c.high
         else f"  {c.name}: never seen"
-        for c in value_columns
+        for c in channels
     ]
-    info_lines += [f"  passed over: {passed_over}" for passed_over in table_summary.passed_over]
-    console.data("\n".join(printable(line) for line in info_lines) + "\n")
+    lines += [f"  passed over: {passed_over}" for passed_over in table.passed_over]
+    console.data("\n".join(printable(line) for line in lines) + "\n")
 
 
-def _seconds(instant_column: Column) -> float | None:
+def _missing(table: Table, column: Column) -> str:
+    """How many values of a column are not there, and where the first of them is."""
+    if column.first_missing is None:
+        return ""
+    if table.has_hidden:
+        frames = plural(column.n_missing, "frame")
+        return f"; not seen in {frames}, first in frame {column.first_missing:,}"
+    where = (
+        f"sample {column.first_missing:,}"
+        if column.line_missing is None
+        else f"line {column.line_missing:,}"
+    )
+    verb = "is" if column.n_missing == 1 else "are"
+    return (
+        f"; {plural(column.n_missing, 'value')} {verb} not finite, first in {where}: a take of it "
+        "is refused"
+    )
+
+
+def _seconds(time: Column) -> float | None:
     """The duration in a column of instants [s]; None if its unit is not one of time."""
     from ergon.scores.gesture.points import UNITS_PER_SECOND
 
-    per_second = UNITS_PER_SECOND.get(instant_column.name.partition("[")[2].strip(" ]") or "s")
-    return (instant_column.last - instant_column.first) / per_second if per_second else None
+    per_second = UNITS_PER_SECOND.get(time.name.partition("[")[2].strip(" ]") or "s")
+    return (time.last - time.first) / per_second if per_second else None

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ergon.common.errors import ErgonError
+from ergon.common.foreign_files import foreign_file
 from ergon.common.report import Report
 from ergon.exchange.wave_header import Bits
 from ergon.rendering.level import HIGHPASS, Level
@@ -77,6 +78,8 @@ def read(
         raise ErgonError(f"{path} is {advice.format(path=path)}")
     text = _stdin() if path == STDIN and options.text is None else options.text
     loaded = load(path, text=text, bounds=bounds(path, options.trust))
+    if loaded.piece is None and options.text is None:
+        _refuse_foreign(Path(path))
     loaded = replace(
         loaded,
         diagnostics=[
@@ -85,6 +88,13 @@ def read(
     )
     (report or Report()).diagnostics(loaded.diagnostics, loaded.files, loaded.left_out)
     return loaded
+
+
+def _refuse_foreign(path: Path) -> None:
+    """Refuse a file of another program; what a reader of scores finds wrong in it helps nobody."""
+    foreign = foreign_file(path)
+    if foreign is not None and path.suffix.lower() not in (".yaml", ".yml"):
+        raise ErgonError(f"{path}: {foreign}")
 
 
 def bounds(path: str, trust: bool) -> FileBounds:

@@ -8,19 +8,10 @@ from pathlib import Path
 
 from ergon.common.regular import open_regular
 
-# How files of sound begin that are not read here.
-_FOREIGN = (
-    (re.compile(rb"riff\x2e\x91\xcf\x11"), "Wave64"),
-    (re.compile(rb"OggS"), "Ogg"),
-    (re.compile(rb"ID3|\xff[\xf2\xf3\xfa\xfb]"), "MP3"),
-    (re.compile(rb"caff"), "Core Audio (CAF)"),
-    (re.compile(rb".{4}ftyp", re.DOTALL), "MPEG-4"),
-    (re.compile(rb"\.snd|dns\."), "AU"),
-)
 _HEAD = 16  # bytes that tell
 
 WAVE, FLAC = ".wav", ".flac"
-SUFFIXES = (WAVE, FLAC)  # endings of files that can be written
+SUFFIXES = (WAVE, FLAC)  # of files that are written
 _READ = (*SUFFIXES, ".wave", ".rf64", ".bwf", ".aif", ".aiff", ".aifc")
 # How files of sound begin that are read.
 _KINDS = (
@@ -51,31 +42,15 @@ def first_bytes(path: Path) -> bytes:
         return file.read(_HEAD)
 
 
-def foreign_form(head: bytes) -> str | None:
-    """The name of the form of sound that a file with these first bytes has, if it is one that is
-    not read, with what to do.
-    """
-    name = next((name for pattern, name in _FOREIGN if pattern.match(head)), None)
-    return name and f"it is sound in the form {name}, which is not read; save it as WAV or FLAC"
-
-
-def foreign_file(path: Path) -> str | None:
-    """The same for a file; None for one that is not regular or cannot be read."""
-    try:
-        return foreign_form(first_bytes(path))
-    except OSError:
-        return None
-
-
-def wrong_ending(target_name: str) -> str | None:
+def wrong_ending(target: str) -> str | None:
     """What is wrong with the ending of the name of a sound file, as a sentence without advice; None
     if nothing is.
     """
-    path = Path(target_name)
-    if path.suffix.lower() in SUFFIXES or target_name == "-" or _is_device(path):
+    path = Path(target)
+    if path.suffix.lower() in SUFFIXES or target == "-" or _is_device(path):
         return None
     end = f"ends in {path.suffix}" if path.suffix else "has no ending"
-    return f"{target_name} {end}, but sound files end in {' or '.join(SUFFIXES)}"
+    return f"{target} {end}, but sound files end in {' or '.join(SUFFIXES)}"
 
 
 def with_ending(target: str) -> str:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import BinaryIO, Literal
 
 from ergon.common.errors import ErgonError
-from ergon.common.sound_files import foreign_form
+from ergon.common.foreign_files import foreign_form
 
 from .track_names import ixml, track_names
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import PurePath
 from typing import Protocol
 
+from ergon.common.foreign_files import foreign_form
 from ergon.instruments.space import gltf_file, obj_file
 from ergon.instruments.space.mesh import Mesh, MeshFileError
 from ergon.notation.tables.fields import Values
@@ -27,43 +28,47 @@ class Read(Protocol):
         """
 
 
-def from_file(mesh_values: Values, read_file: Read, collector: Collector) -> Values:
+def from_file(values: Values, read: Read, collector: Collector) -> Values:
     """The fields of a MESH, or of a wall, with the mesh of the file that they name; reports
     errors.
     """
-    file_name = mesh_values.by_name.get("file")
-    if not isinstance(file_name, str):
-        return mesh_values
-    file_place, file_label = mesh_values.place_of("file"), mesh_values.context.label("file")
-    file_ending = PurePath(file_name).suffix.lower()
-    document = read_file(file_name, file_place, _DECODERS.get(file_ending, obj_file.decoded))
+    name = values.by_name.get("file")
+    if not isinstance(name, str):
+        return values
+    place, who = values.place_of("file"), values.context.label("file")
+    kind = PurePath(name).suffix.lower()
+    if (foreign := foreign_form(b"", PurePath(name))) is not None:
+        collector.error("E106", f"{who}: {foreign}", place)
+        by_name = {field: value for field, value in values.by_name.items() if field != "file"}
+        return replace(values, by_name=by_name)
+    document = read(name, place, _DECODERS.get(kind, obj_file.decoded))
     mesh = None
-    if document is not None and file_ending == _GLTF:
-        mesh = _gltf(document, file_label, collector)
+    if document is not None and kind == _GLTF:
+        mesh = _gltf(document, who, collector)
     elif document is not None:
-        mesh = obj_file.Reader(document, file_label, collector).mesh(file_place)
-    fields = {field: value for field, value in mesh_values.by_name.items() if field != "file"}
-    return replace(mesh_values, by_name=fields if mesh is None else {**fields, "file": mesh})
+        mesh = obj_file.Reader(document, who, collector).mesh(place)
+    fields = {field: value for field, value in values.by_name.items() if field != "file"}
+    return replace(values, by_name=fields if mesh is None else {**fields, "file": mesh})
 
 
-def _gltf(document: Document, module_label: str, collector: Collector) -> Mesh | None:
+def _gltf(document: Document, who: str, collector: Collector) -> Mesh | None:
     try:
         return gltf_file.read(document.text)
     except MeshFileError as error:
-        collector.error(error.code, f"{module_label}: {error}", Place(document.file, 1, 1))
+        collector.error(error.code, f"{who}: {error}", Place(document.file, 1, 1))
         return None
 
 
-def _as_text(file_bytes: bytes, file_name: str, collector: Collector) -> str | None:
+def _as_text(data: bytes, name: str, collector: Collector) -> str | None:
     """The mesh of a binary glTF as the text of a Wavefront OBJ, the form in which the file is
     kept.
     """
-    if file_bytes.startswith(b"v "):  # the kept text, written to a file again
-        return decode(file_bytes, file_name, collector)
+    if data.startswith(b"v "):  # the kept text, written to a file again
+        return decode(data, name, collector)
     try:
-        return obj_file.written(gltf_file.read_binary(file_bytes))
+        return obj_file.written(gltf_file.read_binary(data))
     except MeshFileError as error:
-        collector.error(error.code, str(error), Place(file_name, 1, 1))
+        collector.error(error.code, str(error), Place(name, 1, 1))
         return None
 
 

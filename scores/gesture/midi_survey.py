@@ -78,6 +78,7 @@ class MidiSurvey:
     `tempos` are (quarter, microseconds of a quarter note), `meters` (quarter, number of beats,
     power of two of their note), in the order of time and only the last of those at one instant;
     `n_tempos` and `n_meters` count all. `moves` counts all other events but notes.
+    `odd` says what no score takes over: tempos and meters that are none, notes that never end.
     `n_bytes_after` counts bytes after the last track, `n_bytes_unread` those in tracks that follow
     the event that ends a track; `n_missing` counts tracks that the head states and the file lacks.
     """
@@ -95,6 +96,7 @@ class MidiSurvey:
     n_tempos: int = 0
     n_meters: int = 0
     moves: Counter[MidiMove] = field(default_factory=Counter)
+    odd: Counter[str] = field(default_factory=Counter)
 
     @property
     def notes(self) -> Mapping[int, int]:
@@ -123,50 +125,85 @@ def survey(path: Path) -> MidiSurvey:
 
 @lru_cache(16)
 def _survey(path: Path, _: FileState) -> MidiSurvey:
-    midi_bytes = read_bytes(path)
-    header = midi_bytes.header()
-    file_survey = MidiSurvey(
-        header.format, header.ticks, header.n_other_chunks, header.n_bytes_after
-    )
+    file = read_bytes(path)
+    header = file.header()
+    result = MidiSurvey(header.format, header.ticks, header.n_other_chunks, header.n_bytes_after)
     tempos: list[tuple[int, int]] = []
     meters: list[tuple[int, tuple[int, int]]] = []
     last_tick = 0
     for span in header.tracks:
         track = MidiTrack()
-        file_survey.tracks.append(track)
-        for midi_event in midi_bytes.track(span):
-            last_tick = max(last_tick, midi_event.tick)
-            if midi_event.kind != m.META:
-                _count(midi_event, track, file_survey)
-            elif midi_event.number == m.TRACK_NAME and not track.name:
-                track.name = _text(midi_event.content)
-            elif midi_event.number == m.SET_TEMPO and len(midi_event.content) == 3:
-                tempos.append((midi_event.tick, int.from_bytes(midi_event.content, "big")))
-            elif midi_event.number == m.METER and len(midi_event.content) >= 2:
-                meters.append((midi_event.tick, (midi_event.content[0], midi_event.content[1])))
-    ticks = file_survey.ticks
-    file_survey.length, file_survey.n_bytes_unread = last_tick / ticks, midi_bytes.n_unread
-    file_survey.n_missing = header.n_missing
-    file_survey.n_tempos, file_survey.n_meters = len(tempos), len(meters)
-    file_survey.tempos = [(tick / ticks, micros) for tick, micros in _latest(tempos)]
-    file_survey.meters = [(tick / ticks, *meter) for tick, meter in _latest(meters)]
-    return file_survey
+        result.tracks.append(track)
+        sounding = Counter[tuple[int, int]]()
+        for event in file.track(span):
+            _follow(event, sounding)
+            last_tick = max(last_tick, event.tick)
+            if event.kind != m.META:
+                _count(event, track, result)
+            elif event.number == m.TRACK_NAME and not track.name:
+                track.name = _text(event.content)
+            elif event.number == m.SET_TEMPO:
+                _note_tempo(event, tempos, result)
+            elif event.number == m.METER:
+                _note_meter(event, meters, result)
+        if n_hanging := sounding.total():
+            result.odd["note that nothing ends"] += n_hanging
+    ticks = result.ticks
+    result.length, result.n_bytes_unread = last_tick / ticks, file.n_unread
+    result.n_missing = header.n_missing
+    result.n_tempos, result.n_meters = len(tempos), len(meters)
+    result.tempos = [(tick / ticks, micros) for tick, micros in _latest(tempos)]
+    result.meters = [(tick / ticks, *meter) for tick, meter in _latest(meters)]
+    return result
 
 
-def _count(midi_event: MidiEvent, track: MidiTrack, file_survey: MidiSurvey) -> None:
-    if midi_event.kind == m.NOTE_ON and midi_event.content[1]:
-        track.notes.setdefault(midi_event.channel, NoteCount()).add(midi_event.number)
-    elif midi_event.kind in NOUNS:
-        number = midi_event.number if midi_event.kind in _NUMBERED else 0
-        file_survey.moves[MidiMove(midi_event.kind, midi_event.channel, number)] += 1
+def _follow(event: MidiEvent, sounding: Counter[tuple[int, int]]) -> None:
+    """Count the notes that sound, by channel and number. One key may be down several times."""
+    note = event.channel, event.number
+    if event.kind == m.NOTE_ON and event.content[1]:
+        sounding[note] += 1
+    elif event.kind in (m.NOTE_ON, m.NOTE_OFF) and sounding[note]:
+        sounding[note] -= 1
 
 
-def _text(event_content: bytes) -> str:
+def _note_tempo(event: MidiEvent, tempos: list[tuple[int, int]], result: MidiSurvey) -> None:
+    if len(event.content) != 3:
+        result.odd["tempo without its three bytes"] += 1
+        return
+    micros = int.from_bytes(event.content, "big")
+    if not micros:
+        result.odd["tempo of 0 microseconds a quarter note"] += 1
+    tempos.append((event.tick, micros))
+
+
+def _note_meter(
+    event: MidiEvent, meters: list[tuple[int, tuple[int, int]]], result: MidiSurvey
+) -> None:
+    if len(event.content) < 2:
+        result.odd["meter without its bytes"] += 1
+        return
+    count, power = event.content[:2]
+    try:
+        _meter((count, power))
+    except TextError:
+        result.odd[f"meter of {count}/2^{power}, which no score has"] += 1
+    meters.append((event.tick, (count, power)))
+
+
+def _count(event: MidiEvent, track: MidiTrack, result: MidiSurvey) -> None:
+    if event.kind == m.NOTE_ON and event.content[1]:
+        track.notes.setdefault(event.channel, NoteCount()).add(event.number)
+    elif event.kind in NOUNS:
+        number = event.number if event.kind in _NUMBERED else 0
+        result.moves[MidiMove(event.kind, event.channel, number)] += 1
+
+
+def _text(content: bytes) -> str:
     """A text of a file, which says no encoding."""
     try:
-        return event_content.decode()
+        return content.decode()
     except UnicodeDecodeError:
-        return event_content.decode("latin-1")
+        return content.decode("latin-1")
 
 
 _Value = TypeVar("_Value")
@@ -187,20 +224,18 @@ def tempos_of(path: Path) -> tuple[tuple[float, float], ...]:
 
 @lru_cache(8)
 def _tempos(path: Path, state: FileState) -> tuple[tuple[float, float], ...]:
-    file_survey, tempo_changes = _survey(path, state), []
-    _check_count(len(file_survey.tempos), "tempos", path)
-    first_tempo = (
-        () if file_survey.tempos and file_survey.tempos[0][0] == 0.0 else ((0.0, QUARTER),)
-    )
-    for quarter, micros in (*first_tempo, *file_survey.tempos):
+    file, result = _survey(path, state), []
+    _check_count(len(file.tempos), "tempos", path)
+    first_tempo = () if file.tempos and file.tempos[0][0] == 0.0 else ((0.0, QUARTER),)
+    for quarter, micros in (*first_tempo, *file.tempos):
         if not micros or not SLOWEST <= _MINUTE / micros <= FASTEST:
             message = (
                 f"its tempo {quarter:g} quarters after the beginning is {micros} microseconds a "
                 f"quarter; a tempo lies between {SLOWEST:g} and {FASTEST:,.0f} bpm"
             )
             raise TakeError(message, path)
-        tempo_changes.append((quarter, _MINUTE / micros))
-    return tuple(tempo_changes)
+        result.append((quarter, _MINUTE / micros))
+    return tuple(result)
 
 
 def meters_of(path: Path) -> tuple[tuple[float, Meter], ...]:
@@ -221,10 +256,10 @@ def _meters(path: Path, state: FileState) -> tuple[tuple[float, Meter], ...]:
 
 def _meter(count_and_power: tuple[int, int]) -> Meter:
     """A meter by its beats and the power of two of their note. Raises TextError."""
-    beat_count, power = count_and_power
-    if not 1 <= beat_count <= MAX_BEATS or power > _LARGEST_UNIT:
-        raise TextError(f"no score has a meter {beat_count}/2^{power}")
-    return Meter(beat_count, 2**power, (beat_count,))
+    count, power = count_and_power
+    if not 1 <= count <= MAX_BEATS or power > _LARGEST_UNIT:
+        raise TextError(f"no score has a meter {count}/2^{power}")
+    return Meter(count, 2**power, (count,))
 
 
 def _check_count(count: int, noun: str, path: Path) -> None:
@@ -233,7 +268,7 @@ def _check_count(count: int, noun: str, path: Path) -> None:
 
 
 def passed_over(
-    midi_survey: MidiSurvey,
+    file: MidiSurvey,
     *,
     has_pedal: bool,
     has_tempo: bool,
@@ -245,29 +280,29 @@ def passed_over(
     """What is in a file beside notes and what is used of it, in words; `follows` tells of an event
     whether automation does.
     """
-    if midi_survey.n_tempos and not has_tempo:
-        yield plural(midi_survey.n_tempos, ("tempo", "tempos"))
-    if midi_survey.n_meters and not has_meter:
-        yield plural(midi_survey.n_meters, ("meter", "meters"))
+    if file.n_tempos and not has_tempo:
+        yield plural(file.n_tempos, ("tempo", "tempos"))
+    if file.n_meters and not has_meter:
+        yield plural(file.n_meters, ("meter", "meters"))
     played = {*((SUSTAIN,) if has_pedal else ()), *(CONTROLLERS if has_wheel else ())}
-    event_counts: Counter[int] = Counter()
+    counts: Counter[int] = Counter()
     controllers: set[int] = set()
-    for move, event_count in midi_survey.moves.items():
+    for move, count in file.moves.items():
         is_controller = move.kind == m.CONTROLLER
         is_wheel = has_wheel and move.kind == m.PITCH_BEND
         is_pressure = has_pressure and move.kind in (m.CHANNEL_PRESSURE, m.KEY_PRESSURE)
         is_played = is_wheel or is_pressure or (is_controller and move.number in played)
         if follows(move) or is_played:
             continue
-        event_counts[move.kind] += event_count
+        counts[move.kind] += count
         controllers |= {move.number} if is_controller else set()
-    for event_kind, noun in NOUNS.items():
-        if event_counts[event_kind]:
-            is_controller = event_kind == m.CONTROLLER
+    for kind, noun in NOUNS.items():
+        if counts[kind]:
+            is_controller = kind == m.CONTROLLER
             numbers = f" ({', '.join(map(str, sorted(controllers)))})" if is_controller else ""
-            yield plural(event_counts[event_kind], noun) + numbers
-    if midi_survey.n_other_chunks:
-        yield plural(midi_survey.n_other_chunks, ("chunk of another kind", "chunks of other kinds"))
+            yield plural(counts[kind], noun) + numbers
+    if file.n_other_chunks:
+        yield plural(file.n_other_chunks, ("chunk of another kind", "chunks of other kinds"))
 
 
 def plural(count: int, noun: tuple[str, str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from ergon.scores.gesture import bvh_file, c3d_file, optitrack_file, qtm_file, sdif_file, trc_file
 from ergon.scores.gesture.motion import AXES, Motion
 from ergon.scores.gesture.npz import npz
+from ergon.scores.gesture.points import UNITS_PER_METRE, UNITS_PER_SECOND
 from ergon.scores.gesture.table_file import sheet
 from ergon.scores.gesture.take_file import (
     MAX_CHANNELS,
@@ -28,7 +30,8 @@ from ergon.scores.gesture.take_file import (
 class Column:
     """One channel: its name as written (`x [mm]`), smallest, largest, first and last value.
 
-    Values that are not finite are left out; instants must be finite.
+    Values that are not finite are left out and counted, with the first of them and, in a text, its
+    line; instants must be finite.
     """
 
     name: str
@@ -36,6 +39,10 @@ class Column:
     high: float = -math.inf
     first: float = math.nan
     last: float = math.nan
+    n: int = 0
+    n_missing: int = 0
+    first_missing: int | None = None  # sample, from 1 on
+    line_missing: int | None = None
 
     @property
     def is_time(self) -> bool:
@@ -44,15 +51,21 @@ class Column:
 
     def add(self, block: Floats | Sequence[float]) -> None:
         """Include further values."""
-        finite_values = np.asarray(block, np.float64)
-        finite_values = finite_values[np.isfinite(finite_values)]
-        if not finite_values.size:
+        values = np.asarray(block, np.float64)
+        is_finite = np.isfinite(values)
+        if not is_finite.all():
+            self.n_missing += int(values.size - np.count_nonzero(is_finite))
+            if self.first_missing is None:
+                self.first_missing = self.n + int(is_finite.argmin()) + 1
+        self.n += values.size
+        values = values[is_finite]
+        if not values.size:
             return
         if math.isnan(self.first):
-            self.first = float(finite_values[0])
-        self.last = float(finite_values[-1])
-        self.low = min(self.low, float(finite_values.min()))
-        self.high = max(self.high, float(finite_values.max()))
+            self.first = float(values[0])
+        self.last = float(values[-1])
+        self.low = min(self.low, float(values.min()))
+        self.high = max(self.high, float(values.max()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,81 +78,121 @@ class Table:
     columns: tuple[Column, ...]
     note: str | None = None
     passed_over: tuple[str, ...] = ()
+    has_hidden: bool = False  # whether a value that is missing is a point that no camera saw
 
 
 _BLOCK = 4096  # rows
+_UNREAD_SEPARATOR = re.compile(r"[ |:]")
 
 
 def summary(path: Path) -> Table:
     """Summarise a file of one of SUFFIXES in one pass. Raises TakeError or OSError."""
     with np.errstate(all="ignore"):
-        file_table = _SUMMARIES[path.suffix.lower()](path)
-    if not file_table.n_rows:
+        table = _SUMMARIES[path.suffix.lower()](path)
+    if not table.n_rows:
         raise TakeError("the file has no numbers", path)
-    return file_table
+    return table
 
 
 def _table(path: Path) -> Table:
     with opened_text(path) as file:
         try:
-            take_table = sheet(file, path)
-            table_columns = tuple(Column(name) for name in take_table.names)
-            if len(table_columns) > MAX_CHANNELS:
+            table = sheet(file, path)
+            columns = tuple(Column(name) for name in table.names)
+            if len(columns) > MAX_CHANNELS:
                 raise TakeError(f"the file has more than {MAX_CHANNELS:,} columns", path)
-            time_index = next((i for i, column in enumerate(table_columns) if column.is_time), None)
-            value_block: list[list[float]] = []
+            time = next((i for i, column in enumerate(columns) if column.is_time), None)
+            block: list[list[float]] = []
             n_rows, instant_before = 0, -math.inf
-            for line_number, line_cells in take_table.rows:
-                try:
-                    value_block.append([float(cell) for cell in line_cells])
-                except ValueError:
-                    raise TakeError(
-                        "this line is not a row of numbers", path, line_number
-                    ) from None
-                if time_index is not None:
-                    row_instant = number_in(line_cells[time_index], path, line_number)
-                    if not row_instant > instant_before:
-                        raise falling_time(row_instant, instant_before, path, line_number)
-                    instant_before = row_instant
-                if len(value_block) * len(table_columns) >= _BLOCK:
-                    n_rows += _added(table_columns, value_block)
-            n_rows += _added(table_columns, value_block)
+            for number, cells in table.rows:
+                block.append(values := _numbers(table.names, cells, path, number))
+                if not all(map(math.isfinite, values)):
+                    _note_line(columns, values, number)
+                if time is not None:
+                    instant = number_in(cells[time], path, number)
+                    if not instant > instant_before:
+                        raise falling_time(instant, instant_before, path, number)
+                    instant_before = instant
+                if len(block) * len(columns) >= _BLOCK:
+                    n_rows += _added(columns, block)
+            n_rows += _added(columns, block)
         except UnicodeDecodeError:
             raise TakeError("this is not text in UTF-8", path) from None
-    return Table(n_rows, table_columns)
+    return Table(n_rows, columns, _mistake(columns))
 
 
-def _added(table_columns: Sequence[Column], value_block: list[list[float]]) -> int:
+def _mistake(columns: Sequence[Column]) -> str | None:
+    """What keeps a take of a table from being played, if anything does."""
+    words = [column.name.partition("[")[0].strip() for column in columns]
+    if (twice := next((word for word in words if words.count(word) > 1), None)) is not None:
+        return f"two columns are called {twice[:40]!r}: a take of them is refused"
+    units = {column.name: column.name.partition("[")[2].rstrip("] ") for column in columns}
+    for column in columns:
+        known = UNITS_PER_SECOND if column.is_time else UNITS_PER_METRE
+        if (unit := units[column.name]) and unit not in known:
+            what = "time" if column.is_time else "position"
+            return f"{column.name[:40]!r} has no unit of a {what}: a take of it is refused"
+    counts = {column.n for column in columns}
+    time = next((column for column in columns if column.is_time), None)
+    if time is not None and len(counts) > 1:
+        other = next(column for column in columns if column.n != time.n)
+        return (
+            f"{time.n:,} instants, but {other.n:,} values of {other.name[:40]!r}: a take of it is "
+            "refused"
+        )
+    return None
+
+
+def _numbers(names: Sequence[str], cells: Sequence[str], path: Path, line: int) -> list[float]:
+    """The numbers of a row. Raises TakeError, with the column of the cell that is none."""
+    for name, cell in zip(names, cells, strict=True):
+        try:
+            float(cell)
+            is_number = "_" not in cell
+        except ValueError:
+            is_number = False
+        if not is_number:
+            message = f"{cell.strip()[:40]!r} in column {name[:40]!r} is not a number"
+            if len(names) == 1 and _UNREAD_SEPARATOR.search(cell.strip()):
+                message += "; columns are divided by commas, semicolons or tabs"
+            raise TakeError(message, path, line)
+    return [float(cell) for cell in cells]
+
+
+def _note_line(columns: Sequence[Column], values: Sequence[float], line: int) -> None:
+    """Note in which line a column first has a value that is not finite."""
+    for column, value in zip(columns, values, strict=False):
+        if not math.isfinite(value) and column.line_missing is None:
+            column.line_missing = line
+
+
+def _added(columns: Sequence[Column], block: list[list[float]]) -> int:
     """Add some rows to the columns; returns their number."""
-    n_rows = len(value_block)
-    for column, values in zip(table_columns, zip(*value_block, strict=True), strict=False):
+    n_rows = len(block)
+    for column, values in zip(columns, zip(*block, strict=True), strict=False):
         column.add(values)
-    value_block.clear()
+    block.clear()
     return n_rows
 
 
 def _npz(path: Path) -> Table:
     """The number arrays of an npz file; other arrays cannot be played and are left out."""
-    table_columns, passed_over = [], []
+    columns, passed_over = [], []
     n_rows = 0
     with npz(path) as arrays:
-        for array_index in range(len(arrays.names)):
-            array_row = arrays.row(array_index)
-            if array_row is None or not array_row.length:
-                passed_over.append(
-                    f"array {arrays.names[array_index]}, which is not a row of numbers"
-                )
+        for index in range(len(arrays.names)):
+            row = arrays.row(index)
+            if row is None or not row.length:
+                passed_over.append(f"array {arrays.names[index]}, which is not a row of numbers")
                 continue
-            table_column = Column(array_row.name)
-            for value_block in arrays.blocks(array_row):
-                if table_column.is_time and not np.isfinite(value_block).all():
-                    raise TakeError(
-                        f"'{array_row.name[:40]}' has an instant that is not finite", path
-                    )
-                table_column.add(value_block)
-            table_columns.append(table_column)
-            n_rows = max(n_rows, array_row.length)
-    return Table(n_rows, tuple(table_columns), None, tuple(passed_over))
+            column = Column(row.name)
+            for block in arrays.blocks(row):
+                if column.is_time and not np.isfinite(block).all():
+                    raise TakeError(f"'{row.name[:40]}' has an instant that is not finite", path)
+                column.add(block)
+            columns.append(column)
+            n_rows = max(n_rows, row.length)
+    return Table(n_rows, tuple(columns), _mistake(columns), tuple(passed_over))
 
 
 def _tsv(path: Path) -> Table:
@@ -160,15 +213,16 @@ def _points(opening: Callable[[Path], Motion]) -> Callable[[Path], Table]:
         motion = opening(path)
         unit = " [m]" if motion.metres else ""
         names = [f"{point}.{axis}{unit}" for point in motion.points for axis in AXES[:3]]
-        table_columns = tuple(Column(name) for name in names)
+        columns = tuple(Column(name) for name in names)
         for block in motion.blocks():
             values = block.reshape(len(block), -1).T * (motion.metres or 1.0)
-            for column, values_of_column in zip(table_columns, values, strict=True):
+            for column, values_of_column in zip(columns, values, strict=True):
                 column.add(values_of_column)
         if not motion.rate:
-            return Table(motion.n, table_columns, motion.note, motion.passed_over)
+            return Table(motion.n, columns, motion.note, motion.passed_over, has_hidden=True)
         time = Column("t [s]", 0.0, (motion.n - 1) / motion.rate, 0.0, (motion.n - 1) / motion.rate)
-        return Table(motion.n, (time, *table_columns), motion.note, motion.passed_over)
+        columns = (time, *columns)
+        return Table(motion.n, columns, motion.note, motion.passed_over, has_hidden=True)
 
     return points
 
@@ -177,20 +231,20 @@ def _sdif(path: Path) -> Table:
     """Columns of an SDIF file. Each has instants of its own; the row count is that of the
     longest.
     """
-    table_columns, time_column = [], Column("t [s]")
+    columns, times = [], Column("t [s]")
     n_rows = 0
     passed_over = Counter[str]()
-    for name, table_column in sdif_file.columns(path, passed_over).items():
-        table_columns.append(Column(name))
-        table_columns[-1].add(np.frombuffer(table_column.x))
-        if len(table_column.t) > n_rows:
-            n_rows, time_column = len(table_column.t), Column("t [s]")
-            time_column.add(np.frombuffer(table_column.t))
+    for name, column in sdif_file.columns(path, passed_over).items():
+        columns.append(Column(name))
+        columns[-1].add(np.frombuffer(column.x))
+        if len(column.t) > n_rows:
+            n_rows, times = len(column.t), Column("t [s]")
+            times.add(np.frombuffer(column.t))
     passed = (
         f"{matrix_type}, {n} times" if n > 1 else matrix_type
         for matrix_type, n in passed_over.items()
     )
-    return Table(n_rows, (time_column, *table_columns), None, tuple(passed))
+    return Table(n_rows, (times, *columns), None, tuple(passed))
 
 
 _SUMMARIES: dict[str, Callable[[Path], Table]] = {

@@ -24,6 +24,7 @@ from typing import BinaryIO, Literal, NamedTuple
 import numpy as np
 
 from ergon import _core
+from ergon.common.foreign_files import foreign_file
 from ergon.common.regular import open_regular
 from ergon.notation.text.spelling import nearest
 from ergon.scores.gesture import (
@@ -81,6 +82,8 @@ def read(
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
+        if (foreign := foreign_file(path)) is not None:
+            raise TakeError(foreign, path)
         suffixes = ", ".join(_READERS)
         raise TakeError(f"takes in '{path.suffix}' files cannot be read yet; use {suffixes}", path)
     if rate is not None and not 0.0 < rate <= MAX_RATE:

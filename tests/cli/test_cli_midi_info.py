@@ -7,6 +7,8 @@ import mido
 import pytest
 from commands import forked
 
+from ergon.cli.app import run
+
 SCORE = """\
 ergon: 1
 tempo: {from: tune.mid}
@@ -87,3 +89,21 @@ def test_export_refuses_to_overwrite_tempo_file_input(folder):
     done = forked(["export", "s.yaml", "-o", ".", "--force"], folder)
     assert done.returncode != 0
     assert (folder / "tempo.mid").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("events", "message"),
+    [
+        (b"\x00\xff\x51\x03\0\0\0", "passed over: tempo of 0 microseconds a quarter note"),
+        (b"\x00\xff\x51\x02\x07\xa1", "passed over: tempo without its three bytes"),
+        (b"\x00\xff\x58\x04\0\x02\x18\x08", "passed over: meter of 0/2^2, which no score has"),
+        (b"\x00\x90\x3c\x40" * 2, "passed over: 2 × note that nothing ends"),
+        (b"\x00\x90\x3c\x40\x60\x90\x3c\x00", "passed over: nothing"),
+    ],
+)
+def test_info_of_midi_events_no_score_takes(events, message, tmp_path, capsys):
+    track = events + b"\x00\xff\x2f\x00"
+    head = b"MThd\0\0\0\6\0\0\0\1\0\x60"
+    (tmp_path / "a.mid").write_bytes(head + b"MTrk" + len(track).to_bytes(4, "big") + track)
+    assert run(["info", str(tmp_path / "a.mid")]) == 0
+    assert message in capsys.readouterr().out

@@ -12,6 +12,7 @@ from recordings import EVENTS, Axis, chunk, end, event, header, row, rows
 
 from ergon import _core
 from ergon.cli import app
+from ergon.scores.gesture.take_file import TakeError
 from ergon.scores.gesture.takes import read
 
 Capture = pytest.CaptureFixture[str]
@@ -318,3 +319,73 @@ def test_take_trim_refuses_existing_recording(folder: Path, capsys: Capture) -> 
 def test_take_suggests_misspelt_subcommand(capsys: Capture) -> None:
     assert app.run(["take", "trimm"]) == 2
     assert "Did you mean 'trim'?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("word", ["nan", "NaN", "inf", "-inf"])
+def test_take_info_names_infinite_values(word: str, capsys: Capture, tmp_path: Path):
+    path = tmp_path / "a.csv"
+    path.write_text(f"t [s],x [mm],y [mm]\n0,0,0\n0.01,{word},1\n0.02,2,2\n0.03,{word},3\n")
+    assert app.run(["take", "info", str(path)]) == 0
+    shown = capsys.readouterr().out
+    assert "x [mm]: 0 … 2, from 0 to 2; 2 values are not finite, first in line 3" in shown
+    assert "y [mm]: 0 … 3, from 0 to 3\n" in shown
+
+
+def test_take_info_names_infinite_npz_sample(capsys: Capture, tmp_path: Path):
+    path = tmp_path / "a.npz"
+    np.savez(path, t=np.arange(4) * 0.01, x=np.array([0.0, 1.0, np.nan, 3.0]))
+    assert app.run(["take", "info", str(path)]) == 0
+    assert "; 1 value is not finite, first in sample 3" in capsys.readouterr().out
+
+
+def test_take_info_names_frames_of_hidden_markers(capsys: Capture, tmp_path: Path):
+    head = (
+        "PathFileType\t4\t(X/Y/Z)\ta.trc\n"
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n100\t100\t3\t1\tmm\n"
+        "Frame#\tTime\tA\t\t\n\t\tX1\tY1\tZ1\n\n"
+    )
+    path = tmp_path / "a.trc"
+    path.write_text(head + "1\t0.00\t1\t2\t3\n2\t0.01\tnan\tnan\tnan\n3\t0.02\t1\t2\t3\n")
+    assert app.run(["take", "info", str(path)]) == 0
+    assert capsys.readouterr().out.count("; not seen in 1 frame, first in frame 2") == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t [s] x [mm]\n0 1\n", "2: '0 1' in column 't [s] x [mm]' is not a number; columns are"),
+        ("t [s],x [mm]\n0,1\n0.1,10%\n", "3: '10%' in column 'x [mm]' is not a number"),
+        ("t [s],x [mm]\n0,1_000\n", "2: '1_000' in column 'x [mm]' is not a number"),
+        ("t [s],x [mm]\n0,\N{MINUS SIGN}1\n", "2: '\N{MINUS SIGN}1' in column 'x [mm]' is not"),
+    ],
+)
+def test_take_info_names_cell_without_number(
+    text: str, message: str, capsys: Capture, tmp_path: Path
+):
+    path = tmp_path / "a.csv"
+    path.write_text(text, encoding="utf-8")
+    assert app.run(["take", "info", str(path)]) == 2
+    assert f"a.csv:{message}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("t [s],x [mm],x [mm]\n0,1,2\n0.1,2,3\n", "two columns are called 'x'"),
+        ("t [s],x [in]\n0,1\n0.1,2\n", "'x [in]' has no unit of a position"),
+        ("t [min],x [mm]\n0,1\n0.1,2\n", "'t [min]' has no unit of a time"),
+    ],
+)
+def test_take_info_of_unplayable_table(text: str, message: str, capsys: Capture, tmp_path: Path):
+    path = tmp_path / "a.csv"
+    path.write_text(text)
+    assert app.run(["take", "info", str(path)]) == 0
+    assert message in capsys.readouterr().err
+    with pytest.raises(TakeError):
+        read(path, "x")
+
+
+def test_take_info_of_npz_with_another_number_of_instants(capsys: Capture, tmp_path: Path):
+    np.savez(tmp_path / "a.npz", t=np.arange(4) * 0.1, x=np.arange(5.0))
+    assert app.run(["take", "info", str(tmp_path / "a.npz")]) == 0
+    assert "4 instants, but 5 values of 'x': a take of it is refused" in capsys.readouterr().err

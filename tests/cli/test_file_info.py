@@ -11,6 +11,7 @@ import soundfile
 from commands import forked
 from one_bell import SCORE
 
+from ergon.cli.app import run
 from ergon.cli.file_info import READERS
 from ergon.exchange.iff import chunks
 
@@ -150,10 +151,8 @@ def test_chunks_of_aiff_by_libsndfile(tmp_path: Path):
     [
         ("notes.txt", b"milk\n\n\n"),
         ("README.md", b"# Bells\n"),
-        ("picture.png", b"\x89PNG\r\n\x1a\n"),
         ("settings.json", b'{"a": 1}'),
         ("page.xml", b"<a></a>"),
-        ("empty", b""),
     ],
 )
 def test_info_of_unknown_file_is_refused(name: str, data: bytes, tmp_path: Path):
@@ -180,3 +179,27 @@ def test_info_of_score_without_suffix_and_bundled(tmp_path: Path):
     done = forked(["info", "one-gesture"], tmp_path)
     assert done.returncode == 0, done.stderr
     assert "One gesture" in done.stdout
+
+
+@pytest.mark.parametrize(("subtype", "value"), [("FLOAT", np.nan), ("DOUBLE", -np.inf)])
+def test_info_of_sound_with_infinite_sample(
+    subtype: str, value: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    samples = np.zeros((441, 2))
+    samples[10, 1] = value
+    soundfile.write(tmp_path / "a.wav", samples, 44100, subtype=subtype)
+    assert run(["info", str(tmp_path / "a.wav")]) == 0
+    assert "frame 11 (0.000226757 s) is not a number" in capsys.readouterr().err
+
+
+def test_info_of_obj_with_colours(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    lines = ["v 0 0 0 1 0 0", "v 1 0 0 1 0 0", "v 0 1 0", "f 1 2 3"]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    assert run(["info", str(tmp_path / "a.obj")]) == 0
+    assert "passed over: colours or weights in 2 lines of v" in capsys.readouterr().out
+
+
+def test_info_of_scale_with_decimal_comma(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    (tmp_path / "a.scl").write_text("! a\ntest\n 2\n 100,5\n 2/1\n")
+    assert run(["info", str(tmp_path / "a.scl")]) == 2
+    assert "a.scl:4: '100,5' is no pitch; write cents with a period" in capsys.readouterr().err

@@ -1,6 +1,7 @@
 """Charts: orders that are known come out, references know their own error, failures are shown."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from ergon import _core
 from ergon.scores.reading.load import load
 from ergon.workshop.lab import canonical, chart, chart_table, runs
+from ergon.workshop.lab.energy import ROUNDING_DB
 from ergon.workshop.lab.metrics import waveform_db
 from ergon.workshop.lab.names import METHODS, PRECISIONS
 from ergon.workshop.lab.reference import doubts, ladder, refine, steps
@@ -304,7 +306,7 @@ def test_chart_energy_metric_is_scheme_production():
     first = built.points[0].energy_db
     assert first is not None
     assert first > -40.0
-    assert built.floor is None
+    assert built.floor == ROUNDING_DB
     assert built.points[0].drift_db_s is not None
     assert abs(built.points[0].drift_db_s) < 10.0
     drifts = [p.drift_db_s for p in closed.points]
@@ -326,3 +328,34 @@ def test_score_scene_output_through_mix():
     assert sound.shape == (2000, 2)
     gain = np.abs(sound[:, 0]).max() / np.abs(frames).max()
     assert gain == pytest.approx(10 ** (6 / 20), rel=0.05)  # the high-pass of files shifts a little
+
+
+def test_chart_energy_of_plan_finer_than_ca_counts_links():
+    settings = [Setting("ca", 1), Setting("ca", 2), Setting(None)]
+    result = chart.measure(canonical.contact(1.0), settings, 0.2, "energy", silent)
+    by_ca, _, by_plan = result.points
+    assert by_ca.energy_of == "all"
+    assert by_plan.waveform_db < by_ca.waveform_db
+    assert (by_plan.energy_of, by_plan.is_bounded) == ("links", True)
+
+
+def test_chart_energy_of_links_stays_where_motion_differs():
+    sound = np.ones((8, 1))
+    points = [
+        chart.Point(Setting("ca", 1), energy_db=-50.0, drift_db_s=0.1, energy_of="all"),
+        chart.Point(Setting(None), energy_db=-math.inf, energy_of="links"),
+        chart.Point(Setting(None, budget_db=-60.0), energy_db=-math.inf, energy_of="links"),
+    ]
+    sounds = {points[0].setting: sound, points[1].setting: sound, points[2].setting: 1.01 * sound}
+    as_ca = replace(points[1], energy_db=-50.0, drift_db_s=0.1, energy_of="all")
+    assert chart._with_ledger_of_ca(points, sounds) == [points[0], as_ca, points[2]]
+    assert chart._with_ledger_of_ca(points, {}) == points
+
+
+def test_chart_energy_below_rounding_is_a_bound():
+    points = [
+        chart.Point(Setting("ca", 1), cost=1.0, energy_db=-50.0, energy_of="all"),
+        chart.Point(Setting(None), cost=1.0, energy_db=-math.inf, energy_of="links"),
+    ]
+    marked = chart._marked(points, "energy", ROUNDING_DB)
+    assert [p.is_bounded for p in marked] == [False, True]

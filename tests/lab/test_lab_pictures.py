@@ -3,6 +3,7 @@
 import csv
 import sys
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from sweep import few
 from ergon.exchange.safe import FileRefusedError, is_ours
 from ergon.workshop.lab import chart_table, draw_chart, draw_maps, map_table, maps, table
 from ergon.workshop.lab.chart import Chart, Point
+from ergon.workshop.lab.energy import ROUNDING_DB
 from ergon.workshop.lab.map_catalogue import built_in
 from ergon.workshop.lab.pictures import MatplotlibMissingError, save, targets
 from ergon.workshop.lab.runs import Setting
@@ -49,6 +51,22 @@ def test_chart_picture_same_bytes(tmp_path: Path, metric: str):
     assert "best fixed setting for its cost" in text
     assert "<dc:date>" not in text
     assert files[0][1].read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_chart_picture_of_energy_below_rounding(tmp_path: Path):
+    some_energy = Point(Setting("ca", 1), "ok", "", 0.01, energy_db=-47.0, energy_of="all")
+    no_energy = Point(Setting(None), "ok", "bell", 0.02, energy_db=-inf, energy_of="links",
+                      is_bounded=True)  # fmt: skip
+    chart = Chart([some_energy, no_energy], None, ROUNDING_DB, "energy", 2.0, 44100.0)
+    svg, _ = save(lambda: draw_chart.draw(chart, "Bell", "a machine"), tmp_path / "one")
+    text = svg.read_text(encoding="utf-8")
+    assert "made none above rounding (-150 dB)" in text
+    assert "only what contacts and laws made is counted" in text
+    assert "300" not in text.split("energy that the scheme made")[0]  # no scale down to nothing
+    lines = chart_table.lines(chart)
+    assert "<-150+" in lines
+    assert "only ca keeps a ledger" in lines
+    assert "nan" not in lines
 
 
 def test_chart_picture_merges_equal_methods(tmp_path: Path):

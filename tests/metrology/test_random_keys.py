@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from random_keys import Key, Outcome, outcome, random_key
 
+from ergon.workshop.metrology.judging import Stage
+from ergon.workshop.metrology.output_error import Fit
 from ergon.workshop.metrology.parameters import INDEX
 
 WITHIN = 1.3  # times the sensor's noise: a replay that is right
@@ -48,6 +50,33 @@ def test_metrology_retries_refused_terms():
     fit = measured_key.measured.fit
     assert INDEX["static_dry"] in fit.columns
     assert max(map(abs, measured_key.errors.values())) < 4, measured_key.errors
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [12, 23])
+def test_metrology_keeps_mode_hidden_in_replay(seed: int):
+    """A mode counted to the mass: 190 and 59 deviations."""
+    measured_key = outcome(random_key(seed), seed)
+    assert measured_key.replay < WITHIN
+    assert max(map(abs, measured_key.errors.values())) < 4, measured_key.errors
+
+
+@pytest.mark.parametrize(
+    ("rms", "replay", "is_worth", "hidden"),
+    [
+        (0.99, 1.0005, True, True),  # surely in the takes, not shown
+        (0.4, 1.03, True, True),  # a key of the wrong mass follows the takes much worse
+        (0.99, 1.002, True, False),  # the gesture speaks against it
+        (0.9999, 1.000001, True, False),  # not surely in the takes
+        (0.99, 1.0005, False, False),  # its values are not known
+    ],
+)
+def test_stage_is_hidden_by_fit_and_replay(rms: float, replay: float, is_worth: bool, hidden: bool):
+    def stage(rms: float, replay: float, is_worth: bool) -> Stage:
+        fit = Fit(np.zeros(10), (), (0.0,), np.zeros((0, 0)), rms, 20_000)
+        return Stage("mode", fit, replay, False, is_worth=is_worth)
+
+    assert stage(rms, replay, is_worth).is_hidden(stage(1.0, 1.0, True)) == hidden
 
 
 def share_within(outcomes: list[Outcome]) -> float:

@@ -15,8 +15,8 @@ from fractions import Fraction
 from ergon import _core
 from ergon.notation.text.errors import TextError, quote
 
-MAX_DEGREES = 8_192  # degrees of a scale; the largest in the Scala archive has some 1,000
-MAX_KEYS = 1_024  # keys of a keyboard map
+MAX_DEGREES = 8_192  # of a scale; the largest of the Scala archive has 1,000 or so
+MAX_KEYS = 1_024  # of a keyboard map
 _MAX_CENTS = 120_000.0  # a hundred octaves
 _MAX_RATIO = 2.0**100
 
@@ -28,12 +28,12 @@ _INTEGER = re.compile(r"[+-]?\d{1,9}")
 _DECIMAL = re.compile(r"\d{1,12}\.?\d{0,20}(?:[eE][+-]?\d{1,3})?")
 
 
-def decoded(scala_bytes: bytes) -> str:
+def decoded(data: bytes) -> str:
     """The text of a file of Scala: UTF-8, or Latin-1 as in its archive."""
     try:
-        return scala_bytes.decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        return scala_bytes.decode("latin-1")
+        return data.decode("latin-1")
 
 
 class ScalaError(TextError):
@@ -75,11 +75,11 @@ class KeyMap:
     octave: int = 0
     degrees: tuple[int | None, ...] = ()
 
-    def degree(self, key_number: int, scale: Scale) -> int | None:
+    def degree(self, key: int, scale: Scale) -> int | None:
         """The degree of a key; None if the key has no pitch."""
         if not self.degrees:
-            return key_number - self.middle
-        turn, place = divmod(key_number - self.middle, len(self.degrees))
+            return key - self.middle
+        turn, place = divmod(key - self.middle, len(self.degrees))
         degree = self.degrees[place]
         return None if degree is None else degree + turn * (self.octave or len(scale.ratios))
 
@@ -99,111 +99,95 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
             yield number, line.strip()
 
 
-def parse_scale(scale_text: str) -> Scale:
+def parse_scale(text: str) -> Scale:
     """Read a `.scl` file. Raises ScalaError."""
-    text_lines = _lines(scale_text)
-    last_line = scale_text.count("\n") + 1
-    _, scale_title = next(text_lines, (last_line, ""))
-    line_number, count_line = next(text_lines, (last_line, ""))
-    count_match = re.match(r"\d{1,9}(?!\S)", count_line)
-    if count_match is None:
+    lines = _lines(text)
+    last_line = text.count("\n") + 1
+    _, title = next(lines, (last_line, ""))
+    number, count_line = next(lines, (last_line, ""))
+    match = re.match(r"\d{1,9}(?!\S)", count_line)
+    if match is None:
         message = "the second line that is no comment is the number of degrees, such as 12"
-        raise ScalaError(message, line_number, count_line)
-    degree_count = int(count_match[0])
-    if not 1 <= degree_count <= MAX_DEGREES:
-        message = f"{degree_count:,} degrees are announced; a scale has from 1 to {MAX_DEGREES:,}"
-        raise ScalaError(message, line_number, count_line)
-    degree_ratios: list[float] = []
-    while len(degree_ratios) < degree_count:
-        line_number, degree_line = next(text_lines, (0, ""))
-        if not line_number:
-            message = (
-                f"{degree_count:,} degrees are announced, but the file has {len(degree_ratios):,}"
-            )
+        raise ScalaError(message, number, count_line)
+    count = int(match[0])
+    if not 1 <= count <= MAX_DEGREES:
+        message = f"{count:,} degrees are announced; a scale has from 1 to {MAX_DEGREES:,}"
+        raise ScalaError(message, number, count_line)
+    ratios: list[float] = []
+    while len(ratios) < count:
+        number, line = next(lines, (0, ""))
+        if not number:
+            message = f"{count:,} degrees are announced, but the file has {len(ratios):,}"
             raise ScalaError(message, last_line)
-        degree_ratios.append(_pitch(degree_line, line_number))
-    return Scale(tuple(degree_ratios), scale_title)
+        ratios.append(_pitch(line, number))
+    return Scale(tuple(ratios), title)
 
 
-def _pitch(degree_line: str, line_number: int) -> float:
+def _pitch(line: str, number: int) -> float:
     """The ratio of one degree: cents if there is a period in it, else a ratio."""
-    pitch_word = degree_line.split()[0] if degree_line else ""
-    if _CENTS.fullmatch(pitch_word):
-        cents = float(pitch_word)
+    word = line.split()[0] if line else ""
+    if _CENTS.fullmatch(word):
+        cents = float(word)
         if abs(cents) > _MAX_CENTS:
-            raise ScalaError(
-                f"{quote(pitch_word)} lies outside ±{_MAX_CENTS:,.0f} cents",
-                line_number,
-                degree_line,
-            )
+            raise ScalaError(f"{quote(word)} lies outside ±{_MAX_CENTS:,.0f} cents", number, line)
         return _core.pow(2.0, cents / 1200.0)
-    text_match = _RATIO.match(degree_line)
-    sign_after = "" if text_match is None else degree_line[text_match.end() : text_match.end() + 1]
-    if text_match is None or sign_after.isalnum() or sign_after in {"/", "."}:
-        message = (
-            f"{quote(degree_line[:40])} is no pitch; write cents with a period, or a ratio as 3/2"
-        )
-        raise ScalaError(message, line_number, degree_line)
-    numerator, denominator = int(text_match[1]), int(text_match[2] or 1)
+    match = _RATIO.match(line)
+    sign_after = "" if match is None else line[match.end() : match.end() + 1]
+    if match is None or sign_after.isalnum() or sign_after in {"/", ".", ","}:
+        message = f"{quote(line[:40])} is no pitch; write cents with a period, or a ratio as 3/2"
+        raise ScalaError(message, number, line)
+    numerator, denominator = int(match[1]), int(match[2] or 1)
     if denominator == 0 or numerator * denominator <= 0:
-        raise ScalaError(f"{quote(text_match[0])} is not a ratio above 0", line_number, degree_line)
+        raise ScalaError(f"{quote(match[0])} is not a ratio above 0", number, line)
     if abs(math.log2(abs(numerator)) - math.log2(abs(denominator))) > math.log2(_MAX_RATIO):
-        raise ScalaError(
-            f"{quote(text_match[0][:40])} is more than 100 octaves", line_number, degree_line
-        )
+        raise ScalaError(f"{quote(match[0][:40])} is more than 100 octaves", number, line)
     return float(Fraction(numerator, denominator))
 
 
-def parse_key_map(map_text: str) -> KeyMap:
+def parse_key_map(text: str) -> KeyMap:
     """Read a `.kbm` file. Raises ScalaError."""
-    text_lines = _lines(map_text)
-    last_line = map_text.count("\n") + 1
+    lines = _lines(text)
+    last_line = text.count("\n") + 1
 
     def word(noun: str) -> tuple[int, str]:
-        line_number, map_line = next(text_lines, (last_line, ""))
-        if not map_line.split():
-            raise ScalaError(f"{noun} is missing", line_number, map_line)
-        return line_number, map_line.split()[0]
+        number, line = next(lines, (last_line, ""))
+        if not line.split():
+            raise ScalaError(f"{noun} is missing", number, line)
+        return number, line.split()[0]
 
-    def integer(noun: str, low_bound: int, high_bound: int) -> int:
-        line_number, text_of_number = word(noun)
-        if (
-            not _INTEGER.fullmatch(text_of_number)
-            or not low_bound <= int(text_of_number) <= high_bound
-        ):
-            message = (
-                f"{quote(text_of_number)} is not {noun}, a whole number from {low_bound} to "
-                f"{high_bound}"
-            )
-            raise ScalaError(message, line_number, text_of_number)
+    def integer(noun: str, low: int, high: int) -> int:
+        number, text_of_number = word(noun)
+        if not _INTEGER.fullmatch(text_of_number) or not low <= int(text_of_number) <= high:
+            message = f"{quote(text_of_number)} is not {noun}, a whole number from {low} to {high}"
+            raise ScalaError(message, number, text_of_number)
         return int(text_of_number)
 
-    map_size = integer("the size of the map", 0, MAX_KEYS)
-    first_key, last_key = integer("the first key", 0, 127), integer("the last key", 0, 127)
+    size = integer("the size of the map", 0, MAX_KEYS)
+    low, high = integer("the first key", 0, 127), integer("the last key", 0, 127)
     middle = integer("the middle key", -MAX_KEYS, MAX_KEYS)
     reference = integer("the reference key", -MAX_KEYS, MAX_KEYS)
-    line_number, hertz = word("the reference frequency")
+    number, hertz = word("the reference frequency")
     if not _DECIMAL.fullmatch(hertz) or not 0.001 <= float(hertz) <= 1e6:
         message = f"{quote(hertz)} is not the reference frequency in hertz, such as 440.0"
-        raise ScalaError(message, line_number, hertz)
+        raise ScalaError(message, number, hertz)
     octave = integer("the degree of the formal octave", 0, MAX_DEGREES)
     degrees: list[int | None] = []
-    map_rows = [*text_lines]
-    while map_rows and not map_rows[-1][1]:  # blank lines at the end of the file
-        map_rows.pop()
-    for line_number, map_line in map_rows:
-        if len(degrees) == map_size:
+    rows = [*lines]
+    while rows and not rows[-1][1]:  # blank lines at the end of the file
+        rows.pop()
+    for number, line in rows:
+        if len(degrees) == size:
             break
-        cell = map_line.split()[0] if map_line else ""
+        cell = line.split()[0] if line else ""
         if cell.lower() == "x":
             degrees.append(None)
         elif _INTEGER.fullmatch(cell) and abs(int(cell)) <= MAX_DEGREES:
             degrees.append(int(cell))
         else:
-            message = f"{quote(map_line[:40])} is neither a degree nor x, for a key without a pitch"
-            raise ScalaError(message, line_number, map_line)
-    degrees += [None] * (map_size - len(degrees))  # Scala: keys that are left out have no pitch
-    key_map = KeyMap(first_key, last_key, middle, reference, float(hertz), octave, tuple(degrees))
-    if key_map.degrees and key_map.degrees[(reference - middle) % map_size] is None:
-        raise ScalaError(f"the reference key {reference} has no degree in the map", line_number)
+            message = f"{quote(line[:40])} is neither a degree nor x, for a key without a pitch"
+            raise ScalaError(message, number, line)
+    degrees += [None] * (size - len(degrees))  # Scala: keys that are left out have no pitch
+    key_map = KeyMap(low, high, middle, reference, float(hertz), octave, tuple(degrees))
+    if key_map.degrees and key_map.degrees[(reference - middle) % size] is None:
+        raise ScalaError(f"the reference key {reference} has no degree in the map", number)
     return key_map

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from ergon.api.errors import OptionError
+from ergon.common.foreign_files import foreign_file
 from ergon.notation.text.errors import quote
 from ergon.notation.text.spelling import nearest
 from ergon.workshop.models.errors import DialectError, ModelError
@@ -80,160 +81,154 @@ def import_model(
     it sounds different in each, OptionError, and OSError.
     """
     path = Path(path)
-    try:
-        model_text = text_of(path)
-    except ModelError as error:
-        error.file = str(path)
-        raise
-    if options.dialect is None and is_table(model_text):
+    text = _text(path)
+    if options.dialect is None and is_table(text):
         message = f"it is a table of resonances; `ergon bell {path.name}` makes an instrument of it"
         model_error = ModelError(message)
         model_error.file = str(path)
         raise model_error
-    if options.dialect is None and is_patch(model_text):
-        refused = ModelError(patch_words(model_text))
+    if options.dialect is None and is_patch(text):
+        refused = ModelError(patch_words(text))
         refused.file = str(path)
         raise refused
-    inputs_by_name = {name: _input(name, file, beside) for name, file in options.inputs.items()}
+    inputs = {name: _input(name, file, beside) for name, file in options.inputs.items()}
 
     asked = options.dialect
-    if asked == "sam" or (asked is None and is_sam(model_text)):
+    if asked == "sam" or (asked is None and is_sam(text)):
         try:
-            return _sam(model_text, path.name, options, inputs_by_name)
+            return _sam(text, path.name, options, inputs)
         except ModelError as error:
             error.file = str(path)
             raise
-    if asked == "miphysics" or (asked is None and is_miphysics(model_text)):
+    if asked == "miphysics" or (asked is None and is_miphysics(text)):
         try:
-            return _miphysics(model_text, path.name, options)
+            return _miphysics(text, path.name, options)
         except ModelError as error:
             error.file = str(path)
             raise
-    if asked in OBJECTS or (asked is None and is_list(model_text)):
+    if asked in OBJECTS or (asked is None and is_list(text)):
         try:
-            return _pmpd(model_text, path.name, options, inputs_by_name)
+            return _pmpd(text, path.name, options, inputs)
         except ModelError as error:
             error.file = str(path)
             raise
     dialect: Dialect
-    dialect = asked if asked == "v1" or asked == "v2" else _dialect(model_text, path, options)
-    model = parse(model_text, dialect, str(path), options.values)
-    unfed = _unfed(inputs_by_name, model.inputs)
-    score = written(model, options.laws, inputs_by_name, path.name)
+    dialect = asked if asked == "v1" or asked == "v2" else _dialect(text, path, options)
+    model = parse(text, dialect, str(path), options.values)
+    unfed = _unfed(inputs, model.inputs)
+    score = written(model, options.laws, inputs, path.name)
     return ImportedModel(score, dialect, len(model.statements), unfed)
 
 
-def _unfed(inputs_by_name: Mapping[str, Input], port_names: Sequence[str]) -> tuple[str, ...]:
+def _text(path: Path) -> str:
+    """The text of a model. Raises ModelError, also for a file of a program that is not read."""
+    foreign = foreign_file(path)
+    try:
+        text = text_of(path)
+        if foreign is None or is_model(text):
+            return text
+        error = ModelError(foreign)
+    except ModelError as not_text:
+        error = not_text if foreign is None else ModelError(foreign)
+    error.file = str(path)
+    raise error
+
+
+def _unfed(inputs: Mapping[str, Input], port_names: Sequence[str]) -> tuple[str, ...]:
     """Inputs of a model that no file feeds. Raises OptionError for an input that it does not
     have.
     """
-    for input_name in inputs_by_name:
-        if input_name not in port_names:
-            suggestion = nearest(input_name, port_names)
+    for name in inputs:
+        if name not in port_names:
+            suggestion = nearest(name, port_names)
             meant = f"; did you mean {suggestion}?" if suggestion else ""
-            raise OptionError("feed", f"the model has no input {quote(input_name)}{meant}")
-    return tuple(name for name in port_names if name not in inputs_by_name)
+            raise OptionError("feed", f"the model has no input {quote(name)}{meant}")
+    return tuple(name for name in port_names if name not in inputs)
 
 
 def _pmpd(
-    model_text: str,
-    model_name: str,
-    model_options: ModelOptions,
-    inputs_by_name: Mapping[str, Input],
+    text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input]
 ) -> ImportedModel:
     """Messages to an object of Pure Data. Raises ModelError, DialectError and OptionError."""
-    if model_options.values:
+    if options.values:
         raise OptionError("set", "models of pmpd have no parameters; leave this option out")
-    if model_options.laws != "head":
+    if options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
     dialect: Object | None = None
-    if model_options.dialect == "pmpd" or model_options.dialect == "pmpd~":
-        dialect = model_options.dialect
-    object_kind, messages = pmpd_messages(model_text, dialect)
-    pmpd_network = network(object_kind, messages)
+    if options.dialect == "pmpd" or options.dialect == "pmpd~":
+        dialect = options.dialect
+    kind, messages = pmpd_messages(text, dialect)
+    pmpd_network = network(kind, messages)
     input_names = {f"in{port.number}" for port in pmpd_network.ports if port.what.startswith("in")}
-    unfed = _unfed(inputs_by_name, sorted(input_names))
-    return ImportedModel(
-        pmpd_written(pmpd_network, inputs_by_name, model_name), object_kind, len(messages), unfed
-    )
+    unfed = _unfed(inputs, sorted(input_names))
+    return ImportedModel(pmpd_written(pmpd_network, inputs, name), kind, len(messages), unfed)
 
 
-def _sam(
-    model_text: str,
-    model_name: str,
-    model_options: ModelOptions,
-    inputs_by_name: Mapping[str, Input],
-) -> ImportedModel:
+def _sam(text: str, name: str, options: ModelOptions, inputs: Mapping[str, Input]) -> ImportedModel:
     """A model of Synth-A-Modeler. Raises ModelError and OptionError."""
-    if model_options.laws != "head":
+    if options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
-    parameter_values = {}
-    for parameter_name, value_text in model_options.values.items():
+    parameters = {}
+    for parameter, value in options.values.items():
         try:
-            parameter_values[parameter_name] = float(value_text)
+            parameters[parameter] = float(value)
         except ValueError:
-            raise OptionError(
-                "set", f"{value_text} is not a number", value=parameter_name
-            ) from None
-        if not isfinite(parameter_values[parameter_name]):
-            raise OptionError("set", f"{value_text} is not a number", value=parameter_name)
-    sheet = sam_sheet(model_text)
-    unfed = _unfed(inputs_by_name, sam_ports(sheet))
+            raise OptionError("set", f"{value} is not a number", value=parameter) from None
+        if not isfinite(parameters[parameter]):
+            raise OptionError("set", f"{value} is not a number", value=parameter)
+    sheet = sam_sheet(text)
+    unfed = _unfed(inputs, sam_ports(sheet))
     count = len(sheet.statements) + len(sheet.code)
-    return ImportedModel(
-        sam_written(sheet, inputs_by_name, parameter_values, model_name), "sam", count, unfed
-    )
+    return ImportedModel(sam_written(sheet, inputs, parameters, name), "sam", count, unfed)
 
 
-def _miphysics(model_text: str, model_name: str, model_options: ModelOptions) -> ImportedModel:
+def _miphysics(text: str, name: str, options: ModelOptions) -> ImportedModel:
     """A model of miPhysics. Raises ModelError and OptionError."""
-    if model_options.laws != "head":
+    if options.laws != "head":
         raise OptionError("laws", "the laws of 2019 are those of mi-gen")
-    if model_options.inputs:
+    if options.inputs:
         raise OptionError("feed", "models of miPhysics have no inputs; leave this option out")
     rate = str(RATE)
-    for parameter, parameter_value in model_options.values.items():
+    for parameter, value in options.values.items():
         if parameter != "rate":
             raise OptionError("set", f"the model has no parameter {quote(parameter)}; it has rate")
-        rate = parameter_value
+        rate = value
     if not (rate.isascii() and rate.isdigit() and RATES[0] <= int(rate[:9]) <= RATES[1]):
         least, highest = RATES
         raise OptionError("set", f"rate is a whole number from {least} to {highest:,} [Hz]")
-    network = miphysics_network(model_text)
+    network = miphysics_network(text)
     count = len(network.masses) + len(network.links)
-    return ImportedModel(miphysics_written(network, model_name, int(rate)), "miphysics", count)
+    return ImportedModel(miphysics_written(network, name, int(rate)), "miphysics", count)
 
 
-def _dialect(model_text: str, path: Path, model_options: ModelOptions) -> Dialect:
+def _dialect(text: str, path: Path, options: ModelOptions) -> Dialect:
     """The dialect that can read a model. Raises the ModelError of the dialect that got farther."""
-    errors_by_dialect: dict[Dialect, str] = {}
+    read: dict[Dialect, str] = {}
     refused: dict[Dialect, ModelError] = {}
     for dialect in FORMS:
         try:
-            model = parse(model_text, dialect, str(path), model_options.values)
-            errors_by_dialect[dialect] = _sense(model, model_options.laws)
+            model = parse(text, dialect, str(path), options.values)
+            read[dialect] = _sense(model, options.laws)
         except ModelError as error:
             refused[dialect] = error
-    if (
-        not errors_by_dialect and model_options.values
-    ):  # a value that is refused says nothing of the dialect
-        legible = [dialect for dialect in FORMS if _is_legible(model_text, dialect, path)]
+    if not read and options.values:  # a value that is refused says nothing of the dialect
+        legible = [dialect for dialect in FORMS if _is_legible(text, dialect, path)]
         refused = {dialect: refused[dialect] for dialect in legible or refused}
-    if not errors_by_dialect:
+    if not read:
         farthest = max(refused, key=lambda dialect: (refused[dialect].line, dialect == "v2"))
         raise refused[farthest]
-    if len(set(errors_by_dialect.values())) > 1:
+    if len(set(read.values())) > 1:
         message = f"both {' and '.join(NAMES.values())} read it, and it sounds otherwise in each; "
         dialect_error = DialectError(message + "write --dialect v1 or --dialect v2")
         dialect_error.file = str(path)
         raise dialect_error
-    return "v2" if "v2" in errors_by_dialect else "v1"
+    return "v2" if "v2" in read else "v1"
 
 
-def _is_legible(model_text: str, dialect: Dialect, path: Path) -> bool:
+def _is_legible(text: str, dialect: Dialect, path: Path) -> bool:
     """Whether a dialect reads a model with the values that it has."""
     try:
-        parse(model_text, dialect, str(path), {})
+        parse(text, dialect, str(path), {})
     except ModelError:
         return False
     return True
@@ -249,37 +244,35 @@ def _sense(model: Model, laws: Laws) -> str:
         return str(error)
 
 
-def _input(input_name: str, input_file: str | Path, beside: str | Path) -> Input:
+def _input(name: str, file: str | Path, beside: str | Path) -> Input:
     """A file of one channel at the rate of models, or OSC. Raises OptionError."""
-    if input_file == "osc":
+    if file == "osc":
         return OSC
     from ergon.exchange.sound import read_blocks, read_info
     from ergon.exchange.wave_header import NotWaveError
 
-    path = Path(input_file)
+    path = Path(file)
     try:
         info = read_info(path)
         is_fitting = (info.format.rate, info.format.n_channels) == (RATE, 1)
-        sound_blocks = [block[:, 0] for block in read_blocks(path)] if is_fitting else []
+        blocks = [block[:, 0] for block in read_blocks(path)] if is_fitting else []
     except (NotWaveError, OSError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise OptionError("feed", f"{input_file}: {reason}", value=input_name) from None
+        raise OptionError("feed", f"{file}: {reason}", value=name) from None
     if not is_fitting:
-        message = f"{input_file} has {info.format.n_channels} channels at {info.format.rate:,} Hz; "
+        message = f"{file} has {info.format.n_channels} channels at {info.format.rate:,} Hz; "
         message += f"a model is fed by one at {RATE:,} Hz"
-        raise OptionError("feed", message, value=input_name)
+        raise OptionError("feed", message, value=name)
     if info.n_frames < 2:
-        raise OptionError("feed", f"{input_file} has no sound", value=input_name)
+        raise OptionError("feed", f"{file} has no sound", value=name)
     folder = Path(beside).resolve()
     if not path.resolve().is_relative_to(folder):
-        message = f"{input_file} lies outside {folder}, and a score names files of its own folder"
-        raise OptionError("feed", message, value=input_name)
-    first_value, last_value = (
-        float(value) for value in [*sound_blocks[0][:2], *sound_blocks[-1][-1:]][:2]
-    )
-    least = min(float(block.min()) for block in sound_blocks)
-    highest = max(float(block.max()) for block in sound_blocks)
+        message = f"{file} lies outside {folder}, and a score names files of its own folder"
+        raise OptionError("feed", message, value=name)
+    first_value, last_value = (float(value) for value in [*blocks[0][:2], *blocks[-1][-1:]][:2])
+    least = min(float(block.min()) for block in blocks)
+    highest = max(float(block.max()) for block in blocks)
     if not isfinite(least + highest):
-        raise OptionError("feed", f"{input_file} has samples that are no numbers", value=input_name)
+        raise OptionError("feed", f"{file} has samples that are no numbers", value=name)
     file_of_score = path.resolve().relative_to(folder).as_posix()
     return Input(file_of_score, first_value, last_value, least, highest, info.n_frames)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from ergon.common.decay import LN_1000
 from ergon.common.errors import ErgonError
+from ergon.common.foreign_files import foreign_file
 from ergon.common.regular import read_bounded
-from ergon.common.sound_files import foreign_file
 
 _LINES_MAX = 100_000  # characters of a line, and lines
 _BYTES_MAX = 1 << 24  # largest file
@@ -25,14 +25,14 @@ def read(path: Path) -> list[tuple[float, float, float]]:
     ; or # are comments. Amplitudes are factors; if any is negative, all are in dB. A resonance
     with bandwidth b falls by 60 dB in 3·ln 10/(π·b). Raises TableError.
     """
+    if (foreign := foreign_file(path)) is not None:
+        raise TableError(f"{path}: {foreign}")
     try:
         table_bytes = read_bounded(path, _BYTES_MAX)
         if len(table_bytes) > _BYTES_MAX:
             raise TableError(f"{path}: it is larger than {_BYTES_MAX >> 20} MB")
         table_lines = table_bytes.decode("utf-8").splitlines()
     except UnicodeDecodeError:
-        if (foreign := foreign_file(path)) is not None:
-            raise TableError(f"{path}: {foreign}") from None
         message = f"{path}: it is neither WAV, FLAC or AIFF nor a text; give a recorded stroke or "
         raise TableError(message + "a table of resonances") from None
     resonance_rows = []

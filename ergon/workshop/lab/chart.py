@@ -14,7 +14,7 @@ from ergon import _core
 from ergon.common.errors import ErgonError
 from ergon.scores.staging.refusals import StageError
 from ergon.workshop.lab import canonical, runs
-from ergon.workshop.lab.energy import drift, production_db
+from ergon.workshop.lab.energy import ROUNDING_DB, drift, production_db
 from ergon.workshop.lab.metrics import Floats, bands_db, early_db, onset, spectral, waveform_db
 from ergon.workshop.lab.names import Metric
 from ergon.workshop.lab.partials import Partial, compare, strongest
@@ -30,6 +30,9 @@ _DOUBLINGS = 2  # of the reference, beyond all that is charted
 _EXACT_PLAN = Setting(None, budget_db=-120.0)
 _YARDSTICK = 100  # masses of a string, for a second: some 10 ms
 _SCATTER = 1.1  # between two timings of the same work
+_SAME = 1e-10  # of the largest sample: so little differ sounds of one motion, in their last bits
+# What an energy error counts: all energy; what links made alone, where no ledger is kept.
+EnergyCount = Literal["", "all", "links"]
 Progress = Callable[[int], None]
 
 
@@ -43,8 +46,10 @@ class Point:
 
     None means not measured. `t60` [%] and `cents` are the worst among the strongest partials;
     `bands_db` is of third octaves; `energy_db` is energy made by the scheme over energy given,
-    `drift_db_s` its trend. `is_bounded`: in the metric of the chart the error is below that of the
-    reference, so that only this bound is known.
+    `drift_db_s` its trend, and `energy_of` what is counted: without a ledger only what contacts and
+    laws made is known, not what they took too much. `is_bounded`: in the metric of the chart the
+    error is below that of the reference (of energy: below rounding), so that only this bound is
+    known.
     """
 
     setting: Setting
@@ -60,6 +65,7 @@ class Point:
     t60: float | None = None
     energy_db: float | None = None
     drift_db_s: float | None = None
+    energy_of: EnergyCount = ""
     on_front: bool = False
     is_bounded: bool = False
 
@@ -77,8 +83,8 @@ class Point:
 class Chart:
     """All points of a scene, and the reference against which they were measured.
 
-    `floor` is the reference's own error in the metric: smaller errors cannot be distinguished.
-    It is None for energy, whose true error is 0. `doubts` name methods that converge to another
+    `floor` is the reference's own error in the metric, and rounding for energy, whose true error is
+    0: smaller errors cannot be distinguished. `doubts` name methods that converge to another
     sound. `alike` are groups of methods whose samples are the same wherever both ran: each is
     one curve.
     """
@@ -114,13 +120,13 @@ class _Bench:
 
     def play(self, setting: Setting, run: Run) -> Floats | None:
         try:
-            run_frames = run.frames(self.n_frames)
+            frames = run.frames(self.n_frames)
         except _core.DivergedError as error:
             self.failed[setting] = Point(setting, "diverged", _sentence(error))
             return None
         self.done += self.n_frames * setting.oversampling
         self.progress(self.done)
-        return run_frames
+        return frames
 
     def sound(self, setting: Setting) -> Floats | None:
         run = self.begin(setting)
@@ -174,7 +180,7 @@ class Players(Protocol):
 def measure(
     scene: Scene,
     settings_wanted: Sequence[Setting],
-    run_seconds: float,
+    seconds: float,
     metric: Metric,
     progress: Progress,
     players: Players | None = None,
@@ -183,7 +189,7 @@ def measure(
 
     Raises SilentPieceError if there is no sound.
     """
-    bench = _Bench(scene, max(2, round(run_seconds * scene.rate)), progress)
+    bench = _Bench(scene, max(2, round(seconds * scene.rate)), progress)
     has_energy = metric == "energy"
     if players is None:
         played = _play_settings(bench, settings_wanted, has_energy=has_energy)
@@ -198,24 +204,24 @@ def measure(
     has_plans = any(setting.method is None for setting in settings_wanted)
     rival = _EXACT_PLAN if has_plans else None
     reference = refine(sounds, bench.sound, doublings=_DOUBLINGS, rival=rival)
-    chart_points = [played_setting.point for played_setting in played]
+    points = _with_ledger_of_ca([each.point for each in played], sounds_by_setting)
     floor = None
     doubtful: tuple[str, ...] = ()
     if reference is not None:
         doubtful = tuple(doubts(sounds, reference))
         if onset(reference.sound) is None:
-            raise SilentPieceError(f"nothing sounds in the first {run_seconds:g} s")
+            raise SilentPieceError(f"nothing sounds in the first {seconds:g} s")
         judge = Judge(reference, scene.rate)
-        chart_points = [
+        points = [
             judge.point(point, sounds_by_setting[point.setting])
             if point.setting in sounds_by_setting
             else point
-            for point in chart_points
+            for point in points
         ]
         floor = judge.floor(metric)
     alike = _alike(sounds)
-    marked = _marked(chart_points, metric, floor, alike)
-    return Chart(marked, reference, floor, metric, run_seconds, scene.rate, doubtful, alike)
+    marked = _marked(points, metric, floor, alike)
+    return Chart(marked, reference, floor, metric, seconds, scene.rate, doubtful, alike)
 
 
 def _play_settings(
@@ -224,19 +230,19 @@ def _play_settings(
     """All settings, in order. Their costs are those of interleaved rounds."""
     for setting in settings_wanted:
         run = bench.begin(setting)
-        run_frames = None if run is None else bench.play(setting, run)
-        if run is not None and run_frames is not None:
+        frames = None if run is None else bench.play(setting, run)
+        if run is not None and frames is not None:
             bench.ready[setting] = run
-            bench.sounds[setting] = bench.scene.hear(run_frames)
+            bench.sounds[setting] = bench.scene.hear(frames)
     costs = _costs(bench)
     # `refine` may add failures of settings that were not asked for; these are not failures of the
     # chart.
     played_by_setting = {setting: Played(point, None) for setting, point in bench.failed.items()}
     for setting, run in bench.ready.items():
-        chart_point = Point(setting, "ok", run.chosen, costs[setting])
+        point = Point(setting, "ok", run.chosen, costs[setting])
         if has_energy:
-            chart_point = _with_energy(bench, chart_point)
-        played_by_setting[setting] = Played(chart_point, bench.sounds[setting])
+            point = _with_energy(bench, point)
+        played_by_setting[setting] = Played(point, bench.sounds[setting])
     return [played_by_setting[setting] for setting in settings_wanted]
 
 
@@ -261,8 +267,8 @@ def played_beside(
     """
     bench = _Bench(scene, n_frames, lambda done: None)
     run = bench.begin(setting)
-    played_frames = None if run is None else bench.play(setting, run)
-    if run is None or played_frames is None:
+    frames = None if run is None else bench.play(setting, run)
+    if run is None or frames is None:
         return Played(bench.failed[setting], None), nan
     costs_in_rounds, beside = [], []
     for _ in range(ROUNDS):
@@ -270,10 +276,10 @@ def played_beside(
         run.rewind()
         bench.play(setting, run)
         costs_in_rounds.append(run.spent)
-    chart_point = Point(setting, "ok", run.chosen, median(costs_in_rounds) * scene.rate / n_frames)
+    point = Point(setting, "ok", run.chosen, median(costs_in_rounds) * scene.rate / n_frames)
     if has_energy:
-        chart_point = _with_energy(bench, chart_point)
-    return Played(chart_point, scene.hear(played_frames)), median(beside)
+        point = _with_energy(bench, point)
+    return Played(point, scene.hear(frames)), median(beside)
 
 
 def yardstick() -> float:
@@ -289,20 +295,20 @@ def _alike(sounds: Mapping[Setting, Floats]) -> tuple[tuple[str, ...], ...]:
     for setting, sound in sounds.items():
         if setting.method is not None:
             by_method.setdefault(setting.method, {})[replace(setting, method=None)] = sound
-    method_groups: list[list[str]] = []
-    for method_name, settings in by_method.items():
-        for method_group in method_groups:
-            group_settings = by_method[method_group[0]]
+    groups: list[list[str]] = []
+    for method, settings in by_method.items():
+        for group in groups:
+            group_settings = by_method[group[0]]
             common_settings = settings.keys() & group_settings.keys()
             if common_settings and all(
                 np.array_equal(settings[setting], group_settings[setting])
                 for setting in common_settings
             ):
-                method_group.append(method_name)
+                group.append(method)
                 break
         else:
-            method_groups.append([method_name])
-    return tuple(tuple(group) for group in method_groups if len(group) > 1)
+            groups.append([method])
+    return tuple(tuple(group) for group in groups if len(group) > 1)
 
 
 def _costs(bench: _Bench) -> dict[Setting, float]:
@@ -317,28 +323,59 @@ def _costs(bench: _Bench) -> dict[Setting, float]:
     return {setting: median(times) / duration for setting, times in times_by_setting.items()}
 
 
-def _with_energy(bench: _Bench, chart_point: Point) -> Point:
+def _with_energy(bench: _Bench, point: Point) -> Point:
     """The point with the energy errors from its ledger, or from the accounts of contacts and laws
     if the method keeps none.
     """
-    if chart_point.status != "ok":
-        return chart_point
-    look_edges = np.linspace(0, bench.n_frames, _LOOKS + 1).astype(int)
+    if point.status != "ok":
+        return point
+    edges = np.linspace(0, bench.n_frames, _LOOKS + 1).astype(int)
     try:
-        run = runs.start(bench.scene, chart_point.setting, ledger=True)
+        run = runs.start(bench.scene, point.setting, ledger=True)
         ledgers = []
-        for n_frames in np.diff(look_edges):
+        for n_frames in np.diff(edges):
             run.frames(int(n_frames))
             ledgers.append(run.energy())
     except _core.EngineError:
-        run = runs.start(bench.scene, chart_point.setting)
+        run = runs.start(bench.scene, point.setting)
         run.frames(bench.n_frames)
-        return replace(chart_point, energy_db=run.created_db())
-    t = [float(edge) / bench.scene.rate for edge in look_edges[1:]]
+        return replace(point, energy_db=run.created_db(), energy_of="links")
+    t = [float(edge) / bench.scene.rate for edge in edges[1:]]
     energy_drift = drift(t, ledgers)
     return replace(
-        chart_point, energy_db=production_db(ledgers[-1]), drift_db_s=energy_drift.per_second
+        point,
+        energy_db=production_db(ledgers[-1]),
+        drift_db_s=energy_drift.per_second,
+        energy_of="all",
     )
+
+
+def _with_ledger_of_ca(points: list[Point], sounds: Mapping[Setting, Floats]) -> list[Point]:
+    """The points; a plan that moves as CA does, to rounding, has the energy errors of CA's ledger.
+
+    A plan keeps no ledger, and steps the most of a piece by CA.
+    """
+    by_ca = {
+        point.setting.oversampling: point
+        for point in points
+        if point.setting.method == "ca" and point.setting.precision == "f64"
+    }
+
+    def with_ledger(point: Point) -> Point:
+        twin = by_ca.get(point.setting.oversampling)
+        if point.energy_of != "links" or twin is None or twin.energy_of != "all":
+            return point
+        ours, theirs = sounds.get(point.setting), sounds.get(twin.setting)
+        if ours is None or theirs is None or not _is_same(ours, theirs):
+            return point
+        return replace(point, energy_db=twin.energy_db, drift_db_s=twin.drift_db_s, energy_of="all")
+
+    return [with_ledger(point) for point in points]
+
+
+def _is_same(y: Floats, x: Floats) -> bool:
+    """Whether two sounds differ in last bits alone."""
+    return bool(np.abs(y - x).max(initial=0.0) <= _SAME * np.abs(x).max(initial=0.0))
 
 
 class Judge:
@@ -374,7 +411,7 @@ class Judge:
         if metric == "waveform":
             return self.reference.floor_db
         if metric == "energy":
-            return None
+            return ROUNDING_DB
         point_before = self.point(Point(self.reference.setting), self.reference.before).error(
             metric
         )
@@ -388,12 +425,12 @@ class Judge:
 
 
 def _marked(
-    chart_points: list[Point],
+    points: list[Point],
     metric: Metric,
     floor: float | None,
     alike: Sequence[Sequence[str]] = (),
 ) -> list[Point]:
-    front = set(_front(chart_points, metric, floor, alike))
+    front = set(_front(points, metric, floor, alike))
 
     def is_bounded(point: Point) -> bool:
         error = point.error(metric)
@@ -401,15 +438,12 @@ def _marked(
 
     return [
         replace(point, on_front=point.setting in front, is_bounded=is_bounded(point))
-        for point in chart_points
+        for point in points
     ]
 
 
 def _front(
-    chart_points: list[Point],
-    metric: Metric,
-    floor: float | None,
-    alike: Sequence[Sequence[str]] = (),
+    points: list[Point], metric: Metric, floor: float | None, alike: Sequence[Sequence[str]] = ()
 ) -> Iterator[Setting]:
     """Settings that no other setting of about the same cost beats in error; all errors below the
     floor are equal.
@@ -421,7 +455,7 @@ def _front(
     echoes = {method for group in alike for method in group[1:]}
     candidates = [
         (point.cost, error if floor is None else max(error, floor), point_index, point.setting)
-        for point_index, point in enumerate(chart_points)
+        for point_index, point in enumerate(points)
         if point.setting.method not in (None, *echoes)
         and point.cost is not None
         and (error := point.error(metric)) is not None
@@ -442,32 +476,30 @@ def _front(
             yield setting
 
 
-def likely_cost(chart: Chart, chart_point: Point) -> float | None:
+def likely_cost(chart: Chart, point: Point) -> float | None:
     """The cost of a point, measured or estimated: a run that failed costs S times the highest cost
     per oversampling of its method.
     """
-    if chart_point.cost is not None:
-        return chart_point.cost
-    same_method = [
-        p for p in chart.points if p.setting.method == chart_point.setting.method and p.cost
-    ]
+    if point.cost is not None:
+        return point.cost
+    same_method = [p for p in chart.points if p.setting.method == point.setting.method and p.cost]
     with_cost = same_method or [p for p in chart.points if p.cost]
     if not with_cost:
         return None
     shares = [p.cost / p.setting.oversampling for p in with_cost if p.cost]
-    return max(shares) * chart_point.setting.oversampling
+    return max(shares) * point.setting.oversampling
 
 
 def slope(chart: Chart, method: str) -> float | None:
     """Decades of error per decade of step, from the waveform of one method above the floor."""
     floor = -300.0 if chart.reference is None else chart.reference.floor_db + 6.0
-    chart_row = [
+    row = [
         (log10(p.setting.oversampling), p.waveform_db / 20.0)
         for p in chart.points
         if p.setting.method == method and p.setting.precision == "f64" and p.waveform_db is not None
         if isfinite(p.waveform_db) and floor < p.waveform_db < -6.0
     ]
-    if len(chart_row) < 2:
+    if len(row) < 2:
         return None
-    doublings, errors = zip(*chart_row, strict=True)
+    doublings, errors = zip(*row, strict=True)
     return -float(np.polyfit(doublings, errors, 1)[0])

@@ -11,12 +11,12 @@ from ergon.workshop.lab.names import METRICS
 _MEASURES = [f.name for f in names_of(Point) if f.name not in ("setting", "status", "reason")]
 
 
-def csv(chart: Chart, chart_title: str, machine: str) -> str:
+def csv(chart: Chart, title: str, machine: str) -> str:
     """The whole file."""
-    table_rows = [fields(point) for point in chart.points]
+    rows = [fields(point) for point in chart.points]
     reference_text = ", ".join(f"{k} {v}" for k, v in reference(chart).items() if v is not None)
     facts = [
-        f"chart of {chart_title}, the first {chart.seconds:g} s at {chart.rate:g} Hz",
+        f"chart of {title}, the first {chart.seconds:g} s at {chart.rate:g} Hz",
         f"measured on {machine}",
         "cost: seconds of one core per second of sound, median of interleaved rounds",
         f"reference: {reference_text or 'none'}",
@@ -24,24 +24,24 @@ def csv(chart: Chart, chart_title: str, machine: str) -> str:
         *(f"the same samples: {', '.join(group)}" for group in chart.alike),
     ]
     names = [*_HEAD, *_MEASURES, "reason"]
-    return table.text(facts, names, ([row[name] for name in names] for row in table_rows))
+    return table.text(facts, names, ([row[name] for name in names] for row in rows))
 
 
 _HEAD = ("method", "oversampling", "precision", "budget_db", "status")
 
 
-def fields(chart_point: Point) -> dict[str, table.Value]:
+def fields(point: Point) -> dict[str, table.Value]:
     """Everything about a point."""
-    setting = chart_point.setting
+    setting = point.setting
     first_fields = (
         setting.method or "planner",
         setting.oversampling,
         setting.precision,
         setting.budget_db,
-        chart_point.status,
+        point.status,
     )
-    measures = {name: getattr(chart_point, name) for name in _MEASURES}
-    return {**dict(zip(_HEAD, first_fields, strict=True)), **measures, "reason": chart_point.reason}
+    measures = {name: getattr(point, name) for name in _MEASURES}
+    return {**dict(zip(_HEAD, first_fields, strict=True)), **measures, "reason": point.reason}
 
 
 def reference(chart: Chart) -> dict[str, table.Value]:
@@ -60,38 +60,54 @@ def reference(chart: Chart) -> dict[str, table.Value]:
 
 def lines(chart: Chart) -> str:
     """One line a point: its cost and its errors; * is best for its cost."""
-    table_rows = []
-    for chart_point in chart.points:
-        error = chart_point.error(chart.metric)
-        star = "*" if chart_point.on_front else " "
-        reason_note = f"  {chart_point.reason}" if chart_point.reason else ""
-        if chart_point.status != "ok":
-            table_rows.append(
-                f"  {chart_point.setting!s:<14} {chart_point.status}: {chart_point.reason}\n"
-            )
-        elif chart_point.cost is not None:
-            shown = _shown(chart, chart_point, error)
-            table_rows.append(
-                f"{star} {chart_point.setting!s:<14} {chart_point.cost:9.3g} "
-                f"{shown:>9}{reason_note}\n"
-            )
+    rows = []
+    for point in chart.points:
+        error = point.error(chart.metric)
+        star = "*" if point.on_front else " "
+        note = f"  {point.reason}" if point.reason else ""
+        if point.status != "ok":
+            rows.append(f"  {point.setting!s:<14} {point.status}: {point.reason}\n")
+        elif point.cost is not None:
+            shown = _shown(chart, point, error)
+            rows.append(f"{star} {point.setting!s:<14} {point.cost:9.3g} {shown:>9}{note}\n")
     if chart.reference is not None:
         order = chart.reference.order
         order_text = "" if order is None else f", order {order:.1f} seen"
-        table_rows.append(
+        rows.append(
             f"  reference: {chart.reference.setting}, own error about "
             f"{chart.reference.floor_db:.0f} dB of waveform{order_text}\n"
         )
-        if any(point.is_bounded for point in chart.points):
-            table_rows.append("  <: below the error of the reference itself, so no more is known\n")
-    table_rows.extend(f"  the same samples here: {', '.join(group)}\n" for group in chart.alike)
-    return f"{'':16}   s per s  {METRICS[chart.metric]}\n" + "".join(table_rows)
+    rows.extend(f"  {note}\n" for note in _notes(chart))
+    rows.extend(f"  the same samples here: {', '.join(group)}\n" for group in chart.alike)
+    return f"{'':16}   s per s  {METRICS[chart.metric]}\n" + "".join(rows)
 
 
-def _shown(chart: Chart, chart_point: Point, error: float | None) -> str:
+def _notes(chart: Chart) -> list[str]:
+    """What a figure leaves open."""
+    notes = []
+    if any(point.is_bounded for point in chart.points):
+        notes.append(
+            "<: below what rounding makes, so no more is known"
+            if chart.metric == "energy"
+            else "<: below the error of the reference itself, so no more is known"
+        )
+    if any(_counts_links(chart, point) for point in chart.points):
+        notes.append(
+            "+: only what contacts and laws made is counted, not what they took too much; "
+            "only ca keeps a ledger"
+        )
+    return notes
+
+
+def _counts_links(chart: Chart, point: Point) -> bool:
+    return chart.metric == "energy" and point.energy_of == "links"
+
+
+def _shown(chart: Chart, point: Point, error: float | None) -> str:
     """The error in the metric of the chart, no smaller than the reference's own."""
     if error is None:
         return "unknown"
-    if chart_point.is_bounded and chart.floor is not None:
-        return f"<{chart.floor:.3g}"
-    return f"{error:.3g}"
+    mark = "+" if _counts_links(chart, point) else ""
+    if point.is_bounded and chart.floor is not None:
+        return f"<{chart.floor:.3g}{mark}"
+    return f"{error:.3g}{mark}"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from math import floor as rounded_down
 from math import isfinite
 from textwrap import fill
 from typing import TYPE_CHECKING
 
 from ergon.workshop.lab.chart import Chart, Point, likely_cost
+from ergon.workshop.lab.energy import ROUNDING_DB
 from ergon.workshop.lab.names import METHODS, METRICS
 from ergon.workshop.lab.pictures import COLOURS
 
@@ -18,7 +20,8 @@ _IN_DB = ("waveform", "energy")
 _LEAST = 1e-6  # cents, or dB of spectra: smaller is nothing, and a logarithm needs an end
 _LEAST_DB = -320.0
 _TITLE = 60  # letters of a title that fit beside one another
-_ROW = 0.045  # height of a row of failures over that of the axes
+_ROW = 0.045  # of the height of the axes: a row of failures
+_BELOW_DB = 10.0  # below the lowest figure of energy: where points stand that made none
 
 
 def draw(chart: Chart, title: str, machine: str) -> Figure:
@@ -43,30 +46,37 @@ def draw(chart: Chart, title: str, machine: str) -> Figure:
         p for p in chart.points if p.status == "ok" and p.error(chart.metric) is not None
     ]
     _front(ax, chart, measured_points)
-    names_by_method: dict[str, str] = {method: method for method in METHODS}
+    names: dict[str, str] = {method: method for method in METHODS}
     for group in chart.alike:
-        names_by_method.update(
-            {method: "" for method in group[1:]}, **{group[0]: " = ".join(group)}
-        )
+        names.update({method: "" for method in group[1:]}, **{group[0]: " = ".join(group)})
     for method in METHODS:
-        if names_by_method[method]:
+        if names[method]:
             row = [p for p in measured_points if p.setting.method == method]
-            _method(ax, chart, row, method, names_by_method[method])
+            _method(ax, chart, row, method, names[method])
     for point in measured_points:
         if point.setting.method is None:
             _planner(ax, chart, point)
+    if chart.metric == "energy":
+        _energy_notes(ax, chart, measured_points)
     _limits(ax, chart, measured_points)
     _failures(ax, chart)
     if ax.get_legend_handles_labels()[0]:
         # Below the axes it lies on no data.
-        figure.legend(loc="outside lower center", ncols=2, frameon=False)
+        spacing = 0.9 if chart.metric == "energy" else 0.5  # rings are large
+        figure.legend(loc="outside lower center", ncols=2, frameon=False, labelspacing=spacing)
     return figure
 
 
 def _height(chart: Chart, point: Point) -> float:
-    """The height of a point; points below the floor are drawn on it."""
+    """The height of a point; points below the floor are drawn on it, and those that made no energy
+    below all that did: at the floor they would press the others into a corner.
+    """
     error = point.error(chart.metric)
     assert error is not None
+    if chart.metric == "energy" and point.is_bounded:
+        known = (p.error("energy") for p in chart.points if not p.is_bounded)
+        lowest = min((db for db in known if db is not None), default=0.0)
+        return _BELOW_DB * rounded_down(lowest / _BELOW_DB - 1.0)
     least = _LEAST_DB if chart.metric in _IN_DB else _LEAST
     return max(error, least if chart.floor is None else chart.floor, least)
 
@@ -76,46 +86,52 @@ def _cost(point: Point) -> float:
     return point.cost
 
 
-def _method(
-    ax: Axes, chart: Chart, chart_points: list[Point], method: str, method_label: str
-) -> None:
+def _method(ax: Axes, chart: Chart, points: list[Point], method: str, name: str) -> None:
     colour = COLOURS[METHODS.index(method)]
-    for precision, marker, line_style in (("f64", "o", "-"), ("f32", "s", ":")):
-        chart_row = [p for p in chart_points if p.setting.precision == precision]
-        chart_row.sort(key=lambda p: p.setting.oversampling)
-        if chart_row:
-            label = method_label if precision == "f64" else f"{method_label}, single precision"
-            x, y = [_cost(p) for p in chart_row], [_height(chart, p) for p in chart_row]
-            ax.plot(
-                x, y, line_style, color=colour, marker=marker, markersize=5, label=label, zorder=3
-            )
-        for point in chart_row:
+    for precision, marker, line in (("f64", "o", "-"), ("f32", "s", ":")):
+        row = [p for p in points if p.setting.precision == precision]
+        row.sort(key=lambda p: p.setting.oversampling)
+        if row:
+            label = name if precision == "f64" else f"{name}, single precision"
+            x, y = [_cost(p) for p in row], [_height(chart, p) for p in row]
+            ax.plot(x, y, line, color=colour, marker=marker, markersize=5, label=label, zorder=3)
+        for point in row:
             position = _cost(point), _height(chart, point)
             _word(ax, f"×{point.setting.oversampling}", position, colour)
 
 
-def _planner(ax: Axes, chart: Chart, chart_point: Point) -> None:
+def _planner(ax: Axes, chart: Chart, point: Point) -> None:
     """A full star is the planner's choice by ear, an empty one its choice for an error."""
-    star_position, budget = (
-        (_cost(chart_point), _height(chart, chart_point)),
-        chart_point.setting.budget_db,
-    )
-    inside, star_label = "black", "the planner's choice"
+    position, budget = (_cost(point), _height(chart, point)), point.setting.budget_db
+    inside, label = "black", "the planner's choice"
     if budget is not None:
-        inside, star_label = "white", f"the planner's choice for {budget:g} dB"
+        inside, label = "white", f"the planner's choice for {budget:g} dB"
         if chart.metric == "waveform":
             ax.axhline(budget, color="black", linewidth=0.8, linestyle=":", zorder=0,
                        label=f"{budget:g} dB, as asked for")  # fmt: skip
     ax.plot(
-        *star_position,
-        "*",
-        color="black",
-        markerfacecolor=inside,
-        markersize=14,
-        label=star_label,
-        zorder=4,
+        *position, "*", color="black", markerfacecolor=inside, markersize=14, label=label, zorder=4
     )
-    _word(ax, chart_point.reason, star_position, "black", below=True)
+    _word(ax, point.reason, position, "black", below=True)
+
+
+def _energy_notes(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
+    """Point down from what made no energy, ring what is counted in part, and say both below."""
+    below = [(_cost(p), _height(chart, p)) for p in measured_points if p.is_bounded]
+    in_part = [(_cost(p), _height(chart, p)) for p in measured_points if p.energy_of == "links"]
+    if below:
+        x, y = zip(*((cost, height - 0.3 * _BELOW_DB) for cost, height in below), strict=True)
+        label = f"made none above rounding ({ROUNDING_DB:g} dB)"
+        ax.plot(x, y, linestyle="", marker=r"$\downarrow$", markersize=10, color="#666666",
+                label=label, zorder=4)  # fmt: skip
+        edge = max(height for _, height in below) + 0.5 * _BELOW_DB
+        ax.axhline(edge, color="#999999", linewidth=0.8, linestyle="--", zorder=0)
+        # Below this line is no scale.
+        ax.yaxis.set_major_formatter(lambda db, _: f"{db:g}".replace("-", "−") if db > edge else "")
+    if in_part:
+        x, y = zip(*in_part, strict=True)
+        ax.plot(x, y, "o", color="#666666", markerfacecolor="none", markersize=17,
+                label="only what contacts and laws made is counted", zorder=2)  # fmt: skip
 
 
 def _front(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
@@ -134,14 +150,14 @@ def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
     if chart.metric not in _IN_DB:
         ax.set_ylim(top=2.5 * max(*heights, 1e-3))
     else:
-        heights_and_floor = heights if floor is None else [*heights, max(floor, _LEAST_DB)]
-        lowest_height, highest_height = min(heights_and_floor), max(heights)
-        room = max(6.0, 0.08 * (highest_height - lowest_height))
-        rows = len(_failed_methods(chart))
-        ax.set_ylim(
-            lowest_height - room,
-            highest_height + 2 * room + rows * _ROW * (highest_height - lowest_height + 3 * room),
+        shown_floor = None if chart.metric == "energy" else floor
+        heights_and_floor = (
+            heights if shown_floor is None else [*heights, max(shown_floor, _LEAST_DB)]
         )
+        low, high = min(heights_and_floor), max(heights)
+        room = max(6.0, 0.08 * (high - low))
+        rows = len(_failed_methods(chart))
+        ax.set_ylim(low - room, high + 2 * room + rows * _ROW * (high - low + 3 * room))
     costs = [cost for p in chart.points if (cost := likely_cost(chart, p))] or [0.3]
     ax.set_xlim(min(costs) / 1.5, max(costs) * 2.0)
     if ax.get_xlim()[0] < 1.0 < ax.get_xlim()[1]:
@@ -149,16 +165,18 @@ def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
         ax.text(1.0, 0.01, " real time", transform=ax.get_xaxis_transform(), fontsize=8)
     if floor is None or not isfinite(floor) or chart.reference is None:
         return
+    if chart.metric == "energy":
+        return  # arrows say what is below rounding
     floor = max(floor, _LEAST_DB if chart.metric in _IN_DB else _LEAST)
     bottom = ax.get_ylim()[0]
     if chart.metric not in _IN_DB:
         bottom = min(bottom, floor / 3.0)
         ax.set_ylim(bottom=bottom)
     ax.axhspan(bottom, floor, facecolor="#eeeeee", edgecolor="#cccccc", hatch="///", zorder=0)
-    limit_sentence = f"the reference ({chart.reference.setting}) is itself no surer than this"
+    sentence = f"the reference ({chart.reference.setting}) is itself no surer than this"
     paper = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
     # At the lower edge, where no point is: the floor is the lowest height of a point.
-    ax.annotate(limit_sentence, (0.0, 0.0), xycoords="axes fraction", xytext=(6, 4),
+    ax.annotate(sentence, (0.0, 0.0), xycoords="axes fraction", xytext=(6, 4),
                 textcoords="offset points", fontsize=8, va="bottom", bbox=paper)  # fmt: skip
 
 
@@ -169,11 +187,11 @@ def _failures(ax: Axes, chart: Chart) -> None:
     left_limit = ax.get_xlim()[0]
     for row, method in enumerate(_failed_methods(chart)):
         failed = [p for p in chart.points if p.status != "ok" and p.setting.method == method]
-        row_height = 1.0 - _ROW * row
+        height = 1.0 - _ROW * row
         colour = COLOURS[METHODS.index(method)] if method else "black"
         costs = [likely_cost(chart, point) or left_limit for point in failed]
         label = f"{method or 'the planner'}: {_what_failed(failed)}"
-        ax.plot(costs, [row_height] * len(costs), "X", color=colour, markersize=8, label=label,
+        ax.plot(costs, [height] * len(costs), "X", color=colour, markersize=8, label=label,
                 transform=ax.get_xaxis_transform(), clip_on=False, zorder=5)  # fmt: skip
 
 
@@ -185,25 +203,19 @@ def _failed_methods(chart: Chart) -> list[str | None]:
 
 def _what_failed(failed: list[Point]) -> str:
     """`×1, ×2 refused, ×4 diverged`."""
-    failure_words = []
+    words = []
     for status in dict.fromkeys(point.status for point in failed):
         settings = (point.setting for point in failed if point.status == status)
         names = [str(setting).split(" ", 1)[1] if setting.method else "" for setting in settings]
-        failure_words.append(f"{', '.join(filter(None, names))} {status}".strip())
-    return ", ".join(failure_words)
+        words.append(f"{', '.join(filter(None, names))} {status}".strip())
+    return ", ".join(words)
 
 
 def _word(
-    ax: Axes,
-    failure_word: str,
-    word_position: tuple[float, float],
-    colour: str,
-    *,
-    below: bool = False,
+    ax: Axes, word: str, position: tuple[float, float], colour: str, *, below: bool = False
 ) -> None:
     """A word beside a point: above it, or below it where other words are above."""
     shift = (8, -12) if below else (5, 4)
     paper = {"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8}
-    box = paper if below else None
-    ax.annotate(failure_word, word_position, xytext=shift, textcoords="offset points",
-                fontsize=8, color=colour, bbox=box, zorder=6)  # fmt: skip
+    ax.annotate(word, position, xytext=shift, textcoords="offset points", fontsize=8, color=colour,
+                bbox=paper if below else None, zorder=6)  # fmt: skip

@@ -27,6 +27,10 @@ def share_db(share: float) -> float:
     return 10.0 * log10(share) if share > 0.0 else -inf
 
 
+# Energy that rounding alone makes in a few million steps [dB]: smaller errors are not compared.
+ROUNDING_DB = -150.0
+
+
 @dataclass(frozen=True, slots=True)
 class Drift:
     """Stored and lost energy over the energy given: its trend [dB/s], and its worst error [dB]."""

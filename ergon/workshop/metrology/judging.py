@@ -21,6 +21,8 @@ _ITERATIONS, _TRIAL_ITERATIONS = 30, 12  # of a fit, and of a fit before it is c
 _ROUGH_ITERATIONS = 5  # iterations from each of several starts
 _UNKNOWN = 0.5  # relative deviation above which a part is not significant
 _WORTH = 10.0  # fall of BIC: very strong evidence (Kass and Raftery 1995)
+_SURE = 100.0  # fall of BIC that residuals which are correlated do not explain either
+_HIDDEN = 0.1  # of the relative fall of the error in the takes: so little a replay may rise
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,14 @@ class Stage:
         stage.
         """
         return self.fit.bic < other.fit.bic - _WORTH
+
+    def is_hidden(self, before: Stage) -> bool:
+        """Whether the parts since a stage surely explain the takes, and the held-out gesture hardly
+        speaks against them: its error rises by less than a tenth of what that of the takes falls.
+        """
+        is_sure = self.is_worth and self.fit.bic < before.fit.bic - _SURE
+        fall, rise = np.log(before.fit.rms / self.fit.rms), np.log(self.replay / before.replay)
+        return bool(is_sure and rise < _HIDDEN * fall)
 
 
 class Judge:

@@ -1,7 +1,8 @@
 """The search for the parts of a key's model.
 
 A part is kept only if the information criterion falls (Schwarz 1978), the held-out gesture is
-followed better, and its parameters are known to within a half of their values. A part that was
+followed better, and its parameters are known to within a half of their values. A mode is also kept
+if the gesture is too slow to show it, and the takes are surely explained better. A part that was
 refused is tried again after each part that was kept, until no part is kept any more: one part may
 hide another. In the end the search goes on after a refused part that explains the takes, and what
 it finds stays if the gesture is followed better. A delay or a mode that is not identified yet looks
@@ -203,7 +204,11 @@ class _Search:
             self._decide(replace(stage, is_accepted=True))
             self.add_parts()
             added = set(stage.fit.columns) - set(best_before.fit.columns)
-            if self.best.replay < best_before.replay and knows(self.best.fit, added):
+            # Without a mode that the gesture is too slow to show, the mass is wrong by that of the
+            # mode.
+            is_hidden = stage.name.startswith("mode") and self.best.is_hidden(best_before)
+            is_better = self.best.replay < best_before.replay or is_hidden
+            if is_better and knows(self.best.fit, added):
                 return True
             self._decide(replace(best_before, name=stage.name, is_accepted=True, is_removal=True))
         return False

@@ -3,9 +3,21 @@
 use crate::maths::wide::wide;
 
 wide! {
-    /// y += A·x; A is (y.len(), x.len()), column by column.
+    /// y += A·x; A is (y.len(), x.len()), column by column: four at a time, so that y is read and written a quarter as
+    /// often. Each element is added to in the order of columns.
     pub(crate) fn apply(columns: &[f64], x: &[f64], y: &mut [f64]) {
-        for (column, &x) in columns.chunks_exact(y.len()).zip(x) {
+        let n_rows = y.len();
+        let (fours, ones) = columns.split_at(x.len() / 4 * 4 * n_rows);
+        for (columns, x) in fours.chunks_exact(4 * n_rows).zip(x.chunks_exact(4)) {
+            let (a0, rest) = columns.split_at(n_rows);
+            let (a1, rest) = rest.split_at(n_rows);
+            let (a2, a3) = rest.split_at(n_rows);
+            let ends = a0.iter().zip(a1).zip(a2.iter().zip(a3));
+            for (y, ((a0, a1), (a2, a3))) in y.iter_mut().zip(ends) {
+                *y = *y + a0 * x[0] + a1 * x[1] + a2 * x[2] + a3 * x[3];
+            }
+        }
+        for (column, &x) in ones.chunks_exact(n_rows).zip(&x[x.len() / 4 * 4..]) {
             for (y, a) in y.iter_mut().zip(column) {
                 *y += a * x;
             }
@@ -40,6 +52,27 @@ wide! {
                     *c3 += a * b3;
                 }
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn apply_adds_columns_in_their_order_to_the_bit() {
+        for (n_rows, n_columns) in [(1, 1), (3, 4), (7, 11), (40, 40), (29, 6), (5, 0)] {
+            let entry = |i: usize| ((i * 7919 + 3) % 1009) as f64 / 37.0 - 11.3;
+            let columns: Vec<f64> = (0..n_rows * n_columns).map(entry).collect();
+            let x: Vec<f64> = (0..n_columns).map(|i| entry(i + 5) * 1e-3).collect();
+            let mut y: Vec<f64> = (0..n_rows).map(|i| entry(i + 77)).collect();
+            let mut by_columns = y.clone();
+            for (column, &x) in columns.chunks_exact(n_rows).zip(&x) {
+                by_columns.iter_mut().zip(column).for_each(|(y, a)| *y += a * x);
+            }
+            apply(&columns, &x, &mut y);
+            assert_eq!(y, by_columns);
         }
     }
 }

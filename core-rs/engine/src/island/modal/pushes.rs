@@ -60,21 +60,32 @@ impl Script {
 impl RunningModal {
     /// Add the effect of the forces on the ports in this frame.
     pub(super) fn push(&mut self) {
-        let script = self.script.clone();
-        if script.responses.is_empty() {
+        if self.script.responses.is_empty() {
             self.discard_ahead();
             self.quiet = 0;
         }
-        let n_ahead = self.until - self.present;
-        if n_ahead == 1 && !self.has_pushes {
+        // A clone of the script would be counted up and down by atomics in every frame.
+        let Self {
+            script,
+            seen,
+            motions,
+            forces,
+            pushes,
+            has_pushes,
+            present,
+            until,
+            ..
+        } = self;
+        let (present, until) = (*present, *until);
+        if until - present == 1 && !*has_pushes {
             // The motions are those of the next frame.
             for (row, moves) in script.moves.iter().enumerate() {
-                for (moves, force) in moves.iter().zip(&self.forces) {
-                    self.seen[row * SEEN_FRAMES + self.present + 1] += moves * force;
+                for (moves, force) in moves.iter().zip(&*forces) {
+                    seen[row * SEEN_FRAMES + present + 1] += moves * force;
                 }
             }
-            for (group, motion) in self.motions.iter_mut().enumerate() {
-                for (port, &force) in self.forces.iter().enumerate() {
+            for (group, motion) in motions.iter_mut().enumerate() {
+                for (port, &force) in forces.iter().enumerate() {
                     if force != 0.0 {
                         script.push(group, motion, port, force);
                     }
@@ -82,17 +93,17 @@ impl RunningModal {
             }
             return;
         }
-        let n_ports = self.forces.len();
-        self.pushes[self.present * n_ports..][..n_ports].copy_from_slice(&self.forces);
-        self.has_pushes = true;
+        let n_ports = forces.len();
+        pushes[present * n_ports..][..n_ports].copy_from_slice(forces);
+        *has_pushes = true;
         let port_responses = script.responses.chunks(script.moves.len() * FRAMES_AHEAD);
-        for (responses, &force) in port_responses.zip(&self.forces) {
+        for (responses, &force) in port_responses.zip(&*forces) {
             if force == 0.0 {
                 continue;
             }
-            let seen_rows = self.seen.chunks_mut(SEEN_FRAMES).zip(responses.chunks(FRAMES_AHEAD));
+            let seen_rows = seen.chunks_mut(SEEN_FRAMES).zip(responses.chunks(FRAMES_AHEAD));
             for (seen, response) in seen_rows {
-                ports::add_response(&mut seen[self.present + 1..=self.until], response, force);
+                ports::add_response(&mut seen[present + 1..=until], response, force);
             }
         }
     }
