@@ -29,7 +29,7 @@ instruments:
     out: {SOX: p.20}
   gamba:
     from: friction/viol
-    modules: {hair: {LNL: {between: [bow, body.4], damping: bow, F: 1N, a: 60}}}
+    modules: {hair: {LNL: {between: [bow, body.8], damping: bow, F: 1N, a: 60}}}
   wire:
     modules:
       s: {STRING: {masses: 48, M: 6g, f: D3, t60: 5s}}

@@ -17,7 +17,7 @@ from ergon.notation.text.values import Place
 
 _WORDS = re.compile(r"[^\W\d]\w*")
 # Words of a law that are not constants.
-_KNOWN = {"d", "v", "where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh"}
+_KNOWN = {"d", "v", "where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh", "noise"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
 """Generates the source of a law's loops, for numba, from the rows that the core makes of the law.
 
-A law without exp, tanh and powers is one loop over all links. Others are computed in chunks: a
-loop up to a function, the core's function over the chunk, the next loop. Values that cross loops
-are kept in `room`.
+A law without exp, tanh, noise and powers is one loop over all links. Others are computed in
+chunks: a loop up to a function, the core's function over the chunk, the next loop. Values that
+cross loops are kept in `room`.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ _OPERATIONS = {
     "where": "{1} if {0} != 0.0 else {2}",
 }
 # Functions of the core with their number of operands; `SLOW` ones work link by link.
-_FUNCTIONS = {"exp": 1, "tanh": 1, "power": 2}
-SLOW = {"tanh", "power"}
+_FUNCTIONS = {"exp": 1, "tanh": 1, "noise": 1, "power": 2}
+SLOW = {"tanh", "noise", "power"}
 
 
 def source(rows: Sequence[Row]) -> str:

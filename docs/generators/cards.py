@@ -16,6 +16,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from docs.generators.noise_level import noise_level, stands_out
 from docs.generators.spectra import spectrogram
 from docs.generators.wrap import wrapped
 from ergon.common.module_arguments import module_arguments
@@ -217,7 +218,10 @@ def measured(family: str, name: str, card: dict[str, Any]) -> Card:
     first = 0 if "strike" in card else int(0.5 * rate)
     strokes = sounds[:, first : first + int(_SPECTRUM_SECONDS * rate)]
     hard = strokes[2]
-    by_level = sorted(partials(hard, rate), key=lambda one: -one[1])
+    peaks = partials(hard, rate)
+    if "play" in card:  # breath is no partial
+        peaks = [(f, level) for f, level in peaks if stands_out(*spectrum(hard, rate), f)]
+    by_level = sorted(peaks, key=lambda one: -one[1])
     soft, middle, strong = (centroid(x, rate) for x in strokes)
     peak = float(np.max(np.abs(sounds[2])))
     figures = Figures(
@@ -264,6 +268,7 @@ def text(card: Card, texts: dict[str, Any]) -> str:
         "|---|---|---|---|",
         f"| centre of the spectrum [Hz] | {figures.soft:.0f} | {figures.middle:.0f} | "
         f"{figures.hard:.0f} |",
+        *_noise(card, texts),
         "",
         f"From soft to hard the centre of the spectrum moves by {octaves:+.1f} octaves. The "
         "hard "
@@ -303,6 +308,17 @@ def _played(name: str, texts: dict[str, Any]) -> str:
         return f"Struck at {to} with {', '.join(texts['impulse'].split())}."
     speeds = ", ".join(texts["speed"].split())
     return f"Rubbed at `{name}.{texts['bow']}` by `{{{texts['law']}}}` at {speeds} mm/s."
+
+
+def _noise(card: Card, texts: dict[str, Any]) -> list[str]:
+    """A row for what a note of a known pitch lasts on: the noise between its partials."""
+    if "play" not in texts or "known" not in texts:
+        return []
+    first = int(0.5 * card.rate)
+    steady = card.sounds[:, first : first + int(_SPECTRUM_SECONDS * card.rate)]
+    levels = (noise_level(x, card.rate, texts["known"]["of"]) for x in steady)
+    cells = " | ".join(f"{level:.0f}".replace("-", "−") for level in levels)
+    return [f"| noise between the partials, beside them [dB] | {cells} |"]
 
 
 def _known(card: Card, known: dict[str, Any]) -> list[str]:

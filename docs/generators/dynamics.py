@@ -24,7 +24,7 @@ from ergon.scores.reading.load import load
 PAGE = Path(__file__).parents[1] / "pieces.md"
 PIECES = (
     "change-ringing", "interlocking", "evening-raga", "workshop",
-    "rain", "near-and-far", "night-piece", "procession",
+    "rain", "near-and-far", "three-breaths", "night-piece", "procession",
 )  # fmt: skip
 _PASSAGE_S = 3.0  # of short-term loudness (EBU Tech 3341)
 _BLOCK_S, _STEP_S = 0.4, 0.1  # of momentary loudness, and from one to the next

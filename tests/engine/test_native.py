@@ -53,9 +53,9 @@ def places(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 OPERATIONS = [
-    "-d", "abs(d)", "sqrt(d)", "sign(d)", "exp(d)", "tanh(d)", "d + v", "d - v", "d*v", "d/v",
-    "d**v", "min(d, v)", "max(d, v)", "d < v", "d <= v", "d > v", "d >= v", "d == v", "d != v",
-    "where(d, v, d)", "d**0", "d**2", "d**-3", "d**63", "d**0.5", "3", "d",
+    "-d", "abs(d)", "sqrt(d)", "sign(d)", "exp(d)", "tanh(d)", "noise(d)", "d + v", "d - v", "d*v",
+    "d/v", "d**v", "min(d, v)", "max(d, v)", "d < v", "d <= v", "d > v", "d >= v", "d == v",
+    "d != v", "where(d, v, d)", "d**0", "d**2", "d**-3", "d**63", "d**0.5", "3", "d",
     "exp(exp(d)*v) + tanh(v)**1.5*exp(d)", "(d > 0)**exp(d)", "1.5**d",
 ]  # fmt: skip
 
@@ -79,7 +79,7 @@ def expressions() -> st.SearchStrategy[str]:
 
     def grown(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
         infix = ["+", "-", "*", "/", "**", "<", "<=", ">", ">=", "==", "!="]
-        called = st.sampled_from(["-", "abs", "sqrt", "sign", "exp", "tanh"])
+        called = st.sampled_from(["-", "abs", "sqrt", "sign", "exp", "tanh", "noise"])
         return st.one_of(
             st.builds("({}){}({})".format, inner, st.sampled_from(infix), inner),
             st.builds("{}({})".format, called, inner),

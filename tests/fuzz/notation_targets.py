@@ -204,7 +204,7 @@ def _read_bow(case: tuple[str, str], _: Path) -> None:
 
 LAW_TEXTS = tuple(law.partition(",")[0] for law in LAWS.values())
 _LAW_WORDS = (
-    "d v k q w + - * / ** ( ) , < >= == . if [ ] ^ max min abs sqrt sign exp tanh where clip"
+    "d v k q w + - * / ** ( ) , < >= == . if [ ] ^ max min abs sqrt sign exp tanh noise where clip"
 )
 LAW_WORDS = (*_LAW_WORDS.split(), "1e308", "2.5", "3N/m")
 

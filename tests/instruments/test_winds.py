@@ -32,9 +32,9 @@ def planned(text: str, n_frames: int) -> Samples:
 
 
 def law(name: str, link: str) -> str:
-    """The damping of a link that the library's act `blow` brings."""
+    """The damping of a link that the library's act `blow` brings, without its noise."""
     body = WINDS["instruments"][name]["play"]["blow"]["with"][link]["LNL"]
-    return f"damping: '{body['damping']}', F: {body['F']}, g: 1"
+    return f"damping: '{body['damping']}', F: {body['F']}, g: 1, r: 0, e: 0"
 
 
 def reed_flow(v: float, u: float) -> float:

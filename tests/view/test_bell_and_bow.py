@@ -29,7 +29,7 @@ keys:
 instruments:
   gamba:
     from: friction/viol
-    modules: {hair: {LNL: {between: [bow, body.4], damping: bow, F: 1N, a: 60}}}
+    modules: {hair: {LNL: {between: [bow, body.8], damping: bow, F: 1N, a: 60}}}
   bell:
     modules:
       m: {CEL: {M: 2g, f: 440Hz, t60: 2.5s}}
@@ -40,7 +40,7 @@ parts: {}
 mix:
   channels: 2
   route:
-    - {from: gamba, to: 1, gain: 4dB}
+    - {from: gamba, to: 1, gain: 40dB}
     - {from: bell, to: 2, gain: 60dB, highpass: 20Hz}
 render: {tail: 900s}
 """

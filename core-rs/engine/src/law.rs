@@ -5,6 +5,7 @@
 
 mod error;
 mod native;
+mod noise;
 mod parse;
 mod points;
 mod polynomial;

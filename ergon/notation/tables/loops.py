@@ -33,7 +33,11 @@ _FOR = re.compile(r"for\s+([A-Za-z_]\w*)\s+in\s+(.+?)\.\.(.+?)(?:\s+by\s+(.+))?"
 _NUMBERED = re.compile(r"((?<![\w-])[^\W\d](?:[\w-]{0,62}\w)?|(?<=[\w)])\.)\(")
 _TEXT_COST = 64  # characters of a text that count as another value
 # Words that laws and expressions have before parentheses.
-_FUNCTIONS = {"where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh", "and", "or", "not"}
+_FUNCTIONS = {"where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh", "noise"} | {
+    "and",
+    "or",
+    "not",
+}
 
 Entries = dict[str, tuple[Scalar, Node]]
 Names = ChainMap[str, Amount]

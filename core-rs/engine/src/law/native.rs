@@ -20,7 +20,7 @@ pub type Entry =
 pub type Function = unsafe extern "C" fn(room: *mut f64, a: i64, b: i64, to: i64, n: i64);
 
 /// Functions that native code calls, so that its results have the same bits as the core's.
-pub const FUNCTIONS: [(&str, Function); 3] = [("exp", exp), ("tanh", tanh), ("power", power)];
+pub const FUNCTIONS: [(&str, Function); 4] = [("exp", exp), ("tanh", tanh), ("noise", noise), ("power", power)];
 
 /// The entry point of a law's native code.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,9 +93,21 @@ unsafe extern "C" fn exp(room: *mut f64, operand: i64, _: i64, to: i64, n: i64) 
 
 unsafe extern "C" fn tanh(room: *mut f64, operand: i64, _: i64, to: i64, n: i64) {
     // SAFETY: native code passes places of two rows of the room.
+    unsafe { link_by_link(Unary::Tanh, room, operand, to, n) };
+}
+
+unsafe extern "C" fn noise(room: *mut f64, operand: i64, _: i64, to: i64, n: i64) {
+    // SAFETY: as above.
+    unsafe { link_by_link(Unary::Noise, room, operand, to, n) };
+}
+
+/// # Safety
+/// `operand` and `to` are places of two rows of the room.
+unsafe fn link_by_link(operation: Unary, room: *mut f64, operand: i64, to: i64, n: i64) {
+    // SAFETY: as above.
     let (operand, result) = unsafe { (row(room, operand, n), row_mut(room, to, n)) };
     for (result, operand) in result.iter_mut().zip(operand) {
-        *result = Unary::Tanh.apply(*operand);
+        *result = operation.apply(*operand);
     }
 }
 

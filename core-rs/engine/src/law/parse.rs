@@ -27,7 +27,7 @@ enum Function {
     Where,
 }
 
-const FUNCTIONS: [(&str, Function); 8] = [
+const FUNCTIONS: [(&str, Function); 9] = [
     ("where", Function::Where),
     ("abs", Function::Unary(Unary::Abs)),
     ("min", Function::Two(Binary::Min)),
@@ -36,6 +36,7 @@ const FUNCTIONS: [(&str, Function); 8] = [
     ("sign", Function::Unary(Unary::Sign)),
     ("exp", Function::Unary(Unary::Exp)),
     ("tanh", Function::Unary(Unary::Tanh)),
+    ("noise", Function::Unary(Unary::Noise)),
 ];
 
 /// How tightly the infix operators bind; unary minus lies between * and **.
@@ -233,7 +234,7 @@ impl Parser<'_> {
             return self.error(token, message);
         }
         let message = format!(
-            "There is no function `{}`; laws have where, abs, min, max, sqrt, sign, exp and tanh.",
+            "There is no function `{}`; laws have where, abs, min, max, sqrt, sign, exp, tanh and noise.",
             shortened(name)
         );
         let known = FUNCTIONS.iter().map(|(known, _)| *known);

@@ -103,6 +103,7 @@ fn unary(operation: Unary) -> &'static str {
         Unary::Sign => "sign",
         Unary::Exp => "exp",
         Unary::Tanh => "tanh",
+        Unary::Noise => "noise",
     }
 }
 

@@ -279,7 +279,7 @@ fn trees() -> impl Strategy<Value = String> {
     leaf_text.prop_recursive(6, 100, 3, |inner| {
         let infix_sign = prop::sample::select(vec!["+", "-", "*", "/", "**"]);
         let compare = prop::sample::select(vec!["<", "<=", ">", ">=", "==", "!="]);
-        let unary_name = prop::sample::select(vec!["-", "abs", "sqrt", "sign", "exp", "tanh"]);
+        let unary_name = prop::sample::select(vec!["-", "abs", "sqrt", "sign", "exp", "tanh", "noise"]);
         let binary_name = prop::sample::select(vec!["min", "max"]);
         let tree_pair = (inner.clone(), inner.clone());
         prop_oneof![

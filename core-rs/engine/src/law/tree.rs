@@ -1,5 +1,6 @@
 //! An expression as a tree, and its operations on single values.
 
+use super::noise::noise;
 use crate::maths;
 
 /// Operations on one value.
@@ -11,6 +12,7 @@ pub(super) enum Unary {
     Sign,
     Exp,
     Tanh,
+    Noise,
 }
 
 /// Operations on two values.
@@ -49,6 +51,7 @@ impl Unary {
             }
             Self::Exp => maths::exp(a),
             Self::Tanh => maths::tanh(a),
+            Self::Noise => noise(a),
         }
     }
 }

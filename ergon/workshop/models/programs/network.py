@@ -381,6 +381,9 @@ class _Builder:
             if module.kind not in _WRITTEN:
                 self._refuse(module.place, f"{ground_name}: {module.kind} is not written yet")
                 return
+            if any("noise(" in (module.fields.get(field) or "") for field in ("law", "damping")):
+                self._refuse(module.place, f"{name}: a law with `noise` is not written yet")
+                return
             if module.fields.get("contact", "plain") != "plain":
                 how = module.fields["contact"]
                 self._refuse(

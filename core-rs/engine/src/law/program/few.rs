@@ -29,9 +29,9 @@ half_wide! {
 fn unary(operation: Unary, a: Values) -> Values {
     match operation {
         Unary::Exp => lanes::few_exp(a),
-        Unary::Tanh => by_lane(a, a, |a, _| Unary::Tanh.apply(a)),
+        Unary::Tanh | Unary::Noise => by_lane(a, a, |a, _| operation.apply(a)),
         _ => {
-            for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh; operation, |OF| a.map(|a| OF.apply(a)))
+            for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh Noise; operation, |OF| a.map(|a| OF.apply(a)))
         }
     }
 }

@@ -42,8 +42,8 @@ fn compute<'r>(step: &Step, out: &mut [f64], value_of: impl Fn(usize) -> &'r [f6
 /// Whether the step is computed link by link, so that every lane costs time.
 #[inline(always)]
 fn is_slow(step: &Step) -> bool {
-    let (tanh_operation, power_operation) = (Unary::Tanh, Binary::Power);
-    matches!(step, Step::Unary(of, _) if *of == tanh_operation)
+    let power_operation = Binary::Power;
+    matches!(step, Step::Unary(Unary::Tanh | Unary::Noise, _))
         || matches!(step, Step::Binary(of, ..) if *of == power_operation)
 }
 
@@ -61,7 +61,7 @@ pub(super) use for_each_of;
 fn unary(operation: Unary, out: &mut [f64], a: &[f64]) {
     match operation {
         Unary::Exp => lanes::exp(a, out),
-        _ => for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh; operation, |OF| {
+        _ => for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh Noise; operation, |OF| {
             for (out, a) in out.iter_mut().zip(a) {
                 *out = OF.apply(*a);
             }
