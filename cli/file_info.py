@@ -109,7 +109,7 @@ def _obj(path: Path) -> Content:
     kinds = Counter(words[0] for words in lines if words and not words[0].startswith("#"))
     other_kinds = [kind for kind in kinds if kind not in ("v", "f", "l")]
     passed_over = [f"{plural(kinds[kind], 'line')} of {kind}" for kind in sorted(other_kinds)]
-    vertices = (line.split() for line in (text or "").splitlines() if line.startswith("v "))
+    vertices = (line.split() for line in (obj_text or "").splitlines() if line.startswith("v "))
     if n_more := sum(len(words) > 4 for words in vertices):
         passed_over.append(f"colours or weights in {plural(n_more, 'line')} of v")
     return Content("mesh (Wavefront OBJ)", _counts(mesh), passed_over)

@@ -382,7 +382,7 @@ class _Builder:
                 self._refuse(module.place, f"{ground_name}: {module.kind} is not written yet")
                 return
             if any("noise(" in (module.fields.get(field) or "") for field in ("law", "damping")):
-                self._refuse(module.place, f"{name}: a law with `noise` is not written yet")
+                self._refuse(module.place, f"{ground_name}: a law with `noise` is not written yet")
                 return
             if module.fields.get("contact", "plain") != "plain":
                 how = module.fields["contact"]
