@@ -64,6 +64,7 @@
 //! | outputs to channels, limiter, levels | [`mix`] |
 
 mod archive;
+mod assembly;
 mod bank;
 mod body_modes;
 pub mod cell;

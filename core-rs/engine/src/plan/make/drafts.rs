@@ -5,10 +5,10 @@
 //! reads these decisions, so a draft changes none.
 
 use super::Maker;
+use crate::assembly::budget::Budget;
+use crate::assembly::choice::{Choice, Pins};
+use crate::assembly::split::OwnTimeline;
 use crate::network::{Error, Subset};
-use crate::plan::budget::Budget;
-use crate::plan::choice::{Choice, Pins};
-use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::content::IslandContent;
 use crate::plan::trial::record::TrialRecord;
 

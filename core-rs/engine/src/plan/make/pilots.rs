@@ -1,11 +1,11 @@
 //! The pilot of an island, or the record of an earlier one.
 
 use super::Maker;
+use crate::assembly::assemble::{Assembled, AssemblyOptions};
+use crate::assembly::budget::Budget;
+use crate::assembly::choice::SteppedChoice;
+use crate::assembly::split::OwnTimeline;
 use crate::network::{Error, Subset};
-use crate::plan::budget::Budget;
-use crate::plan::choice::SteppedChoice;
-use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
-use crate::plan::passes::split::OwnTimeline;
 use crate::plan::report::content::IslandContent;
 use crate::plan::report::row::Measured;
 use crate::plan::trial::pilot;

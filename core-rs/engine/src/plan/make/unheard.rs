@@ -6,16 +6,17 @@
 use std::sync::Arc;
 
 use super::Maker;
+use crate::assembly::budget::Budget;
+use crate::assembly::cells;
+use crate::assembly::islands::IslandMembers;
+use crate::assembly::seen;
+use crate::assembly::split::{OwnTimeline, split};
+use crate::assembly::unit::Unit;
 use crate::body_modes::linear::NoModes;
 use crate::network::{Error, Network, Subset};
-use crate::plan::budget::Budget;
-use crate::plan::passes::cells;
-use crate::plan::passes::islands::IslandMembers;
-use crate::plan::passes::seen;
-use crate::plan::passes::split::{OwnTimeline, split};
 use crate::plan::trial::allowance::Allowance;
 use crate::plan::trial::seen_rate;
-use crate::plan::{Known, Plan, Unit};
+use crate::plan::{Known, Plan};
 use crate::timeline::Timeline;
 
 /// Plans the islands that are seen but not heard.

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use crate::assembly::unit::BankPlan;
 use crate::bank::Kick;
-use crate::plan::BankPlan;
 use crate::plan::report::content::{Sink, digest, hex};
 use crate::units::Rate;
 

@@ -6,10 +6,10 @@ use std::fmt::{self, Arguments, Write};
 
 use sha2::{Digest, Sha256};
 
+use crate::assembly::unit::IslandPlan;
 use crate::gesture::script::Gesture;
 use crate::island::inside::BodyPlan;
 use crate::network::{Network, PartOrder};
-use crate::plan::IslandPlan;
 use crate::plan::constants::ROUNDED_FRAMES;
 use crate::timeline::{Ergon, Key, Strike, Timeline};
 

@@ -2,9 +2,9 @@
 
 use sha2::{Digest, Sha256};
 
+use crate::assembly::audible::ModeKind;
+use crate::assembly::choice::Choice;
 use crate::island::ContactOrder;
-use crate::plan::choice::Choice;
-use crate::plan::passes::audible::ModeKind;
 use crate::plan::report::content::hex;
 use crate::plan::report::row::{Computed, Reason, Row};
 

@@ -1,12 +1,12 @@
 //! How long an error holds: if keys meet what sounds again and again, runs may part long after the end of a pilot.
 
+use crate::assembly::budget::Budget;
+use crate::assembly::unit::IslandPlan;
 use crate::gesture::script::Gesture;
 use crate::hearing::third_octaves::level_difference;
 use crate::island::inside::BodyPlan;
 use crate::maths::log10;
 use crate::network::LinkKind;
-use crate::plan::IslandPlan;
-use crate::plan::budget::Budget;
 use crate::plan::constants::{
     EQUAL_ERRORS_DB, ERROR_CHECK_SECONDS, HARDER_RATIO, PARTED_DB, RESERVE_FITS, RESERVE_PLANNED, RING_SECONDS,
     SPECTRUM_NOISE,

@@ -2,7 +2,8 @@
 
 use std::sync::{Arc, OnceLock};
 
-use crate::plan::{BankContent, Content, Plan, Unit};
+use crate::assembly::unit::Unit;
+use crate::plan::{BankContent, Content, Plan};
 use crate::simulation::Simulation;
 use crate::simulation::group::{GROUPS_MAX, RunningUnit};
 
