@@ -1,6 +1,6 @@
 //! How a plan is made: the network is divided into islands, and each gets the cheapest method that is exact enough.
 //!
-//! An island that is one linear body becomes a bank of modes (`passes/body`). All other islands are stepped, as trials
+//! An island that is one linear body becomes a bank of modes (`assembly/body`). All other islands are stepped, as trials
 //! decide.
 
 use std::collections::BTreeSet;
