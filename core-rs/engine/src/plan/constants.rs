@@ -51,13 +51,14 @@ pub(in crate::plan) const LENGTHS_MAX: usize = 8;
 pub(in crate::plan) const ROUNDED_FRAMES: u64 = 4;
 
 // What trials may cost.
-/// A number of modules that are computed and heard, and the allowance of a plan of at most so many [s]. The allowance
-/// is linear between this and `ALLOWANCE_LARGE`, proportional to the modules above that, at most `ALLOWANCE_MAX`.
-pub(in crate::plan) const ALLOWANCE_SMALL: (usize, f64) = (100, 1.0);
-/// The same of a plan of more modules.
-pub(in crate::plan) const ALLOWANCE_LARGE: (usize, f64) = (1_000, 2.5);
+/// Allowance of a plan [s], and for each module that is computed and heard [s]: about 1 s for 100 modules, 2.4 s for
+/// 1,000.
+pub(in crate::plan) const ALLOWANCE_MIN: f64 = 0.85;
+pub(in crate::plan) const ALLOWANCE_PER_MODULE: f64 = 1.5e-3;
 /// Most allowance of a plan [s].
 pub(in crate::plan) const ALLOWANCE_MAX: f64 = 10.0;
+/// The part of a plan's allowance that an island may take, however few its modules: four hard ones get the same.
+pub(in crate::plan) const ISLAND_SHARE_MIN: f64 = 0.25;
 /// The reserve for measuring how long errors hold, as a share of the allowance and in addition to it.
 pub(in crate::plan) const ALLOWANCE_RESERVE: f64 = 0.25;
 /// Work of a search in multiples of its first run, if contacts dominate the cost: the reference takes 14, candidates

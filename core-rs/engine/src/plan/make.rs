@@ -26,8 +26,9 @@ use crate::body_modes::linear::NoModes;
 use crate::interrupt;
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset};
+use crate::plan::constants::ISLAND_SHARE_MIN;
 use crate::plan::report::row::{self, Computed, Measured, Reason, Row};
-use crate::plan::trial::allowance::Allowance;
+use crate::plan::trial::allowance::{Allowance, allowance_of_plan};
 use crate::plan::trial::horizon;
 use crate::plan::trial::multirate;
 use crate::plan::trial::pilot_result::{self, ChosenIsland};
@@ -48,6 +49,10 @@ struct Maker<'a> {
     budget: &'a Budget,
     pins: Pins,
     memo: Memo<'a>,
+    /// The work that the trials of all islands may take [s], and what is left of it.
+    work_max: f64,
+    work_left: f64,
+    /// That of the present island.
     allowance: Allowance,
     /// Results of trials of earlier plans.
     store: Option<&'a dyn TrialStore>,
@@ -128,15 +133,19 @@ pub(super) fn make(
     if !loose_mats.is_empty() {
         subsets.push(network.subset(&loose_mats, &[], &[]));
     }
+    let n_modules = subsets[..n_islands].iter().map(subset_size).sum();
     for (index, (subset, island_timeline)) in split(subsets, timeline).into_iter().enumerate() {
         let unit_result = if index < n_islands {
-            maker.stored_island(subset, island_timeline)
+            maker.begin_allowance(subset_size(&subset), n_modules);
+            let island_result = maker.stored_island(subset, island_timeline);
+            maker.work_left -= maker.allowance.spent().0;
+            island_result
         } else {
             maker.cells(&subset, &island_timeline)
         };
         if let Err(error) = unit_result {
             // From here no trials: there is no plan any more, but the remaining islands are checked for further errors.
-            maker.allowance = Allowance::new(0, 0.0);
+            maker.work_left = 0.0;
             refusals.push(error);
         }
     }
@@ -145,7 +154,7 @@ pub(super) fn make(
     }
     maker.pins.end()?;
     maker.plan.solved = maker.memo.into_solved();
-    (maker.plan.trials_cost, maker.plan.trials_most) = maker.allowance.spent();
+    (maker.plan.trials_cost, maker.plan.trials_most) = (maker.work_max - maker.work_left, maker.work_max);
     let (mut final_plan, seen_units) = (maker.plan, maker.seen_units);
     final_plan.n_heard = final_plan.units.len();
     final_plan.unmoved.sort_unstable();
@@ -156,6 +165,11 @@ pub(super) fn make(
     }
     final_plan.units.extend(seen_units);
     Ok(final_plan)
+}
+
+/// The number of modules of a subset.
+fn subset_size(subset: &Subset) -> usize {
+    subset.network.n_mat() + subset.network.n_lia()
 }
 
 /// Modules that are computed because they are heard: those that nothing plays leave the trials as they are.
@@ -171,7 +185,9 @@ impl<'a> Maker<'a> {
             plan: Plan::empty(network.clone(), timeline),
             budget,
             pins: Pins::new(None),
-            allowance: Allowance::new(0, 0.0),
+            work_max: 0.0,
+            work_left: 0.0,
+            allowance: Allowance::with_total(0.0),
             memo: Memo::new(&[]),
             store: None,
             drafts_by: None,
@@ -184,14 +200,24 @@ impl<'a> Maker<'a> {
 
     /// The same with what is known, and with its share of the allowance of a plan of `n_modules`.
     fn with_known(self, known: Known<'a>, n_modules: usize) -> Self {
+        let work_max = allowance_of_plan(n_modules, known.draft.map_or(known.share, |draft| draft.share));
         Self {
-            allowance: Allowance::new(n_modules, known.draft.map_or(known.share, |draft| draft.share)),
+            work_max,
+            work_left: work_max,
             drafts_by: known.draft.map(|draft| draft.budget),
             store: known.store,
             seen: known.seen,
             seen_every: known.seen_every,
             ..self
         }
+    }
+
+    /// Gives an island its part of the plan's allowance: one that is hard to plan leaves enough to the others. What it
+    /// gets depends on no other island, as long as the plan's allowance is not spent.
+    fn begin_allowance(&mut self, n_modules: usize, n_total: usize) {
+        let size_share = n_modules as f64 / n_total as f64;
+        let island_work = self.work_max * size_share.max(ISLAND_SHARE_MIN);
+        self.allowance = Allowance::with_total(island_work.min(self.work_left));
     }
 
     /// Reports an island that is not computed, in one row with others of its part.
@@ -239,7 +265,7 @@ impl<'a> Maker<'a> {
     /// Plans an island: as a bank of modes if it has them, else stepped.
     fn island(&mut self, subset: Subset, island_timeline: OwnTimeline) -> Result<(), Error> {
         self.memo.begin();
-        let module_count = subset.network.n_mat() + subset.network.n_lia();
+        let module_count = subset_size(&subset);
         let island_pin = self.pins.next(module_count)?;
         let (pinned_modes, pinned_steps) = match island_pin.as_ref().map(|island_pin| &island_pin.method) {
             None => (None, None),

@@ -14,7 +14,7 @@ use crate::assembly::split::{OwnTimeline, split};
 use crate::assembly::unit::Unit;
 use crate::body_modes::linear::NoModes;
 use crate::network::{Error, Network, Subset};
-use crate::plan::trial::allowance::Allowance;
+use crate::plan::trial::allowance::{Allowance, allowance_of_plan};
 use crate::plan::trial::seen_rate;
 use crate::plan::{Known, Plan};
 use crate::timeline::Timeline;
@@ -31,7 +31,7 @@ pub(super) fn plan(
     let (budget, share) = known
         .draft
         .map_or((budget, known.share), |draft| (draft.budget, draft.share));
-    let allowance = Allowance::new(module_count, share);
+    let allowance = Allowance::with_total(allowance_of_plan(module_count, share));
     let mut maker = Maker {
         every: known.seen_every,
         ..Maker::new(network, timeline, budget)
