@@ -21,7 +21,6 @@ LONGER = {
     ("core-rs/engine/src/key_model/motion/derivatives.rs", "direct"): 82,
     ("core-rs/engine/src/network/bodies.rs", "add_mesh"): 90,
     ("core-rs/engine/src/network/modes.rs", "part_modes"): 81,
-    ("core-rs/engine/src/plan/make.rs", "make"): 84,
     ("core-rs/engine/src/plan/make.rs", "stepped"): 97,
     ("core-rs/engine/src/assembly/assemble.rs", "new"): 89,
     ("core-rs/engine/src/assembly/cells.rs", "oscillators"): 87,

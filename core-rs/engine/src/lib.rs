@@ -69,6 +69,7 @@ mod bank;
 mod body_modes;
 pub mod cell;
 pub mod chance;
+mod content;
 pub mod derivative;
 mod dry;
 pub mod generator;

@@ -4,8 +4,9 @@
 //! is a function of its arguments alone, never of a timing.
 
 mod constants;
+mod hash;
 mod make;
-mod report;
+mod row;
 mod trial;
 
 pub use crate::assembly::audible::ModeKind;
@@ -13,9 +14,7 @@ pub use crate::assembly::budget::{Budget, Method};
 pub use crate::assembly::choice::{Choice, ChoiceNumbers};
 pub use crate::assembly::constants::{INAUDIBLE_ERROR_DB, PITCH_HERTZ_MAX};
 pub use constants::SPECTRUM_NOISE;
-pub(crate) use report::bank_content::BankContent;
-pub(crate) use report::content::{Content, hex_of};
-pub use report::row::{Computed, Measured, Reason, Row};
+pub use row::{Computed, Measured, Reason, Row};
 pub use trial::record::{TrialRecord, TrialStore};
 
 use std::ops::Range;
@@ -332,6 +331,6 @@ impl Plan {
 
     /// A hash of what was decided: two plans of one score with the same hash give the same sound.
     pub fn hash(&self) -> String {
-        report::hash::hash(&self.choices, &self.rows)
+        hash::hash(&self.choices, &self.rows)
     }
 }

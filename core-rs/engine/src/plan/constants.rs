@@ -46,9 +46,6 @@ pub(in crate::plan) const SILENT_SHARE: f64 = 1e-10;
 pub(in crate::plan) const SAMPLES_MAX: usize = 1 << 24;
 /// Most lengths that are remembered for one island.
 pub(in crate::plan) const LENGTHS_MAX: usize = 8;
-/// Events within this many frames after an instant count as before it, because events are rounded to frames and strikes
-/// are spread over two frames.
-pub(in crate::plan) const ROUNDED_FRAMES: u64 = 4;
 
 // What trials may cost.
 /// Allowance of a plan [s], and for each module that is computed and heard [s]: about 1 s for 100 modules, 2.4 s for

@@ -8,8 +8,8 @@ use super::Maker;
 use crate::assembly::budget::Budget;
 use crate::assembly::choice::{Choice, Pins};
 use crate::assembly::split::OwnTimeline;
+use crate::content::island::IslandContent;
 use crate::network::{Error, Subset};
-use crate::plan::report::content::IslandContent;
 use crate::plan::trial::record::TrialRecord;
 
 impl<'a> Maker<'a> {

@@ -10,7 +10,7 @@ use crate::assembly::split::OwnTimeline;
 use crate::island::inside::BodyPlan;
 use crate::network::Subset;
 use crate::plan::constants::{PRESERVED_LIMITS, SEEN_SHARE, SLOW_COST_RATIO_MAX};
-use crate::plan::report::row::Measured;
+use crate::plan::row::Measured;
 use crate::plan::trial::multirate::{self, Offered};
 
 /// Why a part that asks for a rate of its own does not get it, if its island is better without.

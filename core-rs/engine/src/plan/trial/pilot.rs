@@ -14,7 +14,7 @@ use crate::assembly::unit::IslandPlan;
 use crate::island::FINE_SUBSTEPS_MIN;
 use crate::network::Error;
 use crate::plan::constants::{FAINT_SHARE, OVERSAMPLING_MAX, PARTED_DB, PILOT_PARTS, SEARCH_COST};
-use crate::plan::report::row::Measured;
+use crate::plan::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::candidates::Candidate;
 use crate::plan::trial::chaos::{Pair, Stretches};

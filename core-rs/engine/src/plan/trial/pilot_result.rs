@@ -11,7 +11,7 @@ use crate::island::ContactOrder;
 use crate::island::inside::BodyPlan;
 use crate::network::Error;
 use crate::plan::constants::OVERSAMPLING_MAX;
-use crate::plan::report::row::Measured;
+use crate::plan::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::horizon;
 use crate::plan::trial::record::{TrialRecord, TrialStore};

@@ -2,8 +2,8 @@
 
 use crate::assembly::solved_modes::ModeStore;
 use crate::body_modes::complex_modes::{Complex, ComplexModes, Pole, Sum};
+use crate::content::network_key;
 use crate::network::Network;
-use crate::plan::report::content::network_key;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
 
 /// Complex modes in a store of records.
