@@ -97,7 +97,7 @@ def test_page_links_point_to_files(page: Path) -> None:
 
 # Where files lie that the pages for developers name without their beginning.
 _HOMES = [ROOT, *(ROOT / f"core-rs/{one}/src" for one in ("engine", "view", "live", "bridge"))]
-_HOMES += [ROOT / "core-rs", ROOT / "core-rs/engine/src/plan"]
+_HOMES += [ROOT / "core-rs", *(ROOT / f"core-rs/engine/src/{one}" for one in ("assembly", "plan"))]
 
 
 @pytest.mark.parametrize(

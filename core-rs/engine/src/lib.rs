@@ -64,10 +64,12 @@
 //! | outputs to channels, limiter, levels | [`mix`] |
 
 mod archive;
+mod assembly;
 mod bank;
 mod body_modes;
 pub mod cell;
 pub mod chance;
+mod content;
 pub mod derivative;
 mod dry;
 pub mod generator;

@@ -3,32 +3,25 @@
 //! Islands do not interact, so each is computed on its own, by the cheapest method that is exact enough for it. A plan
 //! is a function of its arguments alone, never of a timing.
 
-mod budget;
-mod choice;
 mod constants;
-mod cost;
+mod hash;
 mod make;
-mod passes;
-mod report;
+mod row;
 mod trial;
 
-pub use budget::{Budget, Method};
-pub use choice::{Choice, ChoiceNumbers};
-pub use constants::{INAUDIBLE_ERROR_DB, PITCH_HERTZ_MAX, SPECTRUM_NOISE};
-pub(crate) use cost::counted_cost;
-pub use passes::audible::ModeKind;
-pub(crate) use report::bank_content::BankContent;
-pub(crate) use report::content::{Content, hex_of};
-pub use report::row::{Computed, Measured, Reason, Row};
+pub use crate::assembly::audible::ModeKind;
+pub use crate::assembly::budget::{Budget, Method};
+pub use crate::assembly::choice::{Choice, ChoiceNumbers};
+pub use crate::assembly::constants::{INAUDIBLE_ERROR_DB, PITCH_HERTZ_MAX};
+pub use constants::SPECTRUM_NOISE;
+pub use row::{Computed, Measured, Reason, Row};
 pub use trial::record::{TrialRecord, TrialStore};
 
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::bank::{Oscillator, Strikes};
-use crate::body_modes::complex_modes::ComplexPart;
-use crate::island::inside::BodyPlan;
-use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN, StepNumbers};
+use crate::assembly::unit::{IslandPlan, NetworkIndices, Unit};
+use crate::island::ContactOrder;
 use crate::network::{Error, Network};
 use crate::scheme::{Refusal, Scheme};
 use crate::timeline::Timeline;
@@ -37,130 +30,6 @@ use crate::timeline::Timeline;
 const PIECE: usize = 2;
 /// Most groups for the banks of one part: each group holds frames of all outputs.
 const PIECES_MAX: usize = 16;
-
-/// One island as it will be computed: modules that can touch each other, and their events.
-#[derive(Clone, Debug)]
-pub(crate) struct IslandPlan {
-    pub(crate) network: Arc<Network>,
-    pub(crate) timeline: Timeline,
-    /// Its bodies that are computed by a method of their own.
-    pub(crate) bodies: Vec<BodyPlan>,
-    /// Contact substeps a frame while a contact may be closed.
-    pub(crate) contact_substeps: usize,
-    /// The order of the fewest substeps; more are of order 4.
-    pub(crate) contact_order: ContactOrder,
-    /// Work that depends on the motion, as a trial counted it [ns a frame]; `None`: the table estimates that of laws.
-    pub(crate) counted_cost: Option<u32>,
-    /// Steps of the whole island in `every` frames: its timeline runs at this multiple of the rate.
-    pub(crate) oversampling: u32,
-    /// 1, except for what is only seen.
-    pub(crate) every: u32,
-    /// Whether it is stopped when nobody hears it any more.
-    pub(crate) sleeps: bool,
-    pub(crate) to_whole: NetworkIndices,
-}
-
-impl IslandPlan {
-    /// The outputs of the scene that hear it, in its order.
-    pub(crate) fn scene_outputs(&self) -> impl Iterator<Item = usize> {
-        let local_outputs = 0..self.network.outputs().len();
-        local_outputs.map(|local| to_network_index(&self.to_whole.outputs, local))
-    }
-
-    /// Its steps, with these contact substeps.
-    pub(crate) fn step_numbers(&self, contact_substeps: usize) -> StepNumbers {
-        StepNumbers {
-            contact_substeps,
-            contact_order: match contact_substeps {
-                FINE_SUBSTEPS_MIN => self.contact_order,
-                _ => ContactOrder::Fourth,
-            },
-            oversampling: self.oversampling,
-            every: self.every,
-        }
-    }
-
-    /// Nanoseconds a frame, by the table of costs.
-    fn cost(&self) -> f64 {
-        let body_costs = self.bodies.iter().map(cost::body_cost);
-        f64::from(self.oversampling) * (self.hub_cost() + body_costs.sum::<f64>()) / f64::from(self.every)
-    }
-
-    /// Cost of all but its bodies [ns a step].
-    fn hub_cost(&self) -> f64 {
-        let by_motion = match self.counted_cost {
-            Some(ns) => f64::from(ns) / f64::from(self.oversampling),
-            None => cost::laws_cost(self),
-        };
-        cost::stepped_cost(&self.network, &self.timeline) + by_motion
-    }
-}
-
-/// Local index → index in the whole network; `None` if the island is the whole network.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct NetworkIndices {
-    pub(crate) mats: Option<Vec<u32>>,
-    pub(crate) outputs: Option<Vec<u32>>,
-    pub(crate) keys: Option<Vec<u32>>,
-    pub(crate) gestures: Option<Vec<u32>>,
-}
-
-/// The index in the whole network of a local index.
-pub(crate) fn to_network_index(map: &Option<Vec<u32>>, local: usize) -> usize {
-    map.as_ref().map_or(local, |map| map[local] as usize)
-}
-
-/// Uncoupled oscillators.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct BankPlan {
-    pub(crate) oscillators: Vec<Oscillator>,
-    pub(crate) strikes: Vec<Strikes>,
-    /// The part that the CELs belong to, if it has banks of its own.
-    pub(crate) part: Option<u32>,
-    /// The MAT of each oscillator, and where it rests; empty for modes.
-    pub(crate) mats: Vec<(u32, f64)>,
-    /// The body whose modes they are; `None` for MATs.
-    pub(crate) body: Option<Arc<Network>>,
-    /// Which modes of the body they are.
-    pub(crate) computed_modes: Vec<u32>,
-    /// MATs of the body towards which modes of the same frequency were turned; `None` if modes were not turned.
-    pub(crate) turned: Option<Vec<usize>>,
-    /// For complex modes: the body, and which part of which mode each oscillator is.
-    pub(crate) complex: Option<(Arc<Network>, Vec<ComplexPart>)>,
-    /// Further strikes may come that are not known yet.
-    pub(crate) is_open: bool,
-}
-
-impl BankPlan {
-    /// The frame up to which it gives 0, if nothing comes from outside: that of its first blow.
-    pub(crate) fn silent_until(&self) -> u64 {
-        let is_resting = |each: &Oscillator| each.now == 0.0 && each.before == 0.0;
-        if self.is_open || !self.oscillators.iter().all(is_resting) {
-            return 0;
-        }
-        let bank_blows = self.oscillators.iter().flat_map(|each| &each.blows);
-        let strikes = self.strikes.iter().flat_map(|each| &each.blows);
-        let blow_frames = bank_blows.map(|blow| blow.frame).chain(strikes.map(|blow| blow.0));
-        blow_frames.min().unwrap_or(u64::MAX)
-    }
-}
-
-/// One unit of computation: an island or a bank.
-#[derive(Clone, Debug)]
-pub(crate) enum Unit {
-    IslandPlan(Box<IslandPlan>),
-    Bank(BankPlan),
-}
-
-impl Unit {
-    /// Nanoseconds a frame, by the table of costs.
-    pub(crate) fn cost(&self) -> f64 {
-        match self {
-            Self::IslandPlan(island_plan) => island_plan.cost(),
-            Self::Bank(bank) => cost::bank_cost(bank),
-        }
-    }
-}
 
 /// How islands are planned that are not worth the trials of an exact plan.
 #[derive(Clone, Copy)]
@@ -243,7 +112,7 @@ pub struct Plan {
     /// Parts that ask for a rate of their own but are computed at every frame, and why.
     stay: Vec<(String, String)>,
     /// What was computed about its bodies, for the next plan.
-    solved: Vec<Arc<passes::solved_modes::SolvedBody>>,
+    solved: Vec<Arc<crate::assembly::solved_modes::SolvedBody>>,
     /// Work that its trials took, and their allowance [s].
     trials_cost: f64,
     trials_most: f64,
@@ -276,9 +145,9 @@ impl Plan {
     ///
     /// Those of a network that is unstable without its contacts.
     pub fn with_fine_contacts(network: Arc<Network>, timeline: &Timeline) -> Result<Self, Error> {
-        let (budget, steps_max) = (Budget::default(), constants::SUBSTEPS_MAX);
+        let (budget, steps_max) = (Budget::default(), crate::assembly::constants::SUBSTEPS_MAX);
         let (contact_substeps, _, certificate) =
-            passes::assemble::hub(&network, timeline, &budget, steps_max, Refusal::Explained)?;
+            crate::assembly::assemble::hub(&network, timeline, &budget, steps_max, Refusal::Explained)?;
         let mut fine_plan = Self::empty(network, timeline);
         let island_plan = fine_plan.stepped(timeline, contact_substeps);
         fine_plan.rows.push(Row::stepped(&island_plan, certificate));
@@ -462,6 +331,6 @@ impl Plan {
 
     /// A hash of what was decided: two plans of one score with the same hash give the same sound.
     pub fn hash(&self) -> String {
-        report::hash::hash(&self.choices, &self.rows)
+        hash::hash(&self.choices, &self.rows)
     }
 }

@@ -15,13 +15,15 @@ mod takeover;
 
 use std::sync::Arc;
 
+use crate::assembly::cost;
+use crate::assembly::unit::{IslandPlan, Unit, to_network_index};
 use crate::derivative::{self, Derivatives};
 use crate::gesture::report::Report;
 use crate::interrupt;
 use crate::island::{FramedErgon, Island};
 use crate::kernel::thread_team::flushed;
 use crate::network::{Error, Network};
-use crate::plan::{self, IslandPlan, Plan, Unit, to_network_index};
+use crate::plan::Plan;
 use crate::timeline::Timeline;
 
 pub use crate::archive::Damaged;
@@ -468,7 +470,7 @@ impl Simulation {
     /// and that of exact contacts beyond one solution a step [s].
     pub fn counted_work(&self) -> f64 {
         let islands = self.islands();
-        let island_costs = islands.flat_map(|(island, _)| plan::counted_cost(island));
+        let island_costs = islands.flat_map(|(island, _)| cost::counted_cost(island));
         1e-9 * island_costs.sum::<f64>()
     }
 

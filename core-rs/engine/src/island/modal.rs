@@ -49,6 +49,8 @@ pub(crate) struct RunningModal {
     has_pending: bool,
     between: Option<Between>,
     forces: Vec<f64>,
+    /// Positions of the rows at the next frame, while they are pushed   (n_rows)
+    row_positions: Vec<f64>,
     /// Forces on the ports in the frames of `seen` that the modes do not contain yet, and whether there are any
     /// (FRAMES_AHEAD, n_ports)
     pushes: Vec<f64>,
@@ -118,6 +120,7 @@ impl RunningModal {
             has_pending: false,
             between: None,
             forces: vec![0.0; plan.ports.len()],
+            row_positions: vec![0.0; n_rows],
             pushes: vec![0.0; FRAMES_AHEAD * plan.ports.len()],
             has_pushes: false,
             quiet: 0,
@@ -470,9 +473,9 @@ impl RunningModal {
         };
         self.take_pushes();
         self.saved.clone_from_slice(&self.motions);
-        for sums in self.sums.chunks_mut(FRAMES_AHEAD) {
-            sums[..frames_ahead].fill(Sum::ZERO);
-        }
+        // Close together: a row of `FRAMES_AHEAD` sums is a page of memory.
+        let n_sums = self.row_positions.len() * frames_ahead;
+        self.sums[..n_sums].fill(Sum::ZERO);
         for (group, motion) in self.motions.iter_mut().enumerate() {
             let group_rates = if self.is_damped {
                 &self.damped
@@ -485,13 +488,13 @@ impl RunningModal {
                 motion,
                 group_rows,
                 frames_ahead,
-                &mut self.sums,
-                FRAMES_AHEAD,
+                &mut self.sums[..n_sums],
+                frames_ahead,
             );
         }
-        for (seen, sums) in self.seen.chunks_mut(SEEN_FRAMES).zip(self.sums.chunks(FRAMES_AHEAD)) {
+        for (seen, sums) in self.seen.chunks_mut(SEEN_FRAMES).zip(self.sums.chunks(frames_ahead)) {
             seen[0] = seen[self.present];
-            for (seen, sum) in seen[1..].iter_mut().zip(&sums[..frames_ahead]) {
+            for (seen, sum) in seen[1..].iter_mut().zip(sums) {
                 *seen = lane_total(sum);
             }
         }

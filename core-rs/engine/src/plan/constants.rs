@@ -1,28 +1,13 @@
 //! The numbers by which plans are made, each with its unit and its reason.
 //!
-//! Measured costs stand in `costs.txt`. Sizes of blocks, and numbers that follow from these, stand where they are used.
-
-use std::f64::consts::PI;
-
-use crate::island::slow;
+//! Sizes of blocks, and numbers that follow from these, stand where they are used.
 
 // What is heard.
-/// Above this frequency a sound hardly has a pitch [Hz].
-pub const PITCH_HERTZ_MAX: f64 = 5_000.0;
-/// Loudness of all left-out partials together, relative to the sound, if the budget is one of pitch [dB]: masked by the
-/// rest, and below the noise of a 16-bit file at any usual level.
-pub(in crate::plan) const LEFT_OUT_LEVEL_MAX: f64 = -80.0;
-/// Accuracy of contacts, and of all whose audible error is not known, if the budget is one of pitch [dB]. A reference
-/// that is surer than this is not chaotic.
-pub const INAUDIBLE_ERROR_DB: f64 = -60.0;
 /// The part of the audible error allowed that slow parts may take if they are only seen: the rest of the island has
 /// errors too.
 pub(in crate::plan) const SEEN_SHARE: f64 = 0.5;
 /// Limits up to which a slow part counts as preserved: frames from kick to kick, and error [dB].
 pub(in crate::plan) const PRESERVED_LIMITS: [(u32, f64); 2] = [(10, -75.0), (20, -70.0)];
-
-/// Multiples of `SHORTEST_SECONDS` over which loudness is compared.
-pub(in crate::plan) const LOUDNESS_SPANS: usize = 20;
 
 // Runs that part.
 /// Differences of third octaves between runs that have parted [dB]. Two runs that differ by rounding alone are up to 2
@@ -61,24 +46,18 @@ pub(in crate::plan) const SILENT_SHARE: f64 = 1e-10;
 pub(in crate::plan) const SAMPLES_MAX: usize = 1 << 24;
 /// Most lengths that are remembered for one island.
 pub(in crate::plan) const LENGTHS_MAX: usize = 8;
-/// Events within this many frames after an instant count as before it, because events are rounded to frames and strikes
-/// are spread over two frames.
-pub(in crate::plan) const ROUNDED_FRAMES: u64 = 4;
 
 // What trials may cost.
-/// A number of modules that are computed and heard, and the allowance of a plan of at most so many [s]. The allowance
-/// is linear between this and `ALLOWANCE_LARGE`, proportional to the modules above that, at most `ALLOWANCE_MAX`.
-pub(in crate::plan) const ALLOWANCE_SMALL: (usize, f64) = (100, 1.0);
-/// The same of a plan of more modules.
-pub(in crate::plan) const ALLOWANCE_LARGE: (usize, f64) = (1_000, 2.5);
+/// Allowance of a plan [s], and for each module that is computed and heard [s]: about 1 s for 100 modules, 2.4 s for
+/// 1,000.
+pub(in crate::plan) const ALLOWANCE_MIN: f64 = 0.85;
+pub(in crate::plan) const ALLOWANCE_PER_MODULE: f64 = 1.5e-3;
 /// Most allowance of a plan [s].
 pub(in crate::plan) const ALLOWANCE_MAX: f64 = 10.0;
+/// The part of a plan's allowance that an island may take, however few its modules: four hard ones get the same.
+pub(in crate::plan) const ISLAND_SHARE_MIN: f64 = 0.25;
 /// The reserve for measuring how long errors hold, as a share of the allowance and in addition to it.
 pub(in crate::plan) const ALLOWANCE_RESERVE: f64 = 0.25;
-/// Most work of a pilot, and of a test of stability [s]. If eigenvalues would take more, the island is simulated
-/// instead; if that would take more too, its stability stays unknown. The bound does not depend on what is left of the
-/// allowance, so that a kept plan decides as it did when it was made.
-pub(in crate::plan) const TRIAL_WORK_MAX: f64 = 0.5;
 /// Work of a search in multiples of its first run, if contacts dominate the cost: the reference takes 14, candidates
 /// with up to four times as many substeps 7.
 pub(in crate::plan) const SEARCH_COST: f64 = 24.0;
@@ -88,12 +67,6 @@ pub(in crate::plan) const FAMILY_SHARE: f64 = 0.4;
 pub(in crate::plan) const DOUBLING_RESERVE: f64 = 2.0;
 /// Work of comparing one sample of an output with others [s].
 pub(in crate::plan) const COMPARISON_SECONDS: f64 = 2e-8;
-/// Work of the eigenvalues, for the cube of the state's size [s].
-pub(in crate::plan) const EIGENVALUES_SECONDS: f64 = 8e-9;
-/// Work of a number of a state, or of a link, in a frame [s].
-pub(in crate::plan) const NUMBER_SECONDS: f64 = 0.4e-9;
-/// Work of an eigenvalue solution, for the cube of the number of modes [s].
-pub(in crate::plan) const SOLVE_SECONDS: f64 = 0.5e-9;
 
 // The reference and the search.
 /// A reference is this much more exact than the waveform that is asked for [dB]: its error then changes that of a
@@ -127,13 +100,8 @@ pub(in crate::plan) const CREATED_SHARE_MAX: f64 = 0.005;
 /// A run is first compared after one part in `EARLY_CHECK.0` of its first span; its difference there exceeds the final
 /// one by at most `EARLY_CHECK.1` [dB].
 pub(in crate::plan) const EARLY_CHECK: (usize, f64) = (4, 12.0);
-/// The part of an error budget for left-out modes, and for contacts [dB]; the predictor of their loudness is within 1.1
-/// dB.
-pub(in crate::plan) const BUDGET_SHARE_DB: f64 = -6.0;
 /// Most steps a frame of a candidate that a plan may choose.
 pub(in crate::plan) const OVERSAMPLING_MAX: u32 = 8;
-/// Most substeps a frame of contacts that are computed finer than a frame; more would be slower than they are worth.
-pub(in crate::plan) const SUBSTEPS_MAX: usize = 64;
 /// Contact substeps a step of a reference. If contacts take more than the part `COSTLY_SHARE` of the cost, a doubling
 /// doubles nearly all work, so it begins at `FINE_SUBSTEPS_MIN`.
 pub(in crate::plan) const REFERENCE_SUBSTEPS: usize = 32;
@@ -159,55 +127,7 @@ pub(in crate::plan) const SLOW_COST_RATIO_MAX: f64 = 0.95;
 /// Largest turn of the modes of a key from kick to kick for which it is made slow [rad]: R·√λ ≤ 1, with R half the
 /// stability limit. No such key grew in scans without damping.
 pub(in crate::plan) const KEY_TURN_MAX: f64 = 1.0;
-/// Largest turn of a mode between two kicks [rad]; above it the kicks do not resolve the mode.
-pub(in crate::plan) const TURN_MAX: f64 = 0.9 * PI;
-/// Most masses of a body: with more, dense products are hardly cheaper than stepping, and computing the flow takes
-/// seconds.
-pub(in crate::plan) const FLOW_MASSES_MAX: usize = slow::MASSES_MAX;
-/// Largest state of which all eigenvalues are computed.
-pub(in crate::plan) const DENSE_MAX: usize = 240;
-/// Tolerance for eigenvalues on the unit circle: rounding moves them off it, and double ones (a free mass) by the root
-/// of that.
-pub(in crate::plan) const UNIT_CIRCLE_TOLERANCE: f64 = 3e-7;
-/// Kicks for which a large island is simulated.
-pub(in crate::plan) const TRIAL_KICKS: usize = 2_000;
-/// Its permitted growth at each kick: its energy fluctuates by that much.
-pub(in crate::plan) const GROWTH_TOLERANCE: f64 = 3e-5;
-/// Longest time between common kicks of all slow parts [frames]; above it the map is not computed.
-pub(in crate::plan) const COMMON_FRAMES_MAX: u64 = 20_000;
 
 // Which bodies go by modes, and which modes are left out.
-/// Fewest masses of a body that nothing touches between frames: fewer are stepped as quickly as by modes.
-pub(in crate::plan) const MODAL_MASSES_MIN: usize = 4;
-/// Ports that a body may have, however few its masses: contacts at all of them cost less by modes than with a mesh
-/// stepped as finely (60 on 100 masses: a fifth).
-pub(in crate::plan) const PORTS_ANY: usize = 64;
-/// A body with more ports goes by modes only if at most one in this many masses is a port (200 on 400 masses took 14
-/// times as long as the mesh).
-pub(in crate::plan) const MASSES_PER_PORT: usize = 4;
-/// Largest cost of a body by complex modes, as a multiple of stepping it: complex modes are exact, which no stepping at
-/// that multiple of the rate is.
-pub(in crate::plan) const COST_RATIO_MAX: f64 = 2.0;
-/// Most ties of a body that may be stepped beside its modes: for a body that hangs in a few places.
-pub(in crate::plan) const TIES_MAX: usize = 8;
-/// Modes are left out only if those kept cost at most this part of all: with all modes there is no error.
-pub(in crate::plan) const TRUNCATED_COST_RATIO_MAX: f64 = 0.5;
-/// Time over which energies are compared [s]: at the beginning, where high modes, which fade first, count most.
-pub(in crate::plan) const ENERGY_SPAN: f64 = 0.1;
-/// Least reduction of the permitted loudness of left-out modes after a failed attempt [dB].
-pub(in crate::plan) const QUIETER_STEP_DB: f64 = 2.0;
 /// Most attempts to leave modes out.
 pub(in crate::plan) const PRUNE_TRIES: usize = 4;
-
-// What counts as rounding in slow parts.
-/// Stiffness below this part of the largest is rounding: nothing holds the body in such a mode.
-pub(in crate::plan) const LOOSE_STIFFNESS_RATIO: f64 = 1e-12;
-
-// What the table of costs does not measure.
-/// Instants of a frame: 8 to 10 for strings of 17 to 35 masses, plus a reserve for what lies between modes.
-pub(in crate::plan) const LAW_INSTANTS: f64 = 12.0;
-/// Rounds in which laws agree on their forces.
-pub(in crate::plan) const LAW_ROUNDS: f64 = 3.0;
-/// The share of the possible parts of a frame that are computed on average (a rope that is stretched 800 times a
-/// second).
-pub(in crate::plan) const LAW_PARTS: f64 = 0.25;

@@ -1,45 +1,47 @@
 //! How a plan is made: the network is divided into islands, and each gets the cheapest method that is exact enough.
 //!
-//! An island that is one linear body becomes a bank of modes (`passes/body`). All other islands are stepped, as trials
+//! An island that is one linear body becomes a bank of modes (`assembly/body`). All other islands are stepped, as trials
 //! decide.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
+use crate::assembly::assemble::{Assembled, AssemblyOptions};
+use crate::assembly::audible::{Body as SolvedBank, ModeKind};
+use crate::assembly::body;
+use crate::assembly::budget::Budget;
+use crate::assembly::cells;
+use crate::assembly::choice::{Choice, IslandMethod, Pins, SteppedChoice, wrong_plan_error};
+use crate::assembly::cost;
+use crate::assembly::islands::islands;
+use crate::assembly::mesh::MethodChoice;
+use crate::assembly::ported::{self, PortedBody};
+use crate::assembly::seen;
+use crate::assembly::slow::RefusedSlow;
+use crate::assembly::slow::growth::Growth;
+use crate::assembly::solved_modes::{Memo, ModeStore};
+use crate::assembly::split::{OwnTimeline, split};
+use crate::assembly::unit::Unit;
 use crate::body_modes::linear::NoModes;
-use crate::interrupt;
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset};
-use crate::plan::budget::Budget;
-use crate::plan::choice::{Choice, IslandMethod, Pins, SteppedChoice, wrong_plan_error};
-use crate::plan::cost;
-use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
-use crate::plan::passes::audible::{Body as SolvedBank, ModeKind};
-use crate::plan::passes::body;
-use crate::plan::passes::cells;
-use crate::plan::passes::islands::{IslandMembers, islands};
-use crate::plan::passes::mesh::MethodChoice;
-use crate::plan::passes::ported::{self, PortedBody};
-use crate::plan::passes::seen;
-use crate::plan::passes::slow::RefusedSlow;
-use crate::plan::passes::solved_modes::{Memo, ModeStore};
-use crate::plan::passes::split::{OwnTimeline, split};
-use crate::plan::report::row::{self, Computed, Measured, Reason, Row};
-use crate::plan::trial::allowance::Allowance;
+use crate::plan::constants::ISLAND_SHARE_MIN;
+use crate::plan::row::{self, Computed, Measured, Row};
+use crate::plan::trial::allowance::{Allowance, allowance_of_plan};
 use crate::plan::trial::horizon;
-use crate::plan::trial::macrostep::Growth;
 use crate::plan::trial::multirate;
 use crate::plan::trial::pilot_result::{self, ChosenIsland};
 use crate::plan::trial::record::TrialStore;
 use crate::plan::trial::stored_modes::StoredModes;
-use crate::plan::{Known, Plan, Unit};
-use crate::scheme::Scheme;
+use crate::plan::{Known, Plan};
 use crate::timeline::Timeline;
 
 mod drafts;
 mod offers;
 mod pilots;
+mod sort_islands;
 mod unheard;
+
+use sort_islands::{n_computed, subset_size};
 
 /// A plan in the making.
 struct Maker<'a> {
@@ -47,6 +49,10 @@ struct Maker<'a> {
     budget: &'a Budget,
     pins: Pins,
     memo: Memo<'a>,
+    /// The work that the trials of all islands may take [s], and what is left of it.
+    work_max: f64,
+    work_left: f64,
+    /// That of the present island.
     allowance: Allowance,
     /// Results of trials of earlier plans.
     store: Option<&'a dyn TrialStore>,
@@ -87,80 +93,24 @@ pub(super) fn make(
             .with_store(mode_store.as_ref().map(|store| store as &dyn ModeStore)),
         ..Maker::new(&network, timeline, budget).with_known(known, n_computed(&all_islands))
     };
-    let mut refusals = Vec::new();
-    let mut unheard = Vec::new();
-    let (mut loose_mats, mut subsets, mut gliding_mats) = (Vec::new(), Vec::new(), Vec::new());
-    let glide_mats = timeline.glides.iter().map(|glide| glide.mat as u32);
-    let glide_mats: BTreeSet<u32> = glide_mats.collect();
-    for island in all_islands {
-        interrupt::poll();
-        let is_gliding = |mat: &u32| glide_mats.contains(mat);
-        let is_loose = || budget.takes_modes() && cells::is_loose(&network, &island, timeline.rate);
-        if !island.is_moved {
-            maker.plan.unmoved.extend(&island.mats);
-        }
-        match (island.is_heard, island.is_moved) {
-            (false, is_moved) => {
-                maker.report_left_out(&island, Reason::Unheard);
-                if is_moved && seen::is_seen(&network, &island, known.seen) {
-                    unheard.push(island);
-                }
-            }
-            (true, false) => {
-                refusals.extend(maker.add_constant(&island).err());
-                maker.report_left_out(&island, Reason::Still);
-            }
-            (true, true) if is_loose() => loose_mats.extend(island.mats),
-            // Gliding cells are stepped as one island: one island for each would take far longer.
-            (true, true) if island.links.is_empty() && island.mats.iter().all(is_gliding) => {
-                gliding_mats.extend(island.mats);
-            }
-            (true, true) => {
-                subsets.push(network.subset(&island.mats, &island.guests, &island.links));
-            }
-        }
-    }
-    if !gliding_mats.is_empty() {
-        subsets.push(network.subset(&gliding_mats, &[], &[]));
-    }
-    let n_islands = subsets.len();
-    if !loose_mats.is_empty() {
-        subsets.push(network.subset(&loose_mats, &[], &[]));
-    }
-    for (index, (subset, island_timeline)) in split(subsets, timeline).into_iter().enumerate() {
-        let unit_result = if index < n_islands {
-            maker.stored_island(subset, island_timeline)
-        } else {
-            maker.cells(&subset, &island_timeline)
-        };
-        if let Err(error) = unit_result {
-            // From here no trials: there is no plan any more, but the remaining islands are checked for further errors.
-            maker.allowance = Allowance::new(0, 0.0);
-            refusals.push(error);
-        }
-    }
+    let sorted = maker.sorted(all_islands, timeline);
+    let refusals = maker.plan_islands(sorted.refusals, (sorted.subsets, sorted.n_islands), timeline);
     if let Some(refusals) = Error::combined(refusals) {
         return Err(refusals);
     }
     maker.pins.end()?;
     maker.plan.solved = maker.memo.into_solved();
-    (maker.plan.trials_cost, maker.plan.trials_most) = maker.allowance.spent();
+    (maker.plan.trials_cost, maker.plan.trials_most) = (maker.work_max - maker.work_left, maker.work_max);
     let (mut final_plan, seen_units) = (maker.plan, maker.seen_units);
     final_plan.n_heard = final_plan.units.len();
     final_plan.unmoved.sort_unstable();
-    if !unheard.is_empty() {
-        let seen_plan = unheard::plan(&network, timeline, budget, known, unheard)?;
+    if !sorted.only_seen.is_empty() {
+        let seen_plan = unheard::plan(&network, timeline, budget, known, sorted.only_seen)?;
         final_plan.units.extend(seen_plan.units);
         final_plan.seen = seen_plan.rows;
     }
     final_plan.units.extend(seen_units);
     Ok(final_plan)
-}
-
-/// Modules that are computed because they are heard: those that nothing plays leave the trials as they are.
-fn n_computed(islands: &[IslandMembers]) -> usize {
-    let computed = islands.iter().filter(|island| island.is_heard && island.is_moved);
-    computed.map(|island| island.mats.len() + island.links.len()).sum()
 }
 
 impl<'a> Maker<'a> {
@@ -170,7 +120,9 @@ impl<'a> Maker<'a> {
             plan: Plan::empty(network.clone(), timeline),
             budget,
             pins: Pins::new(None),
-            allowance: Allowance::new(0, 0.0),
+            work_max: 0.0,
+            work_left: 0.0,
+            allowance: Allowance::with_total(0.0),
             memo: Memo::new(&[]),
             store: None,
             drafts_by: None,
@@ -183,8 +135,10 @@ impl<'a> Maker<'a> {
 
     /// The same with what is known, and with its share of the allowance of a plan of `n_modules`.
     fn with_known(self, known: Known<'a>, n_modules: usize) -> Self {
+        let work_max = allowance_of_plan(n_modules, known.draft.map_or(known.share, |draft| draft.share));
         Self {
-            allowance: Allowance::new(n_modules, known.draft.map_or(known.share, |draft| draft.share)),
+            work_max,
+            work_left: work_max,
             drafts_by: known.draft.map(|draft| draft.budget),
             store: known.store,
             seen: known.seen,
@@ -193,32 +147,39 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Reports an island that is not computed, in one row with others of its part.
-    fn report_left_out(&mut self, island: &IslandMembers, reason: Reason) {
-        let new_row = Row::left_out(&self.plan.network, island, reason);
-        if new_row.mats + new_row.links == 0 {
-            return; // points that hold nothing
-        }
-        let is_same_row = |known_row: &&mut Row| known_row.what == new_row.what && known_row.parts == new_row.parts;
-        match self.plan.rows.iter_mut().find(is_same_row) {
-            Some(known_row) => {
-                known_row.mats += new_row.mats;
-                known_row.links += new_row.links;
+    /// Plans islands, and returns these and earlier `refusals`.
+    fn plan_islands(
+        &mut self,
+        mut refusals: Vec<Error>,
+        (subsets, n_islands): (Vec<Subset>, usize),
+        timeline: &Timeline,
+    ) -> Vec<Error> {
+        let n_modules = subsets[..n_islands].iter().map(subset_size).sum();
+        for (index, (subset, island_timeline)) in split(subsets, timeline).into_iter().enumerate() {
+            let unit_result = if index < n_islands {
+                self.begin_allowance(subset_size(&subset), n_modules);
+                let island_result = self.stored_island(subset, island_timeline);
+                self.work_left -= self.allowance.spent().0;
+                island_result
+            } else {
+                self.cells(&subset, &island_timeline)
+            };
+            if let Err(error) = unit_result {
+                // From here no trials: there is no plan any more, but the remaining islands are checked for further
+                // errors.
+                self.work_left = 0.0;
+                refusals.push(error);
             }
-            None => self.plan.rows.push(new_row),
         }
+        refusals
     }
 
-    /// Adds what outputs hear of modules that never move.
-    fn add_constant(&mut self, island: &IslandMembers) -> Result<(), Error> {
-        let island_subset = self.plan.network.subset(&island.mats, &island.guests, &island.links);
-        let scheme = Scheme::new(&island_subset.network, self.plan.timeline_rate)?;
-        let mut rest_level = vec![0.0; island_subset.outputs.len()];
-        crate::island::outputs_at_rest(&island_subset.network, &scheme, &mut rest_level);
-        for (&output, rest_level) in island_subset.outputs.iter().zip(rest_level) {
-            self.plan.still[output as usize] += rest_level;
-        }
-        Ok(())
+    /// Gives an island its part of the plan's allowance: one that is hard to plan leaves enough to the others. What it
+    /// gets depends on no other island, as long as the plan's allowance is not spent.
+    fn begin_allowance(&mut self, n_modules: usize, n_total: usize) {
+        let size_share = n_modules as f64 / n_total as f64;
+        let island_work = self.work_max * size_share.max(ISLAND_SHARE_MIN);
+        self.allowance = Allowance::with_total(island_work.min(self.work_left));
     }
 
     /// Isolated CELs.
@@ -238,7 +199,7 @@ impl<'a> Maker<'a> {
     /// Plans an island: as a bank of modes if it has them, else stepped.
     fn island(&mut self, subset: Subset, island_timeline: OwnTimeline) -> Result<(), Error> {
         self.memo.begin();
-        let module_count = subset.network.n_mat() + subset.network.n_lia();
+        let module_count = subset_size(&subset);
         let island_pin = self.pins.next(module_count)?;
         let (pinned_modes, pinned_steps) = match island_pin.as_ref().map(|island_pin| &island_pin.method) {
             None => (None, None),

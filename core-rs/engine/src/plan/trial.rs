@@ -4,7 +4,6 @@ pub(in crate::plan) mod allowance;
 pub(in crate::plan) mod candidates;
 pub(in crate::plan) mod chaos;
 pub(in crate::plan) mod horizon;
-pub(in crate::plan) mod macrostep;
 pub(in crate::plan) mod multirate;
 pub(in crate::plan) mod pilot;
 pub(in crate::plan) mod pilot_result;

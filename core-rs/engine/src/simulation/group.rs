@@ -5,12 +5,13 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Mutex;
 
+use crate::assembly::unit::{IslandPlan, Unit};
 use crate::bank::Bank;
 use crate::interrupt;
 use crate::island::{Fault, Island, Options};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
-use crate::plan::{IslandPlan, Plan, Unit};
+use crate::plan::Plan;
 use crate::units::Rate;
 
 /// Frames that a unit advances before its output is added to the sum: few enough for its state to stay in the cache.

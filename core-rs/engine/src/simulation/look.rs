@@ -8,10 +8,11 @@ use std::sync::Arc;
 
 use super::Simulation;
 use super::group::RunningUnit;
+use crate::assembly::unit::{Unit, to_network_index};
 use crate::island::inside::RunningBody;
 use crate::island::{Island, Record};
 use crate::network::Network;
-use crate::plan::{Plan, Unit, to_network_index};
+use crate::plan::Plan;
 use crate::timeline::Timeline;
 use crate::units::Rate;
 use maker::Maker;

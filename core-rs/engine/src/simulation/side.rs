@@ -1,9 +1,9 @@
 //! One of the two simulations of a takeover, as `Takeover::new` compares them.
 
 use super::{RunningUnit, Simulation};
+use crate::assembly::unit::{IslandPlan, Unit};
 use crate::island::Island;
 use crate::network::Network;
-use crate::plan::{IslandPlan, Unit};
 
 /// Index of a group in a simulation, and of a unit in the group.
 pub(super) type UnitIndex = (usize, usize);
@@ -24,7 +24,7 @@ pub(super) struct Side<'a> {
     pub(super) network: &'a Network,
     pub(super) rate: crate::units::Rate,
     pub(super) islands: Vec<(UnitIndex, &'a Island, &'a IslandPlan)>,
-    pub(super) banks: Vec<(UnitIndex, &'a crate::plan::BankPlan)>,
+    pub(super) banks: Vec<(UnitIndex, &'a crate::assembly::unit::BankPlan)>,
 }
 
 impl<'a> Side<'a> {

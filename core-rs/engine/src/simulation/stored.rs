@@ -9,10 +9,10 @@ mod keys;
 use super::Simulation;
 use super::group::{Group, RunningUnit, SoundSource, UNIT_BLOCK};
 use crate::archive::Damaged;
+use crate::assembly::unit::Unit;
 use crate::interrupt;
 use crate::island::{Fault, Island};
 use crate::kernel::thread_team::{ThreadTeam, flushed};
-use crate::plan::Unit;
 pub(super) use keys::Contents;
 
 /// An island whose stretches can be stored.

@@ -13,11 +13,12 @@ use std::sync::Arc;
 use super::Simulation;
 use super::bodies::{Body, Workspace, bodies, names};
 use super::side::{MatLocation, Side, UnitIndex, mat_locations, unmatched};
+use crate::assembly::unit::IslandPlan;
 use crate::bank::are_same;
 use crate::body_modes::mode_shapes::ModalTransform;
 use crate::island::ItemTakeover;
 use crate::network::Network;
-use crate::plan::{IslandPlan, Plan};
+use crate::plan::Plan;
 use crate::timeline::DriveKind;
 
 /// What a simulation takes over from another, item by item.
@@ -104,11 +105,12 @@ impl Takeover {
     /// Finds banks that are the same in both; returns which those are, there and here.
     fn banks(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) -> [Vec<bool>; 2] {
         let mut same_banks = [vec![false; old_side.banks.len()], vec![false; new_side.banks.len()]];
-        let first_mat_name = |side: &Side<'_>, bank: &crate::plan::BankPlan| match (&bank.body, bank.mats.first()) {
-            (Some(network), _) => network.mat_name(0),
-            (None, Some(&(mat, _))) => side.network.mat_name(mat as usize),
-            (None, None) => String::new(),
-        };
+        let first_mat_name =
+            |side: &Side<'_>, bank: &crate::assembly::unit::BankPlan| match (&bank.body, bank.mats.first()) {
+                (Some(network), _) => network.mat_name(0),
+                (None, Some(&(mat, _))) => side.network.mat_name(mat as usize),
+                (None, None) => String::new(),
+            };
         let indexed_banks = old_side.banks.iter().enumerate();
         let old_by_name: HashMap<String, usize> = indexed_banks
             .map(|(bank_index, (_, bank))| (first_mat_name(old_side, bank), bank_index))

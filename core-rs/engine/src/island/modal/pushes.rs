@@ -8,11 +8,17 @@ use crate::kernel::ports;
 
 /// Most pairs of a port and a port or output whose responses are kept: 2 MB of them.
 const PAIRS_MAX: usize = 4096;
+/// Pushed ports of a frame from which on windows of one frame may cost less: a push moves every row in all frames of a
+/// window. 24 ports of 24 modes take 6 times as long in long windows.
+const MANY_PORTS: usize = 8;
+/// Modes for each of these ports up to which they do: more modes are quicker in registers (450 by 24 ports break even).
+const MODES_PER_PORT: usize = 12;
 
 /// Displacement of each row in the frames after 1 N at each port during one frame   (n_ports, n_rows, FRAMES_AHEAD);
 /// empty if they would be too many.
 pub(super) fn responses(script: &Script) -> Vec<f64> {
-    let (n_ports, n_rows) = (script.plan.ports.len(), script.moves.len());
+    let n_ports = script.plan.ports.len();
+    let n_rows = n_ports + script.plan.outputs.len();
     if n_ports * n_rows > PAIRS_MAX {
         return Vec::new();
     }
@@ -37,8 +43,8 @@ pub(super) fn responses(script: &Script) -> Vec<f64> {
             );
         }
         let rows = responses.chunks_mut(FRAMES_AHEAD).zip(sums.chunks(FRAMES_AHEAD));
-        for ((response, sums), moves) in rows.zip(&script.moves) {
-            response[0] = moves[port];
+        for ((response, sums), row_move) in rows.zip(&script.moves[port]) {
+            response[0] = *row_move;
             for (response, sum) in response[1..].iter_mut().zip(sums) {
                 *response = lane_total(sum);
             }
@@ -60,7 +66,10 @@ impl Script {
 impl RunningModal {
     /// Add the effect of the forces on the ports in this frame.
     pub(super) fn push(&mut self) {
-        if self.script.responses.is_empty() {
+        let n_pushed = self.forces.iter().filter(|force| **force != 0.0).count();
+        let n_modes = self.script.plan.modes.len();
+        let has_many_pushes = n_pushed >= MANY_PORTS && n_pushed * MODES_PER_PORT > n_modes;
+        if self.script.responses.is_empty() || has_many_pushes {
             self.discard_ahead();
             self.quiet = 0;
         }
@@ -70,6 +79,7 @@ impl RunningModal {
             seen,
             motions,
             forces,
+            row_positions,
             pushes,
             has_pushes,
             present,
@@ -79,10 +89,18 @@ impl RunningModal {
         let (present, until) = (*present, *until);
         if until - present == 1 && !*has_pushes {
             // The motions are those of the next frame.
-            for (row, moves) in script.moves.iter().enumerate() {
-                for (moves, force) in moves.iter().zip(&*forces) {
-                    seen[row * SEEN_FRAMES + present + 1] += moves * force;
+            let seen_next = seen.iter_mut().skip(present + 1).step_by(SEEN_FRAMES);
+            for (position, seen) in row_positions.iter_mut().zip(seen_next) {
+                *position = *seen;
+            }
+            for (moves, &force) in script.moves.iter().zip(&*forces) {
+                if force != 0.0 {
+                    ports::add_response(row_positions, moves, force);
                 }
+            }
+            let seen_next = seen.iter_mut().skip(present + 1).step_by(SEEN_FRAMES);
+            for (position, seen) in row_positions.iter().zip(seen_next) {
+                *seen = *position;
             }
             for (group, motion) in motions.iter_mut().enumerate() {
                 for (port, &force) in forces.iter().enumerate() {
@@ -96,7 +114,7 @@ impl RunningModal {
         let n_ports = forces.len();
         pushes[present * n_ports..][..n_ports].copy_from_slice(forces);
         *has_pushes = true;
-        let port_responses = script.responses.chunks(script.moves.len() * FRAMES_AHEAD);
+        let port_responses = script.responses.chunks(row_positions.len() * FRAMES_AHEAD);
         for (responses, &force) in port_responses.zip(&*forces) {
             if force == 0.0 {
                 continue;

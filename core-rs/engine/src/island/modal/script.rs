@@ -15,7 +15,7 @@ pub(super) struct Script {
     pub(super) gains: Vec<Vec<Lanes>>,
     /// The same at the present frame, for complex modes   (n_groups, n_ports), else empty
     pub(super) back_gains: Vec<Vec<Lanes>>,
-    /// Displacement of each row at the next frame by 1 N at each port   (n_rows, n_ports)
+    /// Displacement of each row at the next frame by 1 N at each port   (n_ports, n_rows)
     pub(super) moves: Vec<Vec<f64>>,
     /// What `pushes::responses` says of it.
     pub(super) responses: Vec<f64>,
@@ -43,9 +43,9 @@ impl Script {
         let group_range = 0..modes.len().div_ceil(LANES);
         let ports = plan.ports.iter().map(|port| &port.shape);
         let row_shapes: Vec<&Vec<f64>> = ports.chain(plan.outputs.iter().map(|(_, shape)| shape)).collect();
-        let row_moves = |row: &[f64]| {
-            let port_move = |port| (0..modes.len()).map(|mode| row[mode] * plan.gain(port, mode)[0]).sum();
-            (0..plan.ports.len()).map(port_move).collect()
+        let port_moves = |port: usize| {
+            let row_move = |row: &&Vec<f64>| (0..modes.len()).map(|mode| row[mode] * plan.gain(port, mode)[0]).sum();
+            row_shapes.iter().map(row_move).collect()
         };
         let group_rows = |group| {
             row_shapes
@@ -71,7 +71,7 @@ impl Script {
             rows: group_range.clone().map(group_rows).collect(),
             gains: group_range.map(|group| group_gains(group, 0)).collect(),
             back_gains: (0..n_back_groups).map(|group| group_gains(group, 1)).collect(),
-            moves: row_shapes.iter().map(|row| row_moves(row)).collect(),
+            moves: (0..plan.ports.len()).map(port_moves).collect(),
             responses: Vec::new(),
             blows: blows(plan),
             plan: plan.clone(),

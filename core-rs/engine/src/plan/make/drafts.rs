@@ -5,11 +5,11 @@
 //! reads these decisions, so a draft changes none.
 
 use super::Maker;
+use crate::assembly::budget::Budget;
+use crate::assembly::choice::{Choice, Pins};
+use crate::assembly::split::OwnTimeline;
+use crate::content::island::IslandContent;
 use crate::network::{Error, Subset};
-use crate::plan::budget::Budget;
-use crate::plan::choice::{Choice, Pins};
-use crate::plan::passes::split::OwnTimeline;
-use crate::plan::report::content::IslandContent;
 use crate::plan::trial::record::TrialRecord;
 
 impl<'a> Maker<'a> {

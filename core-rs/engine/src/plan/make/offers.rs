@@ -3,14 +3,14 @@
 //! Such an offer is taken only after a measurement, if the island then costs less and sounds the same.
 
 use super::{Maker, SolvedIsland};
+use crate::assembly::budget::Budget;
+use crate::assembly::choice::{BodyChoice, SteppedChoice};
+use crate::assembly::cost;
+use crate::assembly::split::OwnTimeline;
 use crate::island::inside::BodyPlan;
 use crate::network::Subset;
-use crate::plan::budget::Budget;
-use crate::plan::choice::{BodyChoice, SteppedChoice};
 use crate::plan::constants::{PRESERVED_LIMITS, SEEN_SHARE, SLOW_COST_RATIO_MAX};
-use crate::plan::cost;
-use crate::plan::passes::split::OwnTimeline;
-use crate::plan::report::row::Measured;
+use crate::plan::row::Measured;
 use crate::plan::trial::multirate::{self, Offered};
 
 /// Why a part that asks for a rate of its own does not get it, if its island is better without.

@@ -1,13 +1,13 @@
 //! The pilot of an island, or the record of an earlier one.
 
 use super::Maker;
+use crate::assembly::assemble::{Assembled, AssemblyOptions};
+use crate::assembly::budget::Budget;
+use crate::assembly::choice::SteppedChoice;
+use crate::assembly::split::OwnTimeline;
+use crate::content::island::IslandContent;
 use crate::network::{Error, Subset};
-use crate::plan::budget::Budget;
-use crate::plan::choice::SteppedChoice;
-use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
-use crate::plan::passes::split::OwnTimeline;
-use crate::plan::report::content::IslandContent;
-use crate::plan::report::row::Measured;
+use crate::plan::row::Measured;
 use crate::plan::trial::pilot;
 use crate::plan::trial::pilot_result::{ChosenIsland, PilotResult};
 use crate::plan::trial::record::Series;

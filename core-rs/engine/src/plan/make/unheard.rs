@@ -6,16 +6,17 @@
 use std::sync::Arc;
 
 use super::Maker;
+use crate::assembly::budget::Budget;
+use crate::assembly::cells;
+use crate::assembly::islands::IslandMembers;
+use crate::assembly::seen;
+use crate::assembly::split::{OwnTimeline, split};
+use crate::assembly::unit::Unit;
 use crate::body_modes::linear::NoModes;
 use crate::network::{Error, Network, Subset};
-use crate::plan::budget::Budget;
-use crate::plan::passes::cells;
-use crate::plan::passes::islands::IslandMembers;
-use crate::plan::passes::seen;
-use crate::plan::passes::split::{OwnTimeline, split};
-use crate::plan::trial::allowance::Allowance;
+use crate::plan::trial::allowance::{Allowance, allowance_of_plan};
 use crate::plan::trial::seen_rate;
-use crate::plan::{Known, Plan, Unit};
+use crate::plan::{Known, Plan};
 use crate::timeline::Timeline;
 
 /// Plans the islands that are seen but not heard.
@@ -30,7 +31,7 @@ pub(super) fn plan(
     let (budget, share) = known
         .draft
         .map_or((budget, known.share), |draft| (draft.budget, draft.share));
-    let allowance = Allowance::new(module_count, share);
+    let allowance = Allowance::with_total(allowance_of_plan(module_count, share));
     let mut maker = Maker {
         every: known.seen_every,
         ..Maker::new(network, timeline, budget)

@@ -6,7 +6,7 @@ use std::cell::Cell;
 
 use crate::interrupt;
 use crate::network::Error;
-use crate::plan::constants::{ALLOWANCE_LARGE, ALLOWANCE_MAX, ALLOWANCE_RESERVE, ALLOWANCE_SMALL};
+use crate::plan::constants::{ALLOWANCE_MAX, ALLOWANCE_MIN, ALLOWANCE_PER_MODULE, ALLOWANCE_RESERVE};
 
 /// Why a trial gives no result.
 #[derive(Debug)]
@@ -100,24 +100,15 @@ pub(in crate::plan) struct Allowance {
     n_refused: Cell<usize>,
 }
 
-impl Allowance {
-    /// The allowance of a plan of `n_modules`, of which its trials may take the part `share`.
-    pub(in crate::plan) fn new(n_modules: usize, share: f64) -> Self {
-        let ((small_modules, small_seconds), (large_modules, large_seconds)) = (ALLOWANCE_SMALL, ALLOWANCE_LARGE);
-        let seconds = if n_modules <= large_modules {
-            let size_share = n_modules.saturating_sub(small_modules) as f64 / (large_modules - small_modules) as f64;
-            small_seconds + (large_seconds - small_seconds) * size_share
-        } else {
-            (large_seconds * n_modules as f64 / large_modules as f64).min(ALLOWANCE_MAX)
-        };
-        Self {
-            total: share * seconds,
-            ..Self::with_total(0.0)
-        }
-    }
+/// The work that the trials of a plan of `n_modules` may take [s], if they may take the part `share` of the usual.
+pub(in crate::plan) fn allowance_of_plan(n_modules: usize, share: f64) -> f64 {
+    let module_seconds = ALLOWANCE_PER_MODULE * n_modules as f64;
+    share * (ALLOWANCE_MIN + module_seconds).min(ALLOWANCE_MAX)
+}
 
+impl Allowance {
     /// An allowance of `total` work [s].
-    fn with_total(total: f64) -> Self {
+    pub(in crate::plan) fn with_total(total: f64) -> Self {
         Self {
             total,
             drawn_before: Cell::new(0.0),
@@ -276,17 +267,16 @@ mod tests {
 
     #[test]
     fn allowance_grows_with_score_length_to_a_bound() {
-        let seconds = |n| Allowance::new(n, 1.0).spent().1;
-        let allowances = [1, 100, 550, 1_000, 2_000, 1_000_000].map(seconds);
-        for (seconds, expected) in allowances.into_iter().zip([1.0, 1.0, 1.75, 2.5, 5.0, 10.0]) {
+        let allowances = [0, 100, 1_000, 1_000_000].map(|n_modules| allowance_of_plan(n_modules, 1.0));
+        for (seconds, expected) in allowances.into_iter().zip([0.85, 1.0, 2.35, 10.0]) {
             assert!((seconds - expected).abs() < 1e-12, "{seconds} of {expected}");
         }
-        assert_eq!(Allowance::new(1, 0.5).spent(), (0.0, 0.5));
+        assert_eq!(allowance_of_plan(100, 0.5), 0.5);
     }
 
     #[test]
     fn allowance_is_spent_from_the_first_refused_trial() {
-        let allowance = Allowance::new(1, 1.0);
+        let allowance = Allowance::with_total(1.0);
         assert!(allowance.draw(0.75).is_ok());
         assert!(matches!(allowance.draw(0.5), Err(TrialError::AllowanceSpent)));
         assert!(matches!(allowance.draw(0.01), Err(TrialError::AllowanceSpent)));
@@ -295,7 +285,7 @@ mod tests {
 
     #[test]
     fn spend_of_required_work_leaves_less_for_trials() {
-        let allowance = Allowance::new(1, 1.0);
+        let allowance = Allowance::with_total(1.0);
         allowance.spend(0.75);
         assert!(matches!(allowance.draw(0.5), Err(TrialError::AllowanceSpent)));
         allowance.spend(9.0);
@@ -304,7 +294,7 @@ mod tests {
 
     #[test]
     fn replay_of_trials_with_enough_allowance() {
-        let first_allowance = Allowance::new(1, 1.0);
+        let first_allowance = Allowance::with_total(1.0);
         let work_left = first_allowance.begin();
         first_allowance.draw(0.25).unwrap();
         first_allowance.affords(0.5).unwrap();
@@ -312,7 +302,7 @@ mod tests {
         assert_eq!((taken.drawn, taken.needed, taken.left), (0.25, 0.75, None));
         // First after trials that leave enough, then after trials that do not.
         for (other_work, is_same) in [(0.25, true), (0.375, false)] {
-            let replay_allowance = Allowance::new(1, 1.0);
+            let replay_allowance = Allowance::with_total(1.0);
             replay_allowance.draw(other_work).unwrap();
             assert_eq!(replay_allowance.begin_replay_if_enough(&taken), is_same);
             replay_allowance.replay(&taken);
@@ -322,24 +312,24 @@ mod tests {
 
     #[test]
     fn replay_of_refused_trials_with_equal_allowance() {
-        let first_allowance = Allowance::new(1, 1.0);
+        let first_allowance = Allowance::with_total(1.0);
         let work_left = first_allowance.begin();
         first_allowance.draw(0.75).unwrap();
         assert!(first_allowance.draw(0.5).is_err());
         let taken = first_allowance.taken(work_left);
         assert!(taken.is_refused && taken.left == Some(WorkLeft::Seconds(1.0)));
-        let replay_allowance = Allowance::new(1, 1.0);
+        let replay_allowance = Allowance::with_total(1.0);
         assert!(replay_allowance.begin_replay_if_enough(&taken));
         replay_allowance.replay(&taken);
         assert!(replay_allowance.n_refused() > 0 && replay_allowance.draw(0.01).is_err());
-        let later_allowance = Allowance::new(1, 1.0);
+        let later_allowance = Allowance::with_total(1.0);
         later_allowance.draw(0.01).unwrap();
         assert!(!later_allowance.begin_replay_if_enough(&taken));
         // If nothing is left, nothing is played: how much was left before does not matter.
         let work_left = replay_allowance.begin();
         assert!(replay_allowance.draw(0.01).is_err());
         let nothing_taken = replay_allowance.taken(work_left);
-        let half_allowance = Allowance::new(1, 0.5);
+        let half_allowance = Allowance::with_total(0.5);
         assert!(half_allowance.draw(2.0).is_err());
         assert!(half_allowance.begin_replay_if_enough(&nothing_taken));
     }

@@ -1,12 +1,13 @@
 //! The table of candidates to compute an island: methods of its bodies, steps a frame, and how finely contacts and laws
 //! are computed. A candidate is assembled only if it is stable.
 
+use crate::assembly::assemble::{Assembled, AssemblyOptions};
+use crate::assembly::constants::SUBSTEPS_MAX;
+use crate::assembly::mesh::MethodChoice;
 use crate::integrate::MeshMethod;
 use crate::island::FINE_SUBSTEPS_MIN;
 use crate::network::Error;
-use crate::plan::constants::{OVERSAMPLING_MAX, SUBSTEPS_MAX};
-use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
-use crate::plan::passes::mesh::MethodChoice;
+use crate::plan::constants::OVERSAMPLING_MAX;
 use crate::plan::trial::allowance::Allowance;
 use crate::plan::trial::pilot_run::PilotRun;
 

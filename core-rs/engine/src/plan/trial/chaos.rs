@@ -4,12 +4,12 @@
 //! linear system the difference stays small; if pitches depend on amplitudes, it grows with time or its square; if it
 //! grows faster, the motion is chaotic. Waveforms are then compared only until the runs part, and spectra after that.
 
+use crate::assembly::unit::IslandPlan;
 use crate::hearing::QUIET_POWER_RATIO;
 use crate::hearing::third_octaves::level_difference;
 use crate::island::inside::BodyPlan;
 use crate::maths::{log10, sqrt};
 use crate::network::{LinkKind, Network};
-use crate::plan::IslandPlan;
 use crate::plan::constants::{
     ATTACK_ERROR_MIN, ATTACK_SECONDS, FACTOR_TWO_DB, FIRST_STRETCH_SECONDS, NUDGE_SHARE, PARTED_DB, REGULAR_GROWTH,
 };

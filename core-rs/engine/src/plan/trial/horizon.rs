@@ -1,18 +1,19 @@
 //! How long an error holds: if keys meet what sounds again and again, runs may part long after the end of a pilot.
 
+use crate::assembly::budget::Budget;
+use crate::assembly::unit::IslandPlan;
+use crate::content::hex_of;
+use crate::content::island::Content;
 use crate::gesture::script::Gesture;
 use crate::hearing::third_octaves::level_difference;
 use crate::island::inside::BodyPlan;
 use crate::maths::log10;
 use crate::network::LinkKind;
-use crate::plan::IslandPlan;
-use crate::plan::budget::Budget;
 use crate::plan::constants::{
     EQUAL_ERRORS_DB, ERROR_CHECK_SECONDS, HARDER_RATIO, PARTED_DB, RESERVE_FITS, RESERVE_PLANNED, RING_SECONDS,
     SPECTRUM_NOISE,
 };
-use crate::plan::report::content::{Content, hex_of};
-use crate::plan::report::row::Measured;
+use crate::plan::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::chaos::is_linear;
 use crate::plan::trial::pilot_run::{Excerpt, frames_at_rest, frames_per_second, play, work};

@@ -3,22 +3,22 @@
 
 use std::collections::BTreeSet;
 
+use crate::assembly::assemble::{Assembled, AssemblyOptions};
+use crate::assembly::budget::Budget;
+use crate::assembly::cost;
+use crate::assembly::mesh::MethodChoice;
+use crate::assembly::slow::growth::{self, Growth};
+use crate::assembly::slow::{RefusedSlow, slow_bodies};
+use crate::assembly::solved_modes::Memo;
+use crate::assembly::split::OwnTimeline;
+use crate::assembly::unit::IslandPlan;
+use crate::content::island::IslandContent;
 use crate::island::inside::BodyPlan;
 use crate::network::{Error, LinkKind, Network, Run, Subset, Term};
-use crate::plan::IslandPlan;
-use crate::plan::budget::Budget;
 use crate::plan::constants::KEY_TURN_MAX;
-use crate::plan::cost;
-use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
-use crate::plan::passes::mesh::MethodChoice;
-use crate::plan::passes::slow::{RefusedSlow, slow_bodies};
-use crate::plan::passes::solved_modes::Memo;
-use crate::plan::passes::split::OwnTimeline;
-use crate::plan::report::content::IslandContent;
-use crate::plan::report::row::Measured;
+use crate::plan::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::horizon;
-use crate::plan::trial::macrostep::{self, Growth};
 use crate::plan::trial::pilot_run::{find_excerpt, is_affordable, play};
 use crate::plan::trial::record::{Series, TrialStore, measured};
 use crate::plan::trial::waveform_error::{Spans, difference};
@@ -186,7 +186,7 @@ pub(in crate::plan) fn certify(island: &Assembled, allowance: &Allowance) -> Res
     if !body_plans.iter().any(|body| matches!(body, BodyPlan::Slow(_))) {
         return Ok(None);
     }
-    let Some(growth) = macrostep::growth(&island.island_plan) else {
+    let Some(growth) = growth::growth(&island.island_plan) else {
         return Err("its stability at its own rate is too expensive to test".to_owned());
     };
     allowance.spend(growth.work);

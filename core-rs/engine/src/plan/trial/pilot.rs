@@ -7,14 +7,14 @@
 use std::cell::Cell;
 use std::rc::Rc;
 
+use crate::assembly::assemble::{Assembled, AssemblyOptions};
+use crate::assembly::budget::Budget;
+use crate::assembly::mesh::MethodChoice;
+use crate::assembly::unit::IslandPlan;
 use crate::island::FINE_SUBSTEPS_MIN;
 use crate::network::Error;
-use crate::plan::IslandPlan;
-use crate::plan::budget::Budget;
 use crate::plan::constants::{FAINT_SHARE, OVERSAMPLING_MAX, PARTED_DB, PILOT_PARTS, SEARCH_COST};
-use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
-use crate::plan::passes::mesh::MethodChoice;
-use crate::plan::report::row::Measured;
+use crate::plan::row::Measured;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::candidates::Candidate;
 use crate::plan::trial::chaos::{Pair, Stretches};

@@ -1,16 +1,17 @@
 //! The result of a trial: an island and its error, kept as a record that a later plan can read.
 
+use crate::assembly::assemble::{Assembled, AssemblyOptions, Shape};
+use crate::assembly::budget::Budget;
+use crate::assembly::choice::{BodyChoice, SteppedChoice};
+use crate::assembly::constants::SUBSTEPS_MAX;
+use crate::assembly::mesh::MethodChoice;
+use crate::assembly::truncate::KeptModes;
 use crate::body_modes::linear::NoModes;
 use crate::island::ContactOrder;
 use crate::island::inside::BodyPlan;
 use crate::network::Error;
-use crate::plan::budget::Budget;
-use crate::plan::choice::{BodyChoice, SteppedChoice};
-use crate::plan::constants::{OVERSAMPLING_MAX, SUBSTEPS_MAX};
-use crate::plan::passes::assemble::{Assembled, AssemblyOptions, Shape};
-use crate::plan::passes::mesh::MethodChoice;
-use crate::plan::passes::truncate::KeptModes;
-use crate::plan::report::row::Measured;
+use crate::plan::constants::OVERSAMPLING_MAX;
+use crate::plan::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::horizon;
 use crate::plan::trial::record::{TrialRecord, TrialStore};

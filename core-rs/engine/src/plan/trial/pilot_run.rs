@@ -1,13 +1,15 @@
 //! Plays the beginning of an island, and decides for how long that is worth it.
 
+use crate::assembly::constants::TRIAL_WORK_MAX;
+use crate::assembly::cost;
+use crate::assembly::unit::IslandPlan;
 use crate::derivative::Derivatives;
 use crate::island::{Island, OnFault, Options, StepNumbers};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
-use crate::plan::constants::{COMPARISON_SECONDS, ENERGY_CHECKS, EXCERPT_SECONDS_MAX, PILOT_SECONDS, TRIAL_WORK_MAX};
+use crate::plan::constants::{COMPARISON_SECONDS, ENERGY_CHECKS, EXCERPT_SECONDS_MAX, PILOT_SECONDS};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::silence::Silence;
-use crate::plan::{IslandPlan, cost};
 use crate::waveform::is_still;
 
 /// Frames of a block, after each of which the modes are looked at.
@@ -414,12 +416,13 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
+    use crate::assembly::unit::Unit;
     use crate::generator::{Rim, Shape, plate};
     use crate::gesture::profile::Curve;
     use crate::gesture::script::{Gesture, Manner};
     use crate::gesture::written::{Approach, Written};
     use crate::network::{But, Dry, Network, Term, Tie};
-    use crate::plan::{Budget, Method, Plan, Unit};
+    use crate::plan::{Budget, Method, Plan};
     use crate::timeline::Timeline;
     use crate::units::Rate;
 

@@ -1,14 +1,15 @@
 //! Which modes of the bodies in an island are computed: those that are heard, according to the pilot.
 
+use crate::assembly::assemble::Assembled;
+use crate::assembly::budget::Budget;
+use crate::assembly::constants::QUIETER_STEP_DB;
+use crate::assembly::truncate::{KeptModes, choose};
+use crate::assembly::unit::IslandPlan;
 use crate::island::inside::BodyPlan;
 use crate::island::modal::Modal;
 use crate::maths::pow;
 use crate::network::{Error, LinkKind};
-use crate::plan::IslandPlan;
-use crate::plan::budget::Budget;
-use crate::plan::constants::{PRUNE_TRIES, QUIETER_STEP_DB};
-use crate::plan::passes::assemble::Assembled;
-use crate::plan::passes::truncate::{KeptModes, choose};
+use crate::plan::constants::PRUNE_TRIES;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, is_affordable, play};
 use crate::plan::trial::waveform_error::{Spans, difference};

@@ -5,11 +5,12 @@
 //! keys: the hash of all that does not depend on time leads to the lengths that earlier series of the island played,
 //! and the hash of that and of the events up to one such length leads to what the series found.
 
+use crate::content::hex_of;
+use crate::content::island::IslandContent;
 use crate::hearing::{Audible, JUST_NOTICEABLE};
 use crate::network::Error;
 use crate::plan::constants::LENGTHS_MAX;
-use crate::plan::report::content::{IslandContent, hex_of};
-use crate::plan::report::row::Measured;
+use crate::plan::row::Measured;
 use crate::plan::trial::allowance::{Allowance, Taken, WorkLeft};
 
 /// What a series of trials took and found, as numbers that can be written and read.

@@ -6,17 +6,17 @@
 use std::ops::RangeInclusive;
 use std::rc::Rc;
 
+use crate::assembly::assemble::{Assembled, AssemblyOptions};
+use crate::assembly::budget::Budget;
+use crate::assembly::constants::{INAUDIBLE_ERROR_DB, SUBSTEPS_MAX};
 use crate::hearing::Audible;
 use crate::island::FINE_SUBSTEPS_MIN;
 use crate::maths::pow;
 use crate::network::Error;
-use crate::plan::budget::Budget;
 use crate::plan::constants::{
-    CONVERGENCE_ORDERS, COSTLY_SHARE, DOUBLING_RESERVE, EQUAL_ERRORS_DB, FACTOR_TWO_DB, FAMILY_SHARE,
-    INAUDIBLE_ERROR_DB, OVERSAMPLING_MAX, REFERENCE_DB, REFERENCE_MARGIN_DB, REFERENCE_SHARE, REFERENCE_SUBSTEPS,
-    SUBSTEPS_MAX,
+    CONVERGENCE_ORDERS, COSTLY_SHARE, DOUBLING_RESERVE, EQUAL_ERRORS_DB, FACTOR_TWO_DB, FAMILY_SHARE, OVERSAMPLING_MAX,
+    REFERENCE_DB, REFERENCE_MARGIN_DB, REFERENCE_SHARE, REFERENCE_SUBSTEPS,
 };
-use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::candidates::{Candidate, Family, has_fine};
 use crate::plan::trial::pilot_run::{PilotRun, is_affordable};

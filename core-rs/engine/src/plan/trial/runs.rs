@@ -3,10 +3,10 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use crate::assembly::unit::IslandPlan;
 use crate::integrate::MeshMethod;
 use crate::island::StepNumbers;
 use crate::island::inside::BodyPlan;
-use crate::plan::IslandPlan;
 use crate::plan::constants::SAMPLES_MAX;
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, play_while, work};

@@ -8,17 +8,17 @@
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
+use crate::assembly::assemble::{Assembled, AssemblyOptions};
+use crate::assembly::budget::Budget;
+use crate::assembly::mesh::MethodChoice;
 use crate::hearing::Audible;
 use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
 use crate::maths::sqrt;
 use crate::network::Error;
-use crate::plan::budget::Budget;
 use crate::plan::constants::{
     BUDGET_MARGIN_DB, CREATED_SHARE_MAX, EQUAL_ERRORS_DB, EQUAL_ERRORS_RATIO, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX,
     SPECTRUM_NOISE,
 };
-use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
-use crate::plan::passes::mesh::MethodChoice;
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::candidates::{Candidate, candidates, has_fine};
 use crate::plan::trial::chaos::{Pair, Parting, Stretches};

@@ -1,14 +1,14 @@
 //! How far the motion of what is only seen, computed at a lower rate, is from its motion at the rate of the score.
 
+use crate::assembly::assemble::{Assembled, AssemblyOptions};
+use crate::assembly::budget::Budget;
+use crate::assembly::mesh::MethodChoice;
+use crate::assembly::solved_modes::Memo;
+use crate::assembly::split::OwnTimeline;
+use crate::assembly::unit::IslandPlan;
+use crate::content::island::IslandContent;
 use crate::network::{Error, Subset};
-use crate::plan::IslandPlan;
-use crate::plan::budget::Budget;
-use crate::plan::passes::assemble::{Assembled, AssemblyOptions};
-use crate::plan::passes::mesh::MethodChoice;
-use crate::plan::passes::solved_modes::Memo;
-use crate::plan::passes::split::OwnTimeline;
-use crate::plan::report::content::IslandContent;
-use crate::plan::report::row::Measured;
+use crate::plan::row::Measured;
 use crate::plan::trial::allowance::{Allowance, unless_spent};
 use crate::plan::trial::pilot_run::{Excerpt, find_excerpt, play};
 use crate::plan::trial::record::{Series, TrialStore, measured};

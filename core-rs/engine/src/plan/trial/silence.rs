@@ -2,11 +2,11 @@
 //!
 //! Two runs differ there by as much as they sound, however fine they are, so such an output counts as silent.
 
+use crate::assembly::unit::IslandPlan;
 use crate::island::Island;
 use crate::island::inside::BodyPlan;
 use crate::maths::sqrt;
 use crate::network::{Output, Term};
-use crate::plan::IslandPlan;
 use crate::plan::constants::SILENT_SHARE;
 
 /// Outputs that have heard nothing but rounding so far in a run.

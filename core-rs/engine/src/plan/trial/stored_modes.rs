@@ -1,9 +1,9 @@
 //! Complex modes that an earlier plan has solved: an eigenvalue problem takes longer than its numbers to read.
 
+use crate::assembly::solved_modes::ModeStore;
 use crate::body_modes::complex_modes::{Complex, ComplexModes, Pole, Sum};
+use crate::content::network_key;
 use crate::network::Network;
-use crate::plan::passes::solved_modes::ModeStore;
-use crate::plan::report::content::network_key;
 use crate::plan::trial::record::{TrialRecord, TrialStore};
 
 /// Complex modes in a store of records.

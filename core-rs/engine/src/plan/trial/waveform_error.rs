@@ -1,9 +1,9 @@
 //! How far apart two runs of the same beginning are, and which errors follow from that.
 
+use crate::assembly::budget::Budget;
+use crate::assembly::unit::IslandPlan;
 use crate::hearing::Audible;
 use crate::maths::{decibels, log10, pow, sqrt};
-use crate::plan::IslandPlan;
-use crate::plan::budget::Budget;
 use crate::plan::constants::{EARLY_CHECK, PILOT_PARTS, PILOT_SECONDS};
 use crate::plan::trial::pilot_run::frames_per_second;
 use crate::waveform::worst_ratio;

@@ -4,11 +4,12 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use super::{Contact, How, Look, Oscillation, Point, SeenBody, Source};
+use crate::assembly::unit::{BankPlan, IslandPlan, to_network_index};
 use crate::bank::Oscillator;
 use crate::body_modes::mode_shapes::{ModalTransform, ModeShapes};
 use crate::island::inside::BodyPlan;
 use crate::network::{MatKind, Network};
-use crate::plan::{BankPlan, IslandPlan, Plan, to_network_index};
+use crate::plan::Plan;
 use crate::units::Rate;
 
 /// Largest number of modes of a body that are looked at: the lowest, whose displacements are large enough to be seen.

@@ -2,7 +2,10 @@
 
 use std::sync::{Arc, OnceLock};
 
-use crate::plan::{BankContent, Content, Plan, Unit};
+use crate::assembly::unit::Unit;
+use crate::content::bank::BankContent;
+use crate::content::island::Content;
+use crate::plan::Plan;
 use crate::simulation::Simulation;
 use crate::simulation::group::{GROUPS_MAX, RunningUnit};
 
@@ -93,7 +96,7 @@ impl Simulation {
             *key = if *is_silent {
                 String::new()
             } else {
-                crate::plan::hex_of(format_args!("{key}"))
+                crate::content::hex_of(format_args!("{key}"))
             };
         }
         keys_by_stop

@@ -4,9 +4,9 @@
 use std::collections::HashMap;
 
 use super::Takeover;
+use crate::assembly::unit::IslandPlan;
 use crate::island::written_hand::voice::{VoiceTakeover, shared};
 use crate::island::{Island, ItemTakeover};
-use crate::plan::IslandPlan;
 use crate::simulation::side::{Side, UnitIndex};
 
 /// A voice of an old island: the island's unit, the island, its plan, and the index of the voice.

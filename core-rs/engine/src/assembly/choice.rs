@@ -10,14 +10,14 @@ use crate::network::Error;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Choice {
     /// Number of modules of the island, to detect a plan of another score.
-    pub(super) modules: usize,
+    pub(crate) modules: usize,
     /// How it is computed.
-    pub(super) method: IslandMethod,
+    pub(crate) method: IslandMethod,
 }
 
 /// How an island is computed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum IslandMethod {
+pub(crate) enum IslandMethod {
     /// As a bank of these modes, rising.
     Bank(Vec<u32>),
     /// Step by step.
@@ -26,22 +26,22 @@ pub(super) enum IslandMethod {
 
 /// How an island is stepped.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct SteppedChoice {
+pub(crate) struct SteppedChoice {
     /// Steps a frame of the island.
-    pub(super) oversampling: u32,
+    pub(crate) oversampling: u32,
     /// Contact substeps a step.
-    pub(super) contact_substeps: usize,
+    pub(crate) contact_substeps: usize,
     /// Their order.
-    pub(super) contact_order: ContactOrder,
+    pub(crate) contact_order: ContactOrder,
     /// Work that depends on the motion, as a trial counted it [ns a frame]; `None`: not counted.
-    pub(super) counted_cost: Option<u32>,
+    pub(crate) counted_cost: Option<u32>,
     /// The bodies that are computed by methods of their own.
-    pub(super) bodies: Vec<BodyChoice>,
+    pub(crate) bodies: Vec<BodyChoice>,
 }
 
 /// How a body of a stepped island is computed.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum BodyChoice {
+pub(crate) enum BodyChoice {
     /// By these modes, rising.
     Modes(Vec<u32>),
     /// As a mesh by a method of its own.
@@ -55,13 +55,13 @@ pub(super) enum BodyChoice {
 
 /// By which method a mesh is stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct MeshChoice {
+pub(crate) struct MeshChoice {
     /// The method.
-    pub(super) method: MeshMethod,
+    pub(crate) method: MeshMethod,
     /// Steps a step of the island, at least 1.
-    pub(super) substeps: u32,
+    pub(crate) substeps: u32,
     /// The mesh is stepped although it could be computed by modes.
-    pub(super) replaces_modes: bool,
+    pub(crate) replaces_modes: bool,
 }
 
 /// A [`Choice`] as numbers: modules, steps a frame, contact substeps a step, numbers of each body, counted cost and the
@@ -121,7 +121,7 @@ impl Choice {
 
 impl BodyChoice {
     /// The choice as numbers; the first says what the others are.
-    pub(super) fn numbers(&self) -> Vec<u32> {
+    pub(crate) fn numbers(&self) -> Vec<u32> {
         match self {
             Self::Modes(modes) => tagged(kind::MODES, modes),
             Self::Mesh(mesh) => vec![
@@ -138,7 +138,7 @@ impl BodyChoice {
     }
 
     /// The choices that these numbers say; `None` if any of them says none.
-    pub(super) fn all_from_numbers(bodies: &[Vec<u32>]) -> Option<Vec<Self>> {
+    pub(crate) fn all_from_numbers(bodies: &[Vec<u32>]) -> Option<Vec<Self>> {
         bodies.iter().map(|numbers| Self::from_numbers(numbers)).collect()
     }
 
@@ -161,15 +161,15 @@ fn tagged(kind: u32, modes: &[u32]) -> Vec<u32> {
 }
 
 /// Decisions that were made before, if any.
-pub(super) struct Pins(Option<VecDeque<Choice>>);
+pub(crate) struct Pins(Option<VecDeque<Choice>>);
 
 impl Pins {
-    pub(super) fn new(pins: Option<Vec<Choice>>) -> Self {
+    pub(crate) fn new(pins: Option<Vec<Choice>>) -> Self {
         Self(pins.map(VecDeque::from))
     }
 
     /// What was decided for the next island.
-    pub(super) fn next(&mut self, modules: usize) -> Result<Option<Choice>, Error> {
+    pub(crate) fn next(&mut self, modules: usize) -> Result<Option<Choice>, Error> {
         let Some(pin_queue) = &mut self.0 else {
             return Ok(None);
         };
@@ -180,7 +180,7 @@ impl Pins {
     }
 
     /// Checks that no decisions are left over.
-    pub(super) fn end(&self) -> Result<(), Error> {
+    pub(crate) fn end(&self) -> Result<(), Error> {
         match &self.0 {
             Some(unused_choices) if !unused_choices.is_empty() => Err(wrong_plan_error()),
             _ => Ok(()),
@@ -188,7 +188,7 @@ impl Pins {
     }
 }
 
-pub(super) fn wrong_plan_error() -> Error {
+pub(crate) fn wrong_plan_error() -> Error {
     Error::Refused {
         module: "plan".to_owned(),
         message: "it was made for another score or by another version of ergon: make it again".to_owned(),

@@ -1,23 +1,23 @@
 //! An island that is one linear body, struck and heard: a bank of its normal modes or, if they do not suffice, of its
 //! complex modes.
 
+use crate::assembly::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
+use crate::assembly::budget::Budget;
+use crate::assembly::cells::add_weight;
+use crate::assembly::complex_body;
+use crate::assembly::solved_modes::Memo;
+use crate::assembly::truncate::{self, KeptModes};
+use crate::assembly::unit::BankPlan;
 use crate::bank::{Oscillator, Strikes};
 use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};
 use crate::cell::Response;
 use crate::network::{Network, Subset, Term};
-use crate::plan::BankPlan;
-use crate::plan::budget::Budget;
-use crate::plan::passes::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
-use crate::plan::passes::cells::add_weight;
-use crate::plan::passes::complex_body;
-use crate::plan::passes::solved_modes::Memo;
-use crate::plan::passes::truncate::{self, KeptModes};
 use crate::timeline::{Instants, Timeline};
 use crate::units::Rate;
 
 /// The modes of an island, as many as this score excites and the budget asks for, or those decided before.
-pub(in crate::plan) fn bank(
+pub(crate) fn bank(
     subset: &Subset,
     timeline: &Timeline,
     budget: &Budget,
@@ -212,7 +212,7 @@ fn bank_of(
 }
 
 /// Strikes on each MAT that `is_ours`. In a discrete network they act on frames.
-pub(in crate::plan) fn blows(timeline: &Timeline, is_ours: impl Fn(u32) -> bool, is_discrete: bool) -> Blows {
+pub(crate) fn blows(timeline: &Timeline, is_ours: impl Fn(u32) -> bool, is_discrete: bool) -> Blows {
     let instants = if is_discrete {
         Instants::Nearest
     } else {
@@ -234,15 +234,15 @@ pub(in crate::plan) fn blows(timeline: &Timeline, is_ours: impl Fn(u32) -> bool,
 }
 
 /// What outputs sum.
-pub(in crate::plan) struct OutputSums {
+pub(crate) struct OutputSums {
     /// Positions, by output.
-    pub(in crate::plan) rows: Vec<Row>,
+    pub(crate) rows: Vec<Row>,
     /// The constant part of each output, from points that never move.
-    pub(in crate::plan) constant_parts: Vec<f64>,
+    pub(crate) constant_parts: Vec<f64>,
 }
 
 /// What each output of a body sums; refused if one hears a force.
-pub(in crate::plan) fn output_sums(network: &Network) -> Result<OutputSums, NoModes> {
+pub(crate) fn output_sums(network: &Network) -> Result<OutputSums, NoModes> {
     let mut output_terms = network.outputs().iter().flat_map(|output| &output.terms);
     let hears_force = output_terms.any(|term| !matches!(term, Term::Position { .. }));
     if hears_force {
@@ -252,7 +252,7 @@ pub(in crate::plan) fn output_sums(network: &Network) -> Result<OutputSums, NoMo
 }
 
 /// The same, with forces of undamped springs as sums of positions; refused if an output hears another force.
-pub(in crate::plan) fn position_sums(network: &Network) -> Result<OutputSums, NoModes> {
+pub(crate) fn position_sums(network: &Network) -> Result<OutputSums, NoModes> {
     let mats = network.mats();
     let (mut rows, mut constant_parts) = (Vec::new(), Vec::new());
     for output in network.outputs() {

@@ -1,19 +1,20 @@
 //! Slow parts of an island: which of their masses are computed once every R frames, and how their springs pull.
 
 mod exact;
+pub(crate) mod growth;
 mod in_space;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use crate::assembly::body::output_sums;
+use crate::assembly::constants::TURN_MAX;
+use crate::assembly::cost;
+use crate::assembly::wiring::Body;
 use crate::gesture::script::Touch;
 use crate::island::slow::{Slow, Springs, Weights};
 use crate::network::forest::{Forest, ends};
 use crate::network::{LinkKind, MatKind, Network, Proxy, Run, SpaceLaw, Subset, Term};
-use crate::plan::constants::TURN_MAX;
-use crate::plan::cost;
-use crate::plan::passes::body::output_sums;
-use crate::plan::passes::wiring::Body;
 use crate::timeline::{DriveKind, Timeline};
 use crate::units::Rate;
 
@@ -22,17 +23,17 @@ const DEARER: &str = "computing it once in several frames would cost more than a
                       in a session each of its masses may be struck";
 
 /// A part that asks to be slow but cannot be: its name, and why.
-pub(in crate::plan) type RefusedSlow = (String, String);
+pub(crate) type RefusedSlow = (String, String);
 
 /// The slow bodies of a network, and the parts that cannot be slow.
 #[derive(Default)]
-pub(in crate::plan) struct SlowBodies {
-    pub(in crate::plan) bodies: Vec<(Body, Slow)>,
-    pub(in crate::plan) refused_slow: Vec<RefusedSlow>,
+pub(crate) struct SlowBodies {
+    pub(crate) bodies: Vec<(Body, Slow)>,
+    pub(crate) refused_slow: Vec<RefusedSlow>,
 }
 
 /// The slow bodies of a network, for the parts that have a macrostep.
-pub(in crate::plan) fn slow_bodies(network: &Network, timeline: &Timeline) -> SlowBodies {
+pub(crate) fn slow_bodies(network: &Network, timeline: &Timeline) -> SlowBodies {
     let mut slow_found = SlowBodies::default();
     for (part, slow_part) in network.parts().iter().enumerate() {
         let is_in_network = || network.mats().part.contains(&(part as u32));

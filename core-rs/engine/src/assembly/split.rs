@@ -9,15 +9,15 @@ use crate::timeline::{DelayedPort, Drive, Ergon, Glide, Source, Strike, Timeline
 
 /// The timeline of one island, and the indices of its keys and gestures in the whole network.
 #[derive(Clone)]
-pub(in crate::plan) struct OwnTimeline {
-    pub(in crate::plan) timeline: Timeline,
-    pub(in crate::plan) keys: Vec<u32>,
-    pub(in crate::plan) gestures: Vec<u32>,
+pub(crate) struct OwnTimeline {
+    pub(crate) timeline: Timeline,
+    pub(crate) keys: Vec<u32>,
+    pub(crate) gestures: Vec<u32>,
 }
 
 impl OwnTimeline {
     /// The same with one frame for `every` of these; `None` if the timeline has no such version.
-    pub(in crate::plan) fn slower(&self, every: u32) -> Option<Self> {
+    pub(crate) fn slower(&self, every: u32) -> Option<Self> {
         Some(Self {
             timeline: self.timeline.slower(every)?,
             ..self.clone()
@@ -29,7 +29,7 @@ impl OwnTimeline {
 type Home = (usize, usize);
 
 /// Gives each subset its share of the timeline. Events on MATs in no subset are dropped.
-pub(in crate::plan) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, OwnTimeline)> {
+pub(crate) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(Subset, OwnTimeline)> {
     let homes = homes(&subsets, timeline);
     let homes_of_mat = |mat: u32| homes.get(&mat).map_or(&[][..], Vec::as_slice);
     let mut timelines: Vec<OwnTimeline> = subsets
@@ -121,7 +121,7 @@ pub(in crate::plan) fn split(subsets: Vec<Subset>, timeline: &Timeline) -> Vec<(
 }
 
 /// The links of a range that are in a subset: the first, and how many. Links rise, so these lie together.
-pub(in crate::plan) fn local_links(subset: &Subset, links: Range<usize>) -> Option<(usize, usize)> {
+pub(crate) fn local_links(subset: &Subset, links: Range<usize>) -> Option<(usize, usize)> {
     let local_index = |global: usize| {
         let links = &subset.links;
         links.partition_point(|&link| (link as usize) < global)

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
+use super::{Sink, digest, hex};
+use crate::assembly::unit::BankPlan;
 use crate::bank::Kick;
-use crate::plan::BankPlan;
-use crate::plan::report::content::{Sink, digest, hex};
 use crate::units::Rate;
 
 /// A hash of a bank without its blows, and the outputs that hear it.

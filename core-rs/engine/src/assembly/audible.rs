@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use crate::assembly::budget::Budget;
+use crate::assembly::constants::QUIETER_STEP_DB;
+use crate::assembly::loudness::Loudness;
+use crate::assembly::truncate::KeptModes;
+use crate::assembly::unit::BankPlan;
 use crate::network::Network;
-use crate::plan::BankPlan;
-use crate::plan::budget::Budget;
-use crate::plan::constants::QUIETER_STEP_DB;
-use crate::plan::passes::loudness::Loudness;
-use crate::plan::passes::truncate::KeptModes;
 use crate::units::Rate;
 
 /// Kinds of modes of a linear body.
@@ -20,29 +20,29 @@ pub enum ModeKind {
 }
 
 /// A body as a bank.
-pub(in crate::plan) struct Body {
-    pub(in crate::plan) bank: BankPlan,
+pub(crate) struct Body {
+    pub(crate) bank: BankPlan,
     /// What outputs hear of its rest position   (its n_out)
-    pub(in crate::plan) rest: Vec<f64>,
-    pub(in crate::plan) modes: usize,
-    pub(in crate::plan) computed: KeptModes,
-    pub(in crate::plan) kind: ModeKind,
+    pub(crate) rest: Vec<f64>,
+    pub(crate) modes: usize,
+    pub(crate) computed: KeptModes,
+    pub(crate) kind: ModeKind,
 }
 
 /// Strikes on one MAT.
 #[derive(Clone, Debug, Default)]
-pub(in crate::plan) struct PointBlows {
+pub(crate) struct PointBlows {
     /// Impulse of each strike [N·s].
-    pub(in crate::plan) impulses: Vec<f64>,
+    pub(crate) impulses: Vec<f64>,
     /// Their parts: frame, fraction of a frame after it, impulse [N·s]; by rising frame.
-    pub(in crate::plan) parts: Vec<(u64, f64, f64)>,
+    pub(crate) parts: Vec<(u64, f64, f64)>,
 }
 
 /// Strikes on each MAT.
-pub(in crate::plan) type Blows = BTreeMap<u32, PointBlows>;
+pub(crate) type Blows = BTreeMap<u32, PointBlows>;
 
 /// A body by its modes.
-pub(in crate::plan) trait ModalBody {
+pub(crate) trait ModalBody {
     fn n_modes(&self) -> usize;
     /// Of a mode [Hz].
     fn frequency(&self, mode: usize) -> f64;
@@ -55,7 +55,7 @@ pub(in crate::plan) trait ModalBody {
 }
 
 /// Chooses the modes that are kept.
-pub(in crate::plan) fn keep(
+pub(crate) fn keep(
     body: &impl ModalBody,
     strikes: &Blows,
     network: &Network,
@@ -100,7 +100,7 @@ pub(in crate::plan) fn keep(
 }
 
 /// Impulses at each struck point [N·s].
-pub(in crate::plan) fn impulses(strikes: &Blows) -> Vec<Vec<f64>> {
+pub(crate) fn impulses(strikes: &Blows) -> Vec<Vec<f64>> {
     strikes
         .values()
         .map(|point_blows| point_blows.impulses.clone())

@@ -3,21 +3,21 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
+use crate::assembly::body::position_sums;
+use crate::assembly::budget::Budget;
+use crate::assembly::choice::MeshChoice;
+use crate::assembly::split::local_links;
+use crate::assembly::wiring::Body;
 use crate::integrate::{MeshMethod, certify};
 use crate::island::mesh::Mesh;
 use crate::maths::sqrt;
 use crate::network::{Error, Network};
-use crate::plan::budget::Budget;
-use crate::plan::choice::MeshChoice;
-use crate::plan::passes::body::position_sums;
-use crate::plan::passes::split::local_links;
-use crate::plan::passes::wiring::Body;
 use crate::timeline::{Lead, Timeline, greatest, pushes};
 use crate::units::Rate;
 
 /// Methods, with their steps a frame and their cost in steps of CA a frame (docs/benchmarks.md), in the order in which
 /// they are tried. IEQ, the last, cannot diverge.
-pub(in crate::plan) const LADDER: [(MeshMethod, u32, f64); 10] = [
+pub(crate) const LADDER: [(MeshMethod, u32, f64); 10] = [
     (MeshMethod::Ca, 1, 1.0),
     (MeshMethod::Ca2p, 1, 1.5),
     (MeshMethod::Ca, 2, 2.0),
@@ -32,7 +32,7 @@ pub(in crate::plan) const LADDER: [(MeshMethod, u32, f64); 10] = [
 
 /// Which methods the meshes of an island are computed by.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::plan) enum MethodChoice<'a> {
+pub(crate) enum MethodChoice<'a> {
     /// The budget decides.
     ByBudget,
     /// The simplest method that is stable, whatever its error.
@@ -60,7 +60,7 @@ fn cents(method: MeshMethod, x: f64) -> f64 {
 
 /// A mesh by the cheapest method that is exact enough and stable; `None` if that is CA once a frame, which needs no
 /// mesh, or if there is none.
-pub(in crate::plan) fn mesh(
+pub(crate) fn mesh(
     network: &Network,
     timeline: &Timeline,
     body: &Body,
@@ -124,12 +124,7 @@ pub(in crate::plan) fn mesh(
 ///
 /// # Errors
 /// With the name of a module of it.
-pub(in crate::plan) fn check_supported(
-    network: &Network,
-    rate: Rate,
-    body: &Body,
-    method: MeshMethod,
-) -> Result<(), Error> {
+pub(crate) fn check_supported(network: &Network, rate: Rate, body: &Body, method: MeshMethod) -> Result<(), Error> {
     let mesh_subset = network.subset(&body.mats, &body.guests, &body.links);
     if method != MeshMethod::Ieq || is_discrete(network, &mesh_subset.network) {
         return Ok(()); // CA steps a discrete network, whatever method is asked for

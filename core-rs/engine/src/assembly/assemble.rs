@@ -2,51 +2,51 @@
 
 use std::sync::Arc;
 
+use crate::assembly::budget::Budget;
+use crate::assembly::choice::SteppedChoice;
+use crate::assembly::constants::SUBSTEPS_MAX;
+use crate::assembly::mesh::MethodChoice;
+use crate::assembly::ported::{self, PortedBody};
+use crate::assembly::solved_modes::Memo;
+use crate::assembly::split::OwnTimeline;
+use crate::assembly::truncate::KeptModes;
+use crate::assembly::unit::{IslandPlan, NetworkIndices};
 use crate::body_modes::linear::NoModes;
 use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
 use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
 use crate::network::{Error, LinkKind, Network, Subset};
-use crate::plan::budget::Budget;
-use crate::plan::choice::SteppedChoice;
-use crate::plan::constants::SUBSTEPS_MAX;
-use crate::plan::passes::mesh::MethodChoice;
-use crate::plan::passes::ported::{self, PortedBody};
-use crate::plan::passes::solved_modes::Memo;
-use crate::plan::passes::split::OwnTimeline;
-use crate::plan::passes::truncate::KeptModes;
-use crate::plan::{IslandPlan, NetworkIndices};
 use crate::scheme::{Certificate, Refusal, Scheme};
 use crate::timeline::{Timeline, greatest};
 
 /// An island that can be played.
 #[derive(Clone)]
-pub(in crate::plan) struct Assembled {
-    pub(in crate::plan) island_plan: IslandPlan,
-    pub(in crate::plan) bodies: Vec<PortedBody>,
-    pub(in crate::plan) certificate: Certificate,
+pub(crate) struct Assembled {
+    pub(crate) island_plan: IslandPlan,
+    pub(crate) bodies: Vec<PortedBody>,
+    pub(crate) certificate: Certificate,
     /// Why a body does not go by modes.
-    pub(in crate::plan) because: Option<NoModes>,
+    pub(crate) because: Option<NoModes>,
     /// It has single laws that can be computed finer than a frame, as contacts are.
-    pub(in crate::plan) may_collocate: bool,
-    pub(in crate::plan) shape: Shape,
+    pub(crate) may_collocate: bool,
+    pub(crate) shape: Shape,
     /// Contacts and laws are computed once a step, although they might be computed finer.
-    pub(in crate::plan) is_plain: bool,
+    pub(crate) is_plain: bool,
 }
 
 /// How an island is to be assembled.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::plan) struct AssemblyOptions<'a> {
+pub(crate) struct AssemblyOptions<'a> {
     /// Steps a frame.
-    pub(in crate::plan) oversampling: u32,
-    pub(in crate::plan) bodies: MethodChoice<'a>,
+    pub(crate) oversampling: u32,
+    pub(crate) bodies: MethodChoice<'a>,
     /// Contacts and laws are computed once a step.
-    pub(in crate::plan) is_plain: bool,
+    pub(crate) is_plain: bool,
 }
 
 impl<'a> AssemblyOptions<'a> {
     /// With contacts and laws as finely as the budget asks.
-    pub(in crate::plan) fn fine(oversampling: u32, bodies: MethodChoice<'a>) -> Self {
+    pub(crate) fn fine(oversampling: u32, bodies: MethodChoice<'a>) -> Self {
         Self {
             oversampling,
             bodies,
@@ -57,7 +57,7 @@ impl<'a> AssemblyOptions<'a> {
 
 /// What an island is made of, at any rate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::plan) enum Shape {
+pub(crate) enum Shape {
     /// Bodies that are cut out, and the rest.
     Bodies,
     /// No bodies, although it might have some.
@@ -68,7 +68,7 @@ pub(in crate::plan) enum Shape {
 
 impl Shape {
     /// In the order of their numbers in records.
-    pub(in crate::plan) const ALL: [Self; 3] = [Self::Bodies, Self::Stepped, Self::Meshes];
+    pub(crate) const ALL: [Self; 3] = [Self::Bodies, Self::Stepped, Self::Meshes];
 
     fn from_choice(choice: MethodChoice<'_>) -> Self {
         match choice {
@@ -85,7 +85,7 @@ impl Shape {
 
 impl Assembled {
     /// Assembles an island at some oversampling. Refused if that is not stable.
-    pub(in crate::plan) fn new(
+    pub(crate) fn new(
         subset: &Subset,
         island_timeline: &OwnTimeline,
         budget: &Budget,
@@ -176,24 +176,20 @@ impl Assembled {
     }
 
     /// Whether a discrete network is the reference, so that every step of it is exact.
-    pub(in crate::plan) fn is_discrete(&self) -> bool {
+    pub(crate) fn is_discrete(&self) -> bool {
         let network = &self.island_plan.network;
         let mut mat_parts = network.mats().part.iter().map(|&part| part as usize);
         mat_parts.any(|part| network.parts()[part].ca_rate.is_some())
     }
 
     /// How the same island is assembled with all its modes, and at half its step where that is more exact.
-    pub(in crate::plan) fn more_exact<'a>(&self, methods: &'a [Option<(MeshMethod, u32)>]) -> AssemblyOptions<'a> {
+    pub(crate) fn more_exact<'a>(&self, methods: &'a [Option<(MeshMethod, u32)>]) -> AssemblyOptions<'a> {
         let factor = if self.is_discrete() { 1 } else { 2 };
         self.again(factor * self.island_plan.oversampling, methods)
     }
 
     /// How the same island is assembled at another rate; `methods`: those of its meshes.
-    pub(in crate::plan) fn again<'a>(
-        &self,
-        oversampling: u32,
-        methods: &'a [Option<(MeshMethod, u32)>],
-    ) -> AssemblyOptions<'a> {
+    pub(crate) fn again<'a>(&self, oversampling: u32, methods: &'a [Option<(MeshMethod, u32)>]) -> AssemblyOptions<'a> {
         let bodies = match (self.shape, methods.iter().flatten().next()) {
             (Shape::Stepped, _) => MethodChoice::Stepped,
             (Shape::Meshes, Some(&method_substeps)) => MethodChoice::Meshes(method_substeps),
@@ -207,32 +203,32 @@ impl Assembled {
     }
 
     /// Whether something in it sticks and slips: two runs may then agree by chance, both slipping too late.
-    pub(in crate::plan) fn sticks(&self) -> bool {
+    pub(crate) fn sticks(&self) -> bool {
         let mut link_runs = self.island_plan.network.runs().iter();
         link_runs.any(|run| matches!(run.kind, LinkKind::Bristle(_) | LinkKind::Dry(_)))
     }
 
     /// Whether it has dry friction, whose stops and turns are located between frames.
-    pub(in crate::plan) fn has_dry_friction(&self) -> bool {
+    pub(crate) fn has_dry_friction(&self) -> bool {
         let mut link_runs = self.island_plan.network.runs().iter();
         link_runs.any(|run| matches!(run.kind, LinkKind::Dry(_)))
     }
 
     /// Whether it computes a contact without losses once a step.
-    pub(in crate::plan) fn has_lossless_steps(&self) -> bool {
+    pub(crate) fn has_lossless_steps(&self) -> bool {
         let mut link_runs = self.island_plan.network.runs().iter();
         let has_lossless_contact = link_runs.any(|run| matches!(run.kind, LinkKind::But(_)) && run.z == 0.0);
         has_lossless_contact && (self.is_plain || self.island_plan.contact_substeps == 1)
     }
 
     /// The methods of its bodies that are meshes, in order.
-    pub(in crate::plan) fn mesh_methods(&self) -> Vec<Option<(MeshMethod, u32)>> {
+    pub(crate) fn mesh_methods(&self) -> Vec<Option<(MeshMethod, u32)>> {
         let body_plans = self.island_plan.bodies.iter();
         body_plans.map(BodyPlan::mesh_method).collect()
     }
 
     /// The same island with only the modes `modes_kept`, and these contact substeps.
-    pub(in crate::plan) fn only(mut self, contact_substeps: usize, modes_kept: Vec<KeptModes>) -> Self {
+    pub(crate) fn only(mut self, contact_substeps: usize, modes_kept: Vec<KeptModes>) -> Self {
         let mut hub_network = (*self.island_plan.network).clone();
         for (body, modes_kept) in self.bodies.iter_mut().zip(modes_kept) {
             if let BodyPlan::Modal(modal_body) = &body.inside {
@@ -266,7 +262,7 @@ fn faster(timeline: &Timeline, oversampling: u32, network: &Network) -> Result<T
 
 /// Chooses the contact substeps a frame of a network, at most `steps_max`; also returns whether laws may be computed
 /// between frames, and the certificate of the rest.
-pub(in crate::plan) fn hub(
+pub(crate) fn hub(
     network: &Network,
     timeline: &Timeline,
     budget: &Budget,

@@ -1,24 +1,24 @@
 //! Which modes of a body this score needs: the modes that its strikes excite least are left out, as far as the error
 //! budget allows.
 
+use crate::assembly::budget::Budget;
+use crate::assembly::constants::ENERGY_SPAN;
 use crate::body_modes::normal_modes::Modes;
 use crate::maths::{expm1, log10, pow};
-use crate::plan::budget::Budget;
-use crate::plan::constants::ENERGY_SPAN;
 use crate::units::Rate;
 
 /// The modes that are kept.
-pub(in crate::plan) struct KeptModes {
+pub(crate) struct KeptModes {
     /// Rising.
-    pub(in crate::plan) modes: Vec<usize>,
+    pub(crate) modes: Vec<usize>,
     /// How loud the others would have been together, relative to all [dB]; `None`: none are left out, or only silent
     /// ones.
-    pub(in crate::plan) left_out: Option<f64>,
+    pub(crate) left_out: Option<f64>,
 }
 
 impl KeptModes {
     /// For a body without modes.
-    pub(in crate::plan) fn none() -> Self {
+    pub(crate) fn none() -> Self {
         Self {
             modes: Vec::new(),
             left_out: None,
@@ -26,12 +26,12 @@ impl KeptModes {
     }
 
     /// As numbers of a plan's choice.
-    pub(in crate::plan) fn numbers(&self) -> Vec<u32> {
+    pub(crate) fn numbers(&self) -> Vec<u32> {
         self.modes.iter().map(|&mode| mode as u32).collect()
     }
 
     /// The modes that a plan decided for; `None` if the body does not have these.
-    pub(in crate::plan) fn pinned(numbers: &[u32], n_total: usize) -> Option<Self> {
+    pub(crate) fn pinned(numbers: &[u32], n_total: usize) -> Option<Self> {
         let modes: Vec<usize> = numbers.iter().map(|&mode| mode as usize).collect();
         let is_rising = modes.windows(2).all(|pair| pair[0] < pair[1]);
         let fits_body = is_rising && modes.last().is_none_or(|&last| last < n_total);
@@ -41,7 +41,7 @@ impl KeptModes {
 
 /// Keeps the loudest modes. Energies are A²/2 over the first `ENERGY_SPAN` seconds, with A the amplitude that an output
 /// hears, and add up over the impulses `blows` [N·s].
-pub(in crate::plan) fn keep(
+pub(crate) fn keep(
     modes: &Modes,
     output_shapes: &[Vec<f64>],
     struck_shapes: &[Vec<f64>],
@@ -61,7 +61,7 @@ pub(in crate::plan) fn keep(
 
 /// Keeps the loudest modes, so that the others together stay below `allowed` [dB] in every row, for each of several
 /// `excitations` in which modes may get their energies   (n_ways, n_modes).
-pub(in crate::plan) fn choose(
+pub(crate) fn choose(
     excitations: &[Vec<f64>],
     rows: &[&[f64]],
     allowed: Option<f64>,

@@ -1,20 +1,20 @@
 //! What is seen but not heard: computed as if one output heard all of it.
 
+use crate::assembly::islands::IslandMembers;
 use crate::network::{Error, Network, Subset, Term};
-use crate::plan::passes::islands::IslandMembers;
 
 /// Whether anything of an island belongs to a part that is displayed.
-pub(in crate::plan) fn is_seen(network: &Network, island: &IslandMembers, seen: &[String]) -> bool {
+pub(crate) fn is_seen(network: &Network, island: &IslandMembers, seen: &[String]) -> bool {
     !seen.is_empty() && is_any(&network.parts_of(&island.mats), seen)
 }
 
 /// Whether any of some parts is displayed.
-pub(in crate::plan) fn is_any(parts: &[String], seen: &[String]) -> bool {
+pub(crate) fn is_any(parts: &[String], seen: &[String]) -> bool {
     parts.iter().any(|name| seen.contains(name))
 }
 
 /// A subset for each island, and how many these are; all loose cells together follow as one further subset.
-pub(in crate::plan) fn subsets(
+pub(crate) fn subsets(
     network: &Network,
     islands: Vec<IslandMembers>,
     is_loose: impl Fn(&IslandMembers) -> bool,
@@ -36,7 +36,7 @@ pub(in crate::plan) fn subsets(
 }
 
 /// The subset with one output that hears every mass with a weight of its own: no mode is silent at it.
-pub(in crate::plan) fn with_probe_output(mut subset: Subset, probed_mats: &[u32]) -> Result<Subset, Error> {
+pub(crate) fn with_probe_output(mut subset: Subset, probed_mats: &[u32]) -> Result<Subset, Error> {
     let probe_terms = probed_mats.iter().filter_map(|&mat| {
         let first = subset.mat(mat as usize)?;
         subset.network.mats().kind[first].moves().then(|| {

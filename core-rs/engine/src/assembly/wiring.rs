@@ -3,25 +3,25 @@
 
 use std::collections::BTreeMap;
 
+use crate::assembly::constants::{MASSES_PER_PORT, MODAL_MASSES_MIN, PORTS_ANY};
 use crate::interrupt;
 use crate::network::forest::{Forest, ends};
 use crate::network::{Contact, LinkKind, Network, Proxy, Run, Term};
-use crate::plan::constants::{MASSES_PER_PORT, MODAL_MASSES_MIN, PORTS_ANY};
 use crate::timeline::Timeline;
 
 /// A set of MATs that inner links join, and the ports where others end.
 #[derive(Clone)]
-pub(in crate::plan) struct Body {
-    pub(in crate::plan) mats: Vec<u32>,
-    pub(in crate::plan) guests: Vec<u32>,
-    pub(in crate::plan) links: Vec<u32>,
-    pub(in crate::plan) ports: Vec<u32>,
+pub(crate) struct Body {
+    pub(crate) mats: Vec<u32>,
+    pub(crate) guests: Vec<u32>,
+    pub(crate) links: Vec<u32>,
+    pub(crate) ports: Vec<u32>,
     /// Whether a contact, a law or friction ends on one of its ports.
     is_touched: bool,
 }
 
 /// Which links may lie inside a body, and which MATs.
-pub(in crate::plan) struct Wiring {
+pub(crate) struct Wiring {
     is_eligible: Vec<bool>,
     /// Springs that are not led; laws, and springs or laws that are led.
     is_spring: Vec<bool>,
@@ -33,7 +33,7 @@ pub(in crate::plan) struct Wiring {
 
 /// The bodies that are wanted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(in crate::plan) enum Wanted {
+pub(crate) enum Wanted {
     /// All that have links, with laws inside.
     All,
     /// Meshes with laws inside, if large enough and with few enough ports.
@@ -48,11 +48,11 @@ pub(in crate::plan) enum Wanted {
 
 impl Wiring {
     /// Marks MATs as belonging to a body already.
-    pub(in crate::plan) fn take(&mut self, mats: &[u32]) {
+    pub(crate) fn take(&mut self, mats: &[u32]) {
         mats.iter().for_each(|&mat| self.is_eligible[mat as usize] = false);
     }
 
-    pub(in crate::plan) fn new(network: &Network, timeline: &Timeline) -> Self {
+    pub(crate) fn new(network: &Network, timeline: &Timeline) -> Self {
         let mats = network.mats();
         let mat_count = network.n_mat();
         let mut is_driven = vec![false; mat_count];
@@ -121,7 +121,7 @@ impl Wiring {
     }
 
     /// Sets of MATs that inner links join.
-    pub(in crate::plan) fn bodies(&self, network: &Network, wanted: Wanted) -> Vec<Body> {
+    pub(crate) fn bodies(&self, network: &Network, wanted: Wanted) -> Vec<Body> {
         let with_laws = matches!(wanted, Wanted::All | Wanted::Meshes);
         let is_inner = |link: usize| self.is_spring[link] || (with_laws && self.is_law[link]);
         let mut mat_forest = Forest::new(network.n_mat());
@@ -186,7 +186,7 @@ impl Wiring {
 impl Body {
     /// The body without the single links that tie it to fixed points: they then end at ports. `None` if it has none, or
     /// more than `ties_max`.
-    pub(in crate::plan) fn untied(&self, network: &Network, ties_max: usize) -> Option<Self> {
+    pub(crate) fn untied(&self, network: &Network, ties_max: usize) -> Option<Self> {
         let is_single = |link: usize| {
             let mut runs = interrupt::each(network.runs());
             runs.any(|run| run.first == link && run.len == 1)
@@ -214,12 +214,12 @@ impl Body {
     }
 
     /// Whether it has so few masses that it is a body only for what touches it.
-    pub(in crate::plan) fn is_small(&self) -> bool {
+    pub(crate) fn is_small(&self) -> bool {
         self.mats.len() < MODAL_MASSES_MIN
     }
 
     /// Sorts the lists and removes duplicates.
-    pub(in crate::plan) fn tidy(mut self) -> Self {
+    pub(crate) fn tidy(mut self) -> Self {
         for list in [&mut self.guests, &mut self.links, &mut self.ports] {
             list.sort_unstable();
             list.dedup();
@@ -227,7 +227,7 @@ impl Body {
         self
     }
 
-    pub(in crate::plan) fn empty() -> Self {
+    pub(crate) fn empty() -> Self {
         Self {
             mats: Vec::new(),
             guests: Vec::new(),

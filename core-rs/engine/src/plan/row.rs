@@ -1,17 +1,17 @@
 //! The report of a plan: a row for everything that is computed together, and for everything that is not computed.
 
+use crate::assembly::audible::{Body, ModeKind};
+use crate::assembly::budget::Budget;
+use crate::assembly::cost::{self, Costs};
+use crate::assembly::islands::IslandMembers;
+use crate::assembly::ported::PortedBody;
+use crate::assembly::unit::{BankPlan, IslandPlan};
 use crate::hearing::Audible;
 use crate::integrate::certify;
 use crate::island::ContactOrder;
 use crate::island::inside::BodyPlan;
 use crate::network::{Network, Subset};
-use crate::plan::budget::Budget;
 use crate::plan::constants::{ESTIMATE_MARGIN_DB, PRESERVED_LIMITS};
-use crate::plan::cost::{self, Costs};
-use crate::plan::passes::audible::{Body, ModeKind};
-use crate::plan::passes::islands::IslandMembers;
-use crate::plan::passes::ported::PortedBody;
-use crate::plan::{BankPlan, IslandPlan};
 use crate::scheme::{Certificate, StabilityGuarantee};
 use crate::timeline::Timeline;
 

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use super::{Solution, free, resolves_turn};
+use crate::assembly::wiring::Body;
 use crate::island::slow::{Slow, Springs};
 use crate::maths;
 use crate::network::{Error, Subset};
-use crate::plan::passes::wiring::Body;
 use crate::scheme::Scheme;
 use crate::units::Rate;
 

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use nalgebra::DMatrix;
 
 use super::{Solution, free, resolves_turn};
+use crate::assembly::constants::{FLOW_MASSES_MAX, LOOSE_STIFFNESS_RATIO};
+use crate::assembly::wiring::Body;
 use crate::integrate::flow::{Flow, frame};
 use crate::integrate::square::Square;
 use crate::island::slow::{BlockFlow, Interface, Slow, Springs, Weights, best_block};
 use crate::maths;
 use crate::network::Subset;
-use crate::plan::constants::{FLOW_MASSES_MAX, LOOSE_STIFFNESS_RATIO};
-use crate::plan::passes::wiring::Body;
 use crate::scheme::Scheme;
 use crate::units::Rate;
 

@@ -2,16 +2,15 @@
 
 use std::sync::LazyLock;
 
+use crate::assembly::constants::{LAW_INSTANTS, LAW_PARTS, LAW_ROUNDS};
+use crate::assembly::mesh::LADDER;
+use crate::assembly::unit::{BankPlan, IslandPlan, Unit};
 use crate::integrate::MeshMethod;
 use crate::island::inside::BodyPlan;
 use crate::island::mesh::Mesh;
 use crate::island::slow::{Slow, Springs};
 use crate::island::{FINE_SUBSTEPS_MIN, Island};
 use crate::network::{Contact, LinkKind, Measure, Network, Pairwise, Run, SpaceLaw, SpaceLink};
-use crate::plan::BankPlan;
-use crate::plan::IslandPlan;
-use crate::plan::constants::{LAW_INSTANTS, LAW_PARTS, LAW_ROUNDS};
-use crate::plan::passes::mesh::LADDER;
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
 
@@ -40,8 +39,35 @@ static COSTS: LazyLock<Vec<(&str, f64)>> = LazyLock::new(|| {
     lines.filter_map(cost).collect()
 });
 
+impl IslandPlan {
+    /// Nanoseconds a frame, by the table of costs.
+    pub(crate) fn cost(&self) -> f64 {
+        let body_costs = self.bodies.iter().map(body_cost);
+        f64::from(self.oversampling) * (self.hub_cost() + body_costs.sum::<f64>()) / f64::from(self.every)
+    }
+
+    /// Cost of all but its bodies [ns a step].
+    pub(crate) fn hub_cost(&self) -> f64 {
+        let by_motion = match self.counted_cost {
+            Some(ns) => f64::from(ns) / f64::from(self.oversampling),
+            None => laws_cost(self),
+        };
+        stepped_cost(&self.network, &self.timeline) + by_motion
+    }
+}
+
+impl Unit {
+    /// Nanoseconds a frame, by the table of costs.
+    pub(crate) fn cost(&self) -> f64 {
+        match self {
+            Self::IslandPlan(island_plan) => island_plan.cost(),
+            Self::Bank(bank) => bank_cost(bank),
+        }
+    }
+}
+
 /// Cost of the modules that are stepped [ns a frame].
-pub(super) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
+pub(crate) fn stepped_cost(network: &Network, timeline: &Timeline) -> f64 {
     let total_cost = modules_cost(network);
     if timeline.gestures.is_empty() {
         return total_cost;
@@ -100,7 +126,7 @@ fn friction_factor(pairs: &Pairwise) -> f64 {
 }
 
 /// Additional cost of laws that are computed finer than a frame [ns a frame].
-pub(super) fn laws_cost(island_plan: &IslandPlan) -> f64 {
+pub(crate) fn laws_cost(island_plan: &IslandPlan) -> f64 {
     let (network, body_plans) = (&*island_plan.network, &island_plan.bodies);
     let contact_substeps = island_plan.contact_substeps;
     if contact_substeps < FINE_SUBSTEPS_MIN {
@@ -178,7 +204,7 @@ pub(crate) fn counted_cost(island: &Island) -> [f64; 2] {
 }
 
 /// Cost of a body inside an island [ns a frame].
-pub(super) fn body_cost(inside: &BodyPlan) -> f64 {
+pub(crate) fn body_cost(inside: &BodyPlan) -> f64 {
     match inside {
         BodyPlan::Modal(modal) => {
             let row_count = modal.ports.len() + modal.outputs.len();
@@ -202,7 +228,7 @@ fn times(mesh: &Mesh) -> f64 {
 /// Additional cost of a body in a trial, beyond [`body_cost`] [ns a frame]: the rows of a small plate are shorter than
 /// those that the table was measured with. A step of CA goes through the rows once, those of the other methods several
 /// times.
-pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
+pub(crate) fn short_rows_cost(inside: &BodyPlan) -> f64 {
     const ROW: f64 = 2.5;
     const ROW_OF_STAGES: f64 = 6.0;
     match inside {
@@ -219,21 +245,21 @@ pub(super) fn short_rows_cost(inside: &BodyPlan) -> f64 {
 
 /// Additional cost of laws on single links in a trial, beyond [`stepped_cost`] [ns a step]: the table was measured with
 /// long runs.
-pub(super) fn lone_laws_cost(network: &Network) -> f64 {
+pub(crate) fn lone_laws_cost(network: &Network) -> f64 {
     const LAW: f64 = 20.0;
     let is_lone_law = |run: &&Run| run.len == 1 && matches!(run.kind, LinkKind::Lnl(_));
     LAW * network.runs().iter().filter(is_lone_law).count() as f64
 }
 
 /// What a slow body saves compared with stepping it module by module [ns a frame].
-pub(super) fn saved(slow: &Slow) -> f64 {
+pub(crate) fn saved(slow: &Slow) -> f64 {
     let module_cost = modules_cost(&slow.network) - Costs::nanoseconds("frame");
     let port_cost = slow.ports.len() as f64 * Costs::nanoseconds("mat");
     module_cost - port_cost - slow_cost(slow)
 }
 
 /// Whether it costs more than stepping it module by module, by more than an island without anything in it.
-pub(super) fn is_dearer(slow: &Slow) -> bool {
+pub(crate) fn is_dearer(slow: &Slow) -> bool {
     slow.is_linear() && saved(slow) < -Costs::nanoseconds("frame")
 }
 
@@ -247,14 +273,14 @@ fn slow_cost(slow: &Slow) -> f64 {
 }
 
 /// Cost of a bank [ns a frame].
-pub(super) fn bank_cost(bank: &BankPlan) -> f64 {
+pub(crate) fn bank_cost(bank: &BankPlan) -> f64 {
     let oscillators = bank.oscillators.iter();
     let tap_count: usize = oscillators.map(|oscillator| oscillator.outputs.len().max(1) - 1).sum();
     let oscillator_cost = bank.oscillators.len() as f64 * Costs::nanoseconds("oscillator");
     oscillator_cost + tap_count as f64 * Costs::nanoseconds("oscillator_tap")
 }
 
-pub(super) fn seconds(ns: f64, timeline: &Timeline) -> f64 {
+pub(crate) fn seconds(ns: f64, timeline: &Timeline) -> f64 {
     ns * 1e-9 * timeline.rate.hertz()
 }
 

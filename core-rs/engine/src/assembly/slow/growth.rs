@@ -6,15 +6,15 @@
 
 use nalgebra::DMatrix;
 
+use crate::assembly::constants::{
+    COMMON_FRAMES_MAX, DENSE_MAX, EIGENVALUES_SECONDS, GROWTH_TOLERANCE, NUMBER_SECONDS, TRIAL_KICKS, TRIAL_WORK_MAX,
+    UNIT_CIRCLE_TOLERANCE,
+};
+use crate::assembly::unit::IslandPlan;
 use crate::interrupt;
 use crate::island::inside::BodyPlan;
 use crate::island::modal::Modal;
 use crate::island::slow::{RunningSlow, Slow};
-use crate::plan::IslandPlan;
-use crate::plan::constants::{
-    COMMON_FRAMES_MAX, DENSE_MAX, EIGENVALUES_SECONDS, GROWTH_TOLERANCE, NUMBER_SECONDS, TRIAL_KICKS, TRIAL_WORK_MAX,
-    UNIT_CIRCLE_TOLERANCE,
-};
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
@@ -23,19 +23,19 @@ const FRAME_STEPS: usize = 4;
 
 /// How much an island grows from kick to kick.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::plan) struct Growth {
+pub(crate) struct Growth {
     /// Largest magnitude of an eigenvalue, for one kick; 0 if none is known.
-    pub(in crate::plan) radius: f64,
+    pub(crate) radius: f64,
     /// The island was only simulated for a while, or part of it was left out.
-    pub(in crate::plan) is_tried: bool,
+    pub(crate) is_tried: bool,
     /// It grows only where contacts are closed.
-    pub(in crate::plan) is_by_contacts: bool,
+    pub(crate) is_by_contacts: bool,
     /// Work of the test [s].
-    pub(in crate::plan) work: f64,
+    pub(crate) work: f64,
 }
 
 impl Growth {
-    pub(in crate::plan) fn is_stable(self) -> bool {
+    pub(crate) fn is_stable(self) -> bool {
         self.radius
             <= 1.0
                 + if self.is_tried {
@@ -47,7 +47,7 @@ impl Growth {
 }
 
 /// How much an island grows, the worse of contacts open and closed; `None` if the test would take too long.
-pub(in crate::plan) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
+pub(crate) fn growth(island_plan: &IslandPlan) -> Option<Growth> {
     let mut growth = Growth {
         radius: 0.0,
         is_tried: false,

@@ -3,16 +3,16 @@
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
+use crate::assembly::constants::SOLVE_SECONDS;
 use crate::body_modes::complex_modes::{ComplexModes, Sum};
 use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};
 use crate::network::Network;
-use crate::plan::constants::SOLVE_SECONDS;
 use crate::units::Rate;
 
 /// The modes of one body, with the rows that have been asked for.
 #[derive(Debug)]
-pub(in crate::plan) struct SolvedBody {
+pub(crate) struct SolvedBody {
     network: Network,
     rate: Rate,
     rows: Vec<Row>,
@@ -29,7 +29,7 @@ struct SolvedComplex {
 
 /// Where complex modes are kept from one plan to the next, of a network that some outputs hear and that is struck at
 /// some MATs.
-pub(in crate::plan) trait ModeStore {
+pub(crate) trait ModeStore {
     /// The modes that were kept.
     fn get(&self, network: &Network, outputs: &[Sum], struck: &[usize]) -> Option<ComplexModes>;
 
@@ -38,7 +38,7 @@ pub(in crate::plan) trait ModeStore {
 }
 
 /// Bodies known from an earlier plan, and those that the present plan has solved.
-pub(in crate::plan) struct Memo<'a> {
+pub(crate) struct Memo<'a> {
     known: &'a [Arc<SolvedBody>],
     solved: RefCell<Vec<Arc<SolvedBody>>>,
     complex: RefCell<Vec<SolvedComplex>>,
@@ -52,7 +52,7 @@ pub(in crate::plan) struct Memo<'a> {
 }
 
 impl<'a> Memo<'a> {
-    pub(in crate::plan) fn new(known: &'a [Arc<SolvedBody>]) -> Self {
+    pub(crate) fn new(known: &'a [Arc<SolvedBody>]) -> Self {
         Self {
             known,
             solved: RefCell::default(),
@@ -64,17 +64,17 @@ impl<'a> Memo<'a> {
     }
 
     /// The same, with complex modes from a store.
-    pub(in crate::plan) fn with_store(self, store: Option<&'a dyn ModeStore>) -> Self {
+    pub(crate) fn with_store(self, store: Option<&'a dyn ModeStore>) -> Self {
         Self { store, ..self }
     }
 
     /// The solved bodies, for the next plan.
-    pub(in crate::plan) fn into_solved(self) -> Vec<Arc<SolvedBody>> {
+    pub(crate) fn into_solved(self) -> Vec<Arc<SolvedBody>> {
         self.solved.into_inner()
     }
 
     /// Begins another island.
-    pub(in crate::plan) fn begin(&self) {
+    pub(crate) fn begin(&self) {
         self.counted.borrow_mut().clear();
         self.work.set(0.0);
     }
@@ -93,12 +93,12 @@ impl<'a> Memo<'a> {
     }
 
     /// Work of solutions since the last call [s].
-    pub(in crate::plan) fn take_work(&self) -> f64 {
+    pub(crate) fn take_work(&self) -> f64 {
         self.work.take()
     }
 
     /// The same as [`Modes::new`], bit for bit, since each row is transformed by itself.
-    pub(in crate::plan) fn modes(&self, network: &Network, rows: &[Row], rate: Rate) -> Result<Modes, NoModes> {
+    pub(crate) fn modes(&self, network: &Network, rows: &[Row], rate: Rate) -> Result<Modes, NoModes> {
         // Modes depend on the rate only if the discrete network is the reference.
         let is_same_problem = |solved: &&Arc<SolvedBody>| {
             (!solved.modes.is_discrete || solved.rate.hertz() == rate.hertz())
@@ -135,7 +135,7 @@ impl<'a> Memo<'a> {
     }
 
     /// The same as [`ComplexModes::new`], computed once for all rates at which an island is tried.
-    pub(in crate::plan) fn complex(
+    pub(crate) fn complex(
         &self,
         network: &Network,
         outputs: &[Sum],

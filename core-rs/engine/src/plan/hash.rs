@@ -2,11 +2,11 @@
 
 use sha2::{Digest, Sha256};
 
+use crate::assembly::audible::ModeKind;
+use crate::assembly::choice::Choice;
+use crate::content::hex;
 use crate::island::ContactOrder;
-use crate::plan::choice::Choice;
-use crate::plan::passes::audible::ModeKind;
-use crate::plan::report::content::hex;
-use crate::plan::report::row::{Computed, Reason, Row};
+use crate::plan::row::{Computed, Reason, Row};
 
 /// A hash of decisions, and of the rows that they concern.
 pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {

@@ -1,9 +1,9 @@
 //! How exact a plan has to be, or which method it has to use.
 
+use crate::assembly::constants::{BUDGET_SHARE_DB, INAUDIBLE_ERROR_DB, LEFT_OUT_LEVEL_MAX, PITCH_HERTZ_MAX};
 use crate::hearing::{Audible, HIGHEST_AUDIBLE, JUST_NOTICEABLE};
 use crate::integrate::MeshMethod;
 use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
-use crate::plan::constants::{BUDGET_SHARE_DB, INAUDIBLE_ERROR_DB, LEFT_OUT_LEVEL_MAX, PITCH_HERTZ_MAX};
 
 /// A method that is asked for by name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

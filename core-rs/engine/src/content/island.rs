@@ -2,56 +2,18 @@
 //! whose events differ only later, and in any score that has an equal island under other names or in another place.
 
 use std::collections::BTreeSet;
-use std::fmt::{self, Arguments, Write};
+use std::fmt::Arguments;
 
-use sha2::{Digest, Sha256};
-
+use super::{Sink, digest, hex};
+use crate::assembly::unit::IslandPlan;
 use crate::gesture::script::Gesture;
 use crate::island::inside::BodyPlan;
 use crate::network::{Network, PartOrder};
-use crate::plan::IslandPlan;
-use crate::plan::constants::ROUNDED_FRAMES;
 use crate::timeline::{Ergon, Key, Strike, Timeline};
 
-/// A writer that hashes what is written.
-pub(super) struct Sink(Sha256);
-
-impl Sink {
-    pub(super) fn new() -> Self {
-        Self(Sha256::new())
-    }
-
-    pub(super) fn add(&mut self, bytes: impl AsRef<[u8]>) {
-        self.0.update(bytes);
-    }
-
-    pub(super) fn end(self) -> [u8; 32] {
-        self.0.finalize().into()
-    }
-}
-
-impl Write for Sink {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        self.0.update(text);
-        Ok(())
-    }
-}
-
-/// A hash of a network under any names, and of what else counts (64 hex digits).
-pub(in crate::plan) fn network_key(network: &Network, also: Arguments<'_>) -> String {
-    let network = network.anonymous(&PartOrder::new([network]));
-    hex_of(format_args!("{network:?}\n{also}"))
-}
-
-/// A hash of formatted text (64 hex digits).
-pub(crate) fn hex_of(formatted_text: Arguments<'_>) -> String {
-    hex(&digest(formatted_text))
-}
-
-/// The hex digits of a hash.
-pub(in crate::plan) fn hex(digest: &[u8]) -> String {
-    digest.iter().map(|byte| format!("{byte:02x}")).collect()
-}
+/// Events within this many frames after an instant count as before it, because events are rounded to frames and strikes
+/// are spread over two frames.
+const ROUNDED_FRAMES: u64 = 4;
 
 /// Hashes of what an island depends on: one of everything except strikes, ergons and gestures, and one of each gesture.
 #[derive(Clone, Debug)]
@@ -91,11 +53,11 @@ impl Events {
     /// Hashes the fixed part, and the events that act after the instant `start` [s], if one is given, up to `stop` [s].
     fn hash(&self, timeline: &Timeline, (start, stop): (Option<f64>, f64), sink: &mut Sink) {
         let is_in_span = |instant: f64| instant <= stop && start.is_none_or(|start| instant > start);
-        sink.0.update(self.fixed);
+        sink.add(self.fixed);
         // Gestures are identified by their index, so all gestures before the last one that counts are included.
         let last_begun = self.gestures.iter().rposition(|gesture_entry| gesture_entry.0 <= stop);
         for (_, digest) in &self.gestures[..last_begun.map_or(0, |last| last + 1)] {
-            sink.0.update(digest);
+            sink.add(digest);
         }
         // Where a strike stands in the score does not affect the sound.
         for &Strike {
@@ -107,13 +69,13 @@ impl Events {
         } in &timeline.strikes
         {
             if is_in_span(instant) {
-                sink.0.update(mat.to_le_bytes());
-                sink.0.update(instant.to_le_bytes());
-                sink.0.update(n_parts.to_le_bytes());
-                sink.0.update(impulse.to_le_bytes());
+                sink.add(mat.to_le_bytes());
+                sink.add(instant.to_le_bytes());
+                sink.add(n_parts.to_le_bytes());
+                sink.add(impulse.to_le_bytes());
             }
         }
-        sink.0.update(b"ergons");
+        sink.add(b"ergons");
         for &Ergon {
             instant,
             mat,
@@ -123,9 +85,9 @@ impl Events {
         } in &timeline.ergons
         {
             if is_in_span(instant) {
-                sink.0.update(mat.to_le_bytes());
+                sink.add(mat.to_le_bytes());
                 for number in [instant, mass, speed] {
-                    sink.0.update(number.to_le_bytes());
+                    sink.add(number.to_le_bytes());
                 }
             }
         }
@@ -173,35 +135,35 @@ impl Content {
         });
         let [start_instant, stop_instant] = [first_frame, last_frame].map(|frame| frame as f64 / frame_rate);
         let mut hash_sink = Sink::new();
-        hash_sink.0.update(previous_key);
-        hash_sink.0.update(until.to_le_bytes());
+        hash_sink.add(previous_key);
+        hash_sink.add(until.to_le_bytes());
         let start_instant = (from > 0).then_some(start_instant);
         self.0
             .hash(&island.timeline, (start_instant, stop_instant), &mut hash_sink);
         for body in &island.bodies {
-            hash_sink.0.update(b"body");
+            hash_sink.add(b"body");
             let is_in_span = |frame: u64| frame <= last_frame && (from == 0 || frame > first_frame);
             for (frame, point, strike_numbers) in body.strikes().filter(|strike| is_in_span(strike.0)) {
-                hash_sink.0.update(frame.to_le_bytes());
-                hash_sink.0.update((point as u64).to_le_bytes());
+                hash_sink.add(frame.to_le_bytes());
+                hash_sink.add((point as u64).to_le_bytes());
                 for value in strike_numbers {
-                    hash_sink.0.update(value.to_le_bytes());
+                    hash_sink.add(value.to_le_bytes());
                 }
             }
         }
-        hex(&hash_sink.0.finalize())
+        hex(&hash_sink.end())
     }
 }
 
 /// What an island depends on before it is assembled, whatever its plan will be.
-pub(in crate::plan) struct IslandContent<'a> {
+pub(crate) struct IslandContent<'a> {
     timeline: &'a Timeline,
     events: Events,
 }
 
 impl<'a> IslandContent<'a> {
     /// `extra_content`: what else its plan depends on.
-    pub(in crate::plan) fn new(network: &Network, timeline: &'a Timeline, extra_content: Arguments<'_>) -> Self {
+    pub(crate) fn new(network: &Network, timeline: &'a Timeline, extra_content: Arguments<'_>) -> Self {
         // How an island is assembled depends on which MATs events act on, no matter when.
         let event_mats = (
             Vec::from_iter(
@@ -239,19 +201,19 @@ impl<'a> IslandContent<'a> {
     }
 
     /// A hash of what does not depend on time (64 hex digits).
-    pub(in crate::plan) fn fixed(&self) -> String {
+    pub(crate) fn fixed(&self) -> String {
         let mut hash_sink = Sink::new();
-        hash_sink.0.update(self.events.fixed);
-        hex(&hash_sink.0.finalize())
+        hash_sink.add(self.events.fixed);
+        hex(&hash_sink.end())
     }
 
     /// A hash of all that the island depends on up to a frame (64 hex digits).
-    pub(in crate::plan) fn until(&self, frame: u64) -> String {
+    pub(crate) fn until(&self, frame: u64) -> String {
         let mut hash_sink = Sink::new();
-        hash_sink.0.update(frame.to_le_bytes());
+        hash_sink.add(frame.to_le_bytes());
         let stop_instant = (frame + ROUNDED_FRAMES) as f64 / self.timeline.rate.hertz();
         self.events.hash(self.timeline, (None, stop_instant), &mut hash_sink);
-        hex(&hash_sink.0.finalize())
+        hex(&hash_sink.end())
     }
 }
 
@@ -274,11 +236,4 @@ fn gesture_content(gesture: &Gesture) -> (f64, [u8; 32]) {
             "{key} {stretches:?} {start:?} {exit:?} {entry:?} {manner:?} {instants:?}"
         )),
     )
-}
-
-pub(super) fn digest(text: Arguments<'_>) -> [u8; 32] {
-    let mut hash_sink = Sink::new();
-    // Writing into a hash cannot fail.
-    let _ = hash_sink.write_fmt(text);
-    hash_sink.0.finalize().into()
 }

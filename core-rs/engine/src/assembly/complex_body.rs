@@ -2,6 +2,13 @@
 
 use std::sync::Arc;
 
+use crate::assembly::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
+use crate::assembly::budget::Budget;
+use crate::assembly::cells::add_weight;
+use crate::assembly::constants::{ENERGY_SPAN, TRUNCATED_COST_RATIO_MAX};
+use crate::assembly::solved_modes::Memo;
+use crate::assembly::truncate::{self, KeptModes};
+use crate::assembly::unit::BankPlan;
 use crate::bank::{Oscillator, Strikes};
 use crate::body_modes::complex_modes::ComplexPart;
 use crate::body_modes::complex_modes::{ComplexModes, Pole, Sum};
@@ -10,17 +17,10 @@ use crate::cell::{Response, recurrence};
 use crate::kernel::bank::LANES;
 use crate::maths::{cos, exp, expm1, sin};
 use crate::network::{Network, Subset, Term};
-use crate::plan::BankPlan;
-use crate::plan::budget::Budget;
-use crate::plan::constants::{ENERGY_SPAN, TRUNCATED_COST_RATIO_MAX};
-use crate::plan::passes::audible::{self, Blows, Body, ModalBody, ModeKind, impulses};
-use crate::plan::passes::cells::add_weight;
-use crate::plan::passes::solved_modes::Memo;
-use crate::plan::passes::truncate::{self, KeptModes};
 use crate::units::Rate;
 
 /// The complex modes of an island, as many as this score excites and the budget asks for, or those decided before.
-pub(in crate::plan) fn bank(
+pub(crate) fn bank(
     subset: &Subset,
     rate: Rate,
     budget: &Budget,
@@ -112,17 +112,17 @@ struct Complex<'a> {
 }
 
 /// A real sequence of a mode with a recurrence of its own: its real or its imaginary part.
-pub(in crate::plan) struct Part {
-    pub(in crate::plan) mode: usize,
+pub(crate) struct Part {
+    pub(crate) mode: usize,
     /// Index of the part, in the mode's number and in what an output sees of it.
-    pub(in crate::plan) part: usize,
+    pub(crate) part: usize,
     /// Sign of the part in what an output hears.
-    pub(in crate::plan) sign: f64,
+    pub(crate) sign: f64,
     /// a and b of x[n+1] = a·x[n] − b·x[n−1]
-    pub(in crate::plan) recurrence: (f64, f64),
+    pub(crate) recurrence: (f64, f64),
     /// x[0] and x[−1]
-    pub(in crate::plan) now: f64,
-    pub(in crate::plan) before: f64,
+    pub(crate) now: f64,
+    pub(crate) before: f64,
 }
 
 /// The parts of a mode.
@@ -165,14 +165,14 @@ fn parts_of(modes: &ComplexModes, mode: usize, rate: Rate) -> Vec<Part> {
 }
 
 /// The parts of some modes that outputs see.
-pub(in crate::plan) fn parts(modes: &ComplexModes, mode_indices: &[usize], rate: Rate) -> Vec<Part> {
+pub(crate) fn parts(modes: &ComplexModes, mode_indices: &[usize], rate: Rate) -> Vec<Part> {
     let all_parts = mode_indices.iter().flat_map(|&mode| parts_of(modes, mode, rate));
     let is_part_seen = |part: &Part| modes.output_shapes.iter().any(|row| row[part.mode][part.part] != 0.0);
     all_parts.filter(is_part_seen).collect()
 }
 
 /// The response of a part to an impulse at a point.
-pub(in crate::plan) fn response(modes: &ComplexModes, part: &Part, point: usize) -> Response {
+pub(crate) fn response(modes: &ComplexModes, part: &Part, point: usize) -> Response {
     let mode_gain = modes.struck_shapes[point][part.mode];
     match modes.poles[part.mode] {
         // Im z = Re(−i·z).
@@ -198,7 +198,7 @@ pub(in crate::plan) fn response(modes: &ComplexModes, part: &Part, point: usize)
 }
 
 /// Which parts of which modes the oscillators are.
-pub(in crate::plan) fn places(all_parts: &[Part]) -> Vec<ComplexPart> {
+pub(crate) fn places(all_parts: &[Part]) -> Vec<ComplexPart> {
     let place_of_part = |part: &Part| ComplexPart {
         mode: part.mode,
         part: part.part,

@@ -9,23 +9,23 @@ use crate::timeline::{DriveKind, Source, Timeline};
 
 /// The modules of an island, and the held points that they are tied to.
 #[derive(Clone, Debug, Default)]
-pub(in crate::plan) struct IslandMembers {
+pub(crate) struct IslandMembers {
     /// Its own MATs, rising   (n_mat)
-    pub(in crate::plan) mats: Vec<u32>,
+    pub(crate) mats: Vec<u32>,
     /// Held points of other islands that its links end on, rising.
-    pub(in crate::plan) guests: Vec<u32>,
+    pub(crate) guests: Vec<u32>,
     /// Its own links   (n_lia)
-    pub(in crate::plan) links: Vec<u32>,
+    pub(crate) links: Vec<u32>,
     /// An output listens to it.
-    pub(in crate::plan) is_heard: bool,
+    pub(crate) is_heard: bool,
     /// Something can set it in motion.
-    pub(in crate::plan) is_moved: bool,
+    pub(crate) is_moved: bool,
     /// A hand, a path, a force or a glide acts on it, or something in it follows a MAT: not strikes alone.
-    pub(in crate::plan) is_handled: bool,
+    pub(crate) is_handled: bool,
 }
 
 /// All islands, in the order of their first MATs.
-pub(in crate::plan) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembers> {
+pub(crate) fn islands(network: &Network, timeline: &Timeline) -> Vec<IslandMembers> {
     let mat_count = network.n_mat();
     let is_free = free(network, timeline);
     let mut forest = Forest::new(mat_count);

@@ -2,12 +2,12 @@
 
 use std::collections::HashMap;
 
+use crate::assembly::islands::IslandMembers;
+use crate::assembly::unit::BankPlan;
 use crate::bank::{Blow, Kick, Oscillator};
 use crate::body_modes::ANGLE_MIN;
 use crate::interrupt;
 use crate::network::{Error, MatKind, Network, Subset, Term};
-use crate::plan::BankPlan;
-use crate::plan::passes::islands::IslandMembers;
 use crate::scheme::Scheme;
 use crate::start::backward_steps;
 use crate::timeline::{Timeline, pushes};
@@ -24,7 +24,7 @@ const PART_MIN: usize = 256;
 
 /// Whether an island is a single CEL or MAS that no link, hand or path touches. A CEL so slow that a two-term
 /// recurrence would round its pitch does not count.
-pub(in crate::plan) fn is_loose(network: &Network, island: &IslandMembers, rate: Rate) -> bool {
+pub(crate) fn is_loose(network: &Network, island: &IslandMembers, rate: Rate) -> bool {
     let &[mat] = &island.mats[..] else {
         return false;
     };
@@ -48,11 +48,7 @@ pub(in crate::plan) fn is_loose(network: &Network, island: &IslandMembers, rate:
 }
 
 /// Makes banks of a network of isolated CELs, and adds what outputs hear of their rest positions to `still`.
-pub(in crate::plan) fn oscillators(
-    subset: &Subset,
-    timeline: &Timeline,
-    still: &mut [f64],
-) -> Result<Vec<BankPlan>, Error> {
+pub(crate) fn oscillators(subset: &Subset, timeline: &Timeline, still: &mut [f64]) -> Result<Vec<BankPlan>, Error> {
     let network = &subset.network;
     let (mats, rate) = (network.mats(), timeline.rate);
     let scheme = Scheme::new(network, rate)?;
@@ -141,7 +137,7 @@ pub(in crate::plan) fn oscillators(
 }
 
 /// Add a weight to what an output hears.
-pub(in crate::plan) fn add_weight(weights: &mut Vec<(u32, f64)>, output: u32, weight: f64) {
+pub(crate) fn add_weight(weights: &mut Vec<(u32, f64)>, output: u32, weight: f64) {
     if weight == 0.0 {
         return;
     }

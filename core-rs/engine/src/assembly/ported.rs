@@ -3,6 +3,17 @@
 
 use std::sync::Arc;
 
+use crate::assembly::body::{blows, output_sums, position_sums};
+use crate::assembly::budget::Budget;
+use crate::assembly::choice::{BodyChoice, MeshChoice, SteppedChoice};
+use crate::assembly::complex_body::{self, Part};
+use crate::assembly::constants::{COST_RATIO_MAX, TIES_MAX};
+use crate::assembly::cost;
+use crate::assembly::mesh::{self, MethodChoice};
+use crate::assembly::slow::slow_bodies;
+use crate::assembly::solved_modes::Memo;
+use crate::assembly::split::{OwnTimeline, split};
+use crate::assembly::wiring::{Body, Wanted, Wiring};
 use crate::body_modes::complex_modes::Sum;
 use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};
@@ -11,47 +22,36 @@ use crate::island::inside::BodyPlan;
 use crate::island::modal::{Answers, Modal, Mode, Port, Struck};
 use crate::network::forest::ends;
 use crate::network::{Error, Network, Subset, Term};
-use crate::plan::budget::Budget;
-use crate::plan::choice::{BodyChoice, MeshChoice, SteppedChoice};
-use crate::plan::constants::{COST_RATIO_MAX, TIES_MAX};
-use crate::plan::cost;
-use crate::plan::passes::body::{blows, output_sums, position_sums};
-use crate::plan::passes::complex_body::{self, Part};
-use crate::plan::passes::mesh::{self, MethodChoice};
-use crate::plan::passes::slow::slow_bodies;
-use crate::plan::passes::solved_modes::Memo;
-use crate::plan::passes::split::{OwnTimeline, split};
-use crate::plan::passes::wiring::{Body, Wanted, Wiring};
 use crate::timeline::Timeline;
 use crate::units::Rate;
 
 /// An island divided into bodies and the rest, which is stepped.
-pub(in crate::plan) struct Cut {
+pub(crate) struct Cut {
     /// The rest, which is stepped; ports of bodies are masses in it.
-    pub(in crate::plan) hub: Subset,
-    pub(in crate::plan) timeline: OwnTimeline,
-    pub(in crate::plan) bodies: Vec<PortedBody>,
+    pub(crate) hub: Subset,
+    pub(crate) timeline: OwnTimeline,
+    pub(crate) bodies: Vec<PortedBody>,
 }
 
 /// A body that is cut out of its island and computed by a method of its own.
 #[derive(Clone)]
-pub(in crate::plan) struct PortedBody {
-    pub(in crate::plan) inside: BodyPlan,
+pub(crate) struct PortedBody {
+    pub(crate) inside: BodyPlan,
     /// MATs and LIAs that are no longer stepped.
-    pub(in crate::plan) mats: usize,
-    pub(in crate::plan) links: usize,
-    pub(in crate::plan) parts: Vec<String>,
+    pub(crate) mats: usize,
+    pub(crate) links: usize,
+    pub(crate) parts: Vec<String>,
     /// If it has modes: how many, which are computed, and how loud the others would be together [dB].
-    pub(in crate::plan) n_modes: usize,
-    pub(in crate::plan) computed_modes: Vec<u32>,
-    pub(in crate::plan) left_out: Option<f64>,
+    pub(crate) n_modes: usize,
+    pub(crate) computed_modes: Vec<u32>,
+    pub(crate) left_out: Option<f64>,
     /// It is stepped as a mesh although it could go by modes.
-    pub(in crate::plan) replaces_modes: bool,
+    pub(crate) replaces_modes: bool,
 }
 
 /// Cuts bodies out of an island: linear ones by their modes, other meshes by a method of their own. Returns `None` if
 /// no body is worth it, and why some bodies have no modes.
-pub(in crate::plan) fn cut(
+pub(crate) fn cut(
     island: &Subset,
     timeline: &Timeline,
     budget: &Budget,
@@ -139,7 +139,7 @@ fn replaces_modes(body: &BodyChoice) -> bool {
 ///
 /// # Errors
 /// With the name of a module of such a mesh.
-pub(in crate::plan) fn check_supported(network: &Network, timeline: &Timeline, budget: &Budget) -> Result<(), Error> {
+pub(crate) fn check_supported(network: &Network, timeline: &Timeline, budget: &Budget) -> Result<(), Error> {
     let Budget::Method(method) = budget else {
         return Ok(());
     };
@@ -157,7 +157,7 @@ pub(in crate::plan) fn check_supported(network: &Network, timeline: &Timeline, b
 
 impl PortedBody {
     /// What was decided for the body.
-    pub(in crate::plan) fn choice(&self) -> BodyChoice {
+    pub(crate) fn choice(&self) -> BodyChoice {
         match &self.inside {
             BodyPlan::Modal(_) => BodyChoice::Modes(self.computed_modes.clone()),
             BodyPlan::Mesh(mesh) => BodyChoice::Mesh(MeshChoice {
@@ -173,7 +173,7 @@ impl PortedBody {
 }
 
 /// An island that no body is cut out of.
-pub(in crate::plan) fn uncut_island(island: &Subset, island_timeline: &OwnTimeline, timeline: Timeline) -> Cut {
+pub(crate) fn uncut_island(island: &Subset, island_timeline: &OwnTimeline, timeline: Timeline) -> Cut {
     let all_indices = |n: usize| (0..n as u32).collect::<Vec<u32>>();
     let hub = Subset {
         mats: all_indices(island.mats.len()),
@@ -475,7 +475,7 @@ fn used(network: &Network, timeline: &Timeline, is_cut: &[bool]) -> Vec<bool> {
 }
 
 /// Sets the mass of each port to what responds to a force within a step as the body does.
-pub(in crate::plan) fn set_free(hub: &mut Network, inside: &BodyPlan) {
+pub(crate) fn set_free(hub: &mut Network, inside: &BodyPlan) {
     match inside {
         BodyPlan::Modal(modal) => {
             let time_step = modal.rate.step();

@@ -1,13 +1,13 @@
 //! How loud some modes of a body are relative to all of them. They are played, because modes that fade as fast as they
 //! swing may add up or cancel, which sums of energies do not show.
 
+use crate::assembly::constants::LOUDNESS_SPANS;
+use crate::assembly::unit::BankPlan;
 use crate::bank::Bank;
 use crate::derivative::Derivatives;
 use crate::hearing::SHORTEST_SECONDS;
 use crate::maths::log10;
 use crate::network::Network;
-use crate::plan::BankPlan;
-use crate::plan::constants::LOUDNESS_SPANS;
 use crate::units::Rate;
 
 /// Frames at once.
@@ -35,11 +35,11 @@ impl OutputSums {
 }
 
 /// What each output heard, up to the end of each span   (LOUDNESS_SPANS, n_out)
-pub(in crate::plan) struct Loudness(Vec<Vec<OutputSums>>);
+pub(crate) struct Loudness(Vec<Vec<OutputSums>>);
 
 impl Loudness {
     /// Plays a bank; outputs are numbered as in `network`.
-    pub(in crate::plan) fn new(mut bank: BankPlan, network: &Network, rate: Rate, first_frame: u64) -> Self {
+    pub(crate) fn new(mut bank: BankPlan, network: &Network, rate: Rate, first_frame: u64) -> Self {
         let n_outputs = network.outputs().len();
         let mut derivatives = Derivatives::new(network, rate.hertz());
         for strikes in &mut bank.strikes {
@@ -73,7 +73,7 @@ impl Loudness {
 
     /// The loudness of these modes relative to all, the largest over outputs and spans [dB]: ‖x‖/‖all − mean‖, as
     /// errors are measured.
-    pub(in crate::plan) fn relative_to(&self, all: &Self) -> f64 {
+    pub(crate) fn relative_to(&self, all: &Self) -> f64 {
         let output_pairs = self.0.iter().flatten().zip(all.0.iter().flatten());
         let energy_ratios = output_pairs.filter_map(|(some, all)| {
             let all = all.energy_about_mean();

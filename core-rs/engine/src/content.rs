@@ -1,0 +1,57 @@
+//! What the sound of islands and banks up to an instant depends on, as hashes: equal ones sound equal.
+
+pub(crate) mod bank;
+pub(crate) mod island;
+
+use std::fmt::{self, Arguments, Write};
+
+use sha2::{Digest, Sha256};
+
+use crate::network::{Network, PartOrder};
+
+/// A writer that hashes what is written.
+struct Sink(Sha256);
+
+impl Sink {
+    fn new() -> Self {
+        Self(Sha256::new())
+    }
+
+    fn add(&mut self, bytes: impl AsRef<[u8]>) {
+        self.0.update(bytes);
+    }
+
+    fn end(self) -> [u8; 32] {
+        self.0.finalize().into()
+    }
+}
+
+impl Write for Sink {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0.update(text);
+        Ok(())
+    }
+}
+
+/// A hash of a network under any names, and of what else counts (64 hex digits).
+pub(crate) fn network_key(network: &Network, also: Arguments<'_>) -> String {
+    let network = network.anonymous(&PartOrder::new([network]));
+    hex_of(format_args!("{network:?}\n{also}"))
+}
+
+/// A hash of formatted text (64 hex digits).
+pub(crate) fn hex_of(formatted_text: Arguments<'_>) -> String {
+    hex(&digest(formatted_text))
+}
+
+/// The hex digits of a hash.
+pub(crate) fn hex(digest: &[u8]) -> String {
+    digest.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+fn digest(text: Arguments<'_>) -> [u8; 32] {
+    let mut hash_sink = Sink::new();
+    // Writing into a hash cannot fail.
+    let _ = hash_sink.write_fmt(text);
+    hash_sink.0.finalize().into()
+}
