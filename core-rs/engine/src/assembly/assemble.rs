@@ -74,11 +74,9 @@ impl Shape {
         match choice {
             MethodChoice::Stepped => Self::Stepped,
             MethodChoice::Meshes(_) => Self::Meshes,
-            MethodChoice::ByBudget
-            | MethodChoice::Simplest
-            | MethodChoice::Unconditional
-            | MethodChoice::AsBefore(_)
-            | MethodChoice::All(_) => Self::Bodies,
+            MethodChoice::ByBudget | MethodChoice::Unconditional | MethodChoice::AsBefore(_) | MethodChoice::All(_) => {
+                Self::Bodies
+            }
         }
     }
 }

@@ -23,12 +23,6 @@ pub(crate) const LOUDNESS_SPANS: usize = 20;
 /// instead; if that would take more too, its stability stays unknown. The bound does not depend on what is left of the
 /// allowance, so that a kept plan decides as it did when it was made.
 pub(crate) const TRIAL_WORK_MAX: f64 = 0.5;
-/// Work of the eigenvalues, for the cube of the state's size [s].
-pub(crate) const EIGENVALUES_SECONDS: f64 = 8e-9;
-/// Work of a number of a state, or of a link, in a frame [s].
-pub(crate) const NUMBER_SECONDS: f64 = 0.4e-9;
-/// Work of an eigenvalue solution, for the cube of the number of modes [s].
-pub(crate) const SOLVE_SECONDS: f64 = 0.5e-9;
 
 // The reference and the search.
 /// The part of an error budget for left-out modes, and for contacts [dB]; the predictor of their loudness is within 1.1

@@ -35,8 +35,6 @@ pub(crate) const LADDER: [(MeshMethod, u32, f64); 10] = [
 pub(crate) enum MethodChoice<'a> {
     /// The budget decides.
     ByBudget,
-    /// The simplest method that is stable, whatever its error.
-    Simplest,
     /// By a method that is stable at any step.
     Unconditional,
     /// The methods of the meshes among these bodies, in order: the same island at another rate.
@@ -92,7 +90,6 @@ pub(crate) fn mesh(
             MethodChoice::Stepped => return None,
             MethodChoice::Unconditional if !has_leads => choose(&stiffest_network, rate, budget, true)?,
             _ if has_leads => choose_for_led(&stiffest_network, rate, budget)?,
-            MethodChoice::Simplest => choose(&stiffest_network, rate, &Budget::Error(f64::INFINITY), false)?,
             _ => choose(&stiffest_network, rate, budget, false)?,
         },
     };

@@ -3,7 +3,7 @@
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
-use crate::assembly::constants::SOLVE_SECONDS;
+use crate::assembly::cost::Costs;
 use crate::body_modes::complex_modes::{ComplexModes, Sum};
 use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};
@@ -87,8 +87,9 @@ impl<'a> Memo<'a> {
         {
             counted.push(network.clone());
             let mode_count = n_modes as f64;
-            self.work
-                .set(self.work.get() + SOLVE_SECONDS * mode_count * mode_count * mode_count);
+            self.work.set(
+                self.work.get() + 1e-9 * Costs::nanoseconds("mode_solution") * mode_count * mode_count * mode_count,
+            );
         }
     }
 

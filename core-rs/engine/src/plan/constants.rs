@@ -19,10 +19,8 @@ pub(in crate::plan) const FIRST_STRETCH_SECONDS: f64 = 1.25e-3;
 pub(in crate::plan) const ATTACK_SECONDS: f64 = 0.02;
 /// The part of the motion that a nudge takes away at each step.
 pub(in crate::plan) const NUDGE_SHARE: f64 = 1e-12;
-/// Growth a stretch of a nudge that grows with the square of time [dB], and the tolerance between two stretches [dB].
-pub(in crate::plan) const REGULAR_GROWTH: (f64, f64) = (12.04, 6.0);
-/// The least error that a method can have over the first millisecond of a stroke [dB].
-pub(in crate::plan) const ATTACK_ERROR_MIN: f64 = -120.0;
+/// By how much the growth of a nudge may exceed that of a regular motion by chance [dB].
+pub(in crate::plan) const GROWTH_MARGIN_DB: f64 = 6.0;
 /// Waveforms further apart than this have nothing in common [dB].
 pub(in crate::plan) const PARTED_DB: f64 = -10.0;
 
@@ -42,17 +40,12 @@ pub(in crate::plan) const FAINT_SHARE: f64 = 1e-4;
 /// An output is silent if it changes by less than this share of what it would hear if no motion were cancelled (-200
 /// dB). Rounding leaves up to 1e-12 of it where friction holds a point of a body between frames.
 pub(in crate::plan) const SILENT_SHARE: f64 = 1e-10;
-/// Most samples of sound that are kept.
-pub(in crate::plan) const SAMPLES_MAX: usize = 1 << 24;
-/// Most lengths that are remembered for one island.
-pub(in crate::plan) const LENGTHS_MAX: usize = 8;
 
 // What trials may cost.
-/// Allowance of a plan [s], and for each module that is computed and heard [s]: about 1 s for 100 modules, 2.4 s for
-/// 1,000.
-pub(in crate::plan) const ALLOWANCE_MIN: f64 = 0.85;
-pub(in crate::plan) const ALLOWANCE_PER_MODULE: f64 = 1.5e-3;
-/// Most allowance of a plan [s].
+/// Allowance of a plan for each module that is computed and heard [s]: 2.5 s for 1,000.
+pub(in crate::plan) const ALLOWANCE_PER_MODULE: f64 = 2.5e-3;
+/// Least and most allowance of a plan [s].
+pub(in crate::plan) const ALLOWANCE_MIN: f64 = 1.0;
 pub(in crate::plan) const ALLOWANCE_MAX: f64 = 10.0;
 /// The part of a plan's allowance that an island may take, however few its modules: four hard ones get the same.
 pub(in crate::plan) const ISLAND_SHARE_MIN: f64 = 0.25;
@@ -65,32 +58,21 @@ pub(in crate::plan) const SEARCH_COST: f64 = 24.0;
 pub(in crate::plan) const FAMILY_SHARE: f64 = 0.4;
 /// A doubling is played if this multiple of the work of the run before is left.
 pub(in crate::plan) const DOUBLING_RESERVE: f64 = 2.0;
-/// Work of comparing one sample of an output with others [s].
-pub(in crate::plan) const COMPARISON_SECONDS: f64 = 2e-8;
 
 // The reference and the search.
-/// A reference is this much more exact than the waveform that is asked for [dB]: its error then changes that of a
-/// candidate by 2.5 dB at most.
+/// A reference is this much more exact than what is asked for [dB], by waveform or by ear: its error then changes that
+/// of a candidate by 2.5 dB at most.
 pub(in crate::plan) const REFERENCE_MARGIN_DB: f64 = 12.0;
 /// Whatever is asked for, a reference of a waveform is this exact [dB]: at -80 dB too, so that a plan for less sees the
 /// same errors of the same candidates.
 pub(in crate::plan) const REFERENCE_DB: f64 = -92.0;
-/// By ear a reference is exact enough if its audible error is this part of what is allowed.
-pub(in crate::plan) const REFERENCE_SHARE: f64 = 0.2;
 /// Errors that differ by less count as equal [dB]: a doubling that gains less ends a family of references; if none is
 /// within the budget, one of higher cost is taken only if its error is lower by more; an error that grows by less after
 /// a pilot is the pilot's.
 pub(in crate::plan) const EQUAL_ERRORS_DB: f64 = 3.0;
-/// The same of audible errors, as a factor.
-pub(in crate::plan) const EQUAL_ERRORS_RATIO: f64 = 1.5;
 /// Orders of convergence that are believed. Kinks of laws and stops of friction have less than order 1; a faster fall
 /// from one doubling to the next may be chance.
 pub(in crate::plan) const CONVERGENCE_ORDERS: [f64; 2] = [0.5, 1.0];
-/// A factor of 2 [dB]: what an error of order 1 falls by when the step is halved.
-pub(in crate::plan) const FACTOR_TWO_DB: f64 = 6.02;
-/// Margin below the budget for what comes after the pilot, over which the runs are compared [dB]. If twice as many
-/// substeps lower the error by less, still more do not help.
-pub(in crate::plan) const BUDGET_MARGIN_DB: f64 = 0.1;
 /// Errors estimated from two runs may be too low by this [dB]: by 3.4 in the worst of the 138 scenes of
 /// docs/accuracy.md at three budgets, before this was added. Margin below the budget where errors may grow after the
 /// pilot (`keys-105` of the audit: by 3.4).
@@ -102,11 +84,6 @@ pub(in crate::plan) const CREATED_SHARE_MAX: f64 = 0.005;
 pub(in crate::plan) const EARLY_CHECK: (usize, f64) = (4, 12.0);
 /// Most steps a frame of a candidate that a plan may choose.
 pub(in crate::plan) const OVERSAMPLING_MAX: u32 = 8;
-/// Contact substeps a step of a reference. If contacts take more than the part `COSTLY_SHARE` of the cost, a doubling
-/// doubles nearly all work, so it begins at `FINE_SUBSTEPS_MIN`.
-pub(in crate::plan) const REFERENCE_SUBSTEPS: usize = 32;
-/// The part of the cost above which contacts count as costly.
-pub(in crate::plan) const COSTLY_SHARE: f64 = 0.5;
 
 // How long errors hold.
 /// Time between two checks of the error [s].
@@ -128,6 +105,5 @@ pub(in crate::plan) const SLOW_COST_RATIO_MAX: f64 = 0.95;
 /// stability limit. No such key grew in scans without damping.
 pub(in crate::plan) const KEY_TURN_MAX: f64 = 1.0;
 
-// Which bodies go by modes, and which modes are left out.
 /// Most attempts to leave modes out.
 pub(in crate::plan) const PRUNE_TRIES: usize = 4;

@@ -7,9 +7,9 @@
 use nalgebra::DMatrix;
 
 use crate::assembly::constants::{
-    COMMON_FRAMES_MAX, DENSE_MAX, EIGENVALUES_SECONDS, GROWTH_TOLERANCE, NUMBER_SECONDS, TRIAL_KICKS, TRIAL_WORK_MAX,
-    UNIT_CIRCLE_TOLERANCE,
+    COMMON_FRAMES_MAX, DENSE_MAX, GROWTH_TOLERANCE, TRIAL_KICKS, TRIAL_WORK_MAX, UNIT_CIRCLE_TOLERANCE,
 };
+use crate::assembly::cost::Costs;
 use crate::assembly::unit::IslandPlan;
 use crate::interrupt;
 use crate::island::inside::BodyPlan;
@@ -262,13 +262,14 @@ impl<'a> Map<'a> {
         let kick_sizes = self.slow.iter().map(RunningSlow::n_state);
         let dense_products: usize = kick_sizes.map(|n| n * n / 2).sum();
         let frame_products = self.len() + 2 * self.links.len() + modal_products.sum::<usize>();
-        NUMBER_SECONDS * (self.frames as f64 * frame_products as f64 + self.kicks * dense_products as f64)
+        let products = self.frames as f64 * frame_products as f64 + self.kicks * dense_products as f64;
+        1e-9 * Costs::nanoseconds("number") * products
     }
 
     /// Work of the eigenvalues [s].
     fn dense_work(&self) -> f64 {
         let state_size = self.len() as f64;
-        state_size * self.work() + EIGENVALUES_SECONDS * state_size * state_size * state_size
+        state_size * self.work() + 1e-9 * Costs::nanoseconds("eigenvalue") * state_size * state_size * state_size
     }
 
     /// Work of simulating the island for a while [s].

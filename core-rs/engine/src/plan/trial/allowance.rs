@@ -102,8 +102,7 @@ pub(in crate::plan) struct Allowance {
 
 /// The work that the trials of a plan of `n_modules` may take [s], if they may take the part `share` of the usual.
 pub(in crate::plan) fn allowance_of_plan(n_modules: usize, share: f64) -> f64 {
-    let module_seconds = ALLOWANCE_PER_MODULE * n_modules as f64;
-    share * (ALLOWANCE_MIN + module_seconds).min(ALLOWANCE_MAX)
+    share * (ALLOWANCE_PER_MODULE * n_modules as f64).clamp(ALLOWANCE_MIN, ALLOWANCE_MAX)
 }
 
 impl Allowance {
@@ -268,10 +267,10 @@ mod tests {
     #[test]
     fn allowance_grows_with_score_length_to_a_bound() {
         let allowances = [0, 100, 1_000, 1_000_000].map(|n_modules| allowance_of_plan(n_modules, 1.0));
-        for (seconds, expected) in allowances.into_iter().zip([0.85, 1.0, 2.35, 10.0]) {
+        for (seconds, expected) in allowances.into_iter().zip([1.0, 1.0, 2.5, 10.0]) {
             assert!((seconds - expected).abs() < 1e-12, "{seconds} of {expected}");
         }
-        assert_eq!(allowance_of_plan(100, 0.5), 0.5);
+        assert_eq!(allowance_of_plan(1_000, 0.5), 1.25);
     }
 
     #[test]

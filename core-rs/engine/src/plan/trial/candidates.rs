@@ -42,10 +42,9 @@ pub(in crate::plan) struct Family {
 
 impl Family {
     /// The families among which a reference is looked for, those of the highest order first.
-    pub(in crate::plan) const REFERENCE_FAMILIES: [Self; 4] = [
+    pub(in crate::plan) const REFERENCE_FAMILIES: [Self; 3] = [
         Self::fine(MethodChoice::ByBudget),
         Self::fine(MethodChoice::All((MeshMethod::Bm4, 1))),
-        Self::fine(MethodChoice::Stepped),
         Self {
             bodies: MethodChoice::ByBudget,
             is_plain: true,
@@ -80,10 +79,8 @@ pub(in crate::plan) fn candidates<F: Fn(AssemblyOptions<'_>) -> Result<Assembled
     assemble: &F,
     reference: (&Candidate, &PilotRun),
 ) -> Vec<Candidate> {
-    let mesh_choices = MESH_METHODS
-        .into_iter()
-        .flat_map(|method| [MethodChoice::All(method), MethodChoice::Meshes(method)]);
-    let bodies = [MethodChoice::Simplest, MethodChoice::ByBudget, MethodChoice::Stepped];
+    let mesh_choices = MESH_METHODS.into_iter().map(MethodChoice::Meshes);
+    let bodies = [MethodChoice::ByBudget, MethodChoice::Stepped];
     let steps = (0..=OVERSAMPLING_MAX.ilog2()).map(|doublings| 1 << doublings);
     let choice_groups = bodies
         .into_iter()

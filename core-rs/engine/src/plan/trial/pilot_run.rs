@@ -1,13 +1,13 @@
 //! Plays the beginning of an island, and decides for how long that is worth it.
 
 use crate::assembly::constants::TRIAL_WORK_MAX;
-use crate::assembly::cost;
+use crate::assembly::cost::{self, Costs};
 use crate::assembly::unit::IslandPlan;
 use crate::derivative::Derivatives;
 use crate::island::{Island, OnFault, Options, StepNumbers};
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::Error;
-use crate::plan::constants::{COMPARISON_SECONDS, ENERGY_CHECKS, EXCERPT_SECONDS_MAX, PILOT_SECONDS};
+use crate::plan::constants::{ENERGY_CHECKS, EXCERPT_SECONDS_MAX, PILOT_SECONDS};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::silence::Silence;
 use crate::waveform::is_still;
@@ -248,7 +248,7 @@ impl<'a> Meter<'a> {
         let rows_cost: f64 = island_plan.bodies.iter().map(cost::short_rows_cost).sum();
         let short_cost = rows_cost + cost::lone_laws_cost(&island_plan.network);
         let frame_work = work(island_plan) + 1e-9 * f64::from(island_plan.oversampling) * short_cost;
-        let comparison = COMPARISON_SECONDS * island_plan.network.outputs().len() as f64;
+        let comparison = 1e-9 * Costs::nanoseconds("comparison") * island_plan.network.outputs().len() as f64;
         Self {
             allowance,
             frame_work: frame_work + comparison,

@@ -9,9 +9,11 @@ use crate::content::hex_of;
 use crate::content::island::IslandContent;
 use crate::hearing::{Audible, JUST_NOTICEABLE};
 use crate::network::Error;
-use crate::plan::constants::LENGTHS_MAX;
 use crate::plan::row::Measured;
 use crate::plan::trial::allowance::{Allowance, Taken, WorkLeft};
+
+/// Most lengths that are remembered for one island.
+const LENGTHS_MAX: usize = 8;
 
 /// What a series of trials took and found, as numbers that can be written and read.
 #[derive(Clone, Debug, Default, PartialEq)]

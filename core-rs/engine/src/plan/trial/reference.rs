@@ -11,18 +11,17 @@ use crate::assembly::budget::Budget;
 use crate::assembly::constants::{INAUDIBLE_ERROR_DB, SUBSTEPS_MAX};
 use crate::hearing::Audible;
 use crate::island::FINE_SUBSTEPS_MIN;
-use crate::maths::pow;
+use crate::maths::{decibels, pow};
 use crate::network::Error;
 use crate::plan::constants::{
-    CONVERGENCE_ORDERS, COSTLY_SHARE, DOUBLING_RESERVE, EQUAL_ERRORS_DB, FACTOR_TWO_DB, FAMILY_SHARE, OVERSAMPLING_MAX,
-    REFERENCE_DB, REFERENCE_MARGIN_DB, REFERENCE_SHARE, REFERENCE_SUBSTEPS,
+    CONVERGENCE_ORDERS, DOUBLING_RESERVE, EQUAL_ERRORS_DB, FAMILY_SHARE, OVERSAMPLING_MAX, REFERENCE_DB,
+    REFERENCE_MARGIN_DB,
 };
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::candidates::{Candidate, Family, has_fine};
 use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
 use crate::plan::trial::runs::Runs;
-use crate::plan::trial::waveform_error::{Spans, difference};
-use crate::waveform::is_still;
+use crate::plan::trial::waveform_error::{FACTOR_TWO_DB, Spans, difference};
 
 /// Contact substeps a step of a reference with laws, which divide a frame only as far as they have to: never a limit.
 const SUBSTEPS_OF_LAWS: usize = 4 * SUBSTEPS_MAX;
@@ -41,7 +40,7 @@ impl Reference {
     /// Whether it is as exact as a reference should be.
     fn is_exact(&self, budget: &Budget) -> bool {
         match self.audible {
-            Some(audible) => budget.excess(&audible) <= REFERENCE_SHARE,
+            Some(audible) => budget.excess(&audible) <= decibels(-REFERENCE_MARGIN_DB),
             None => self.error <= (budget.asked() - REFERENCE_MARGIN_DB).min(REFERENCE_DB),
         }
     }
@@ -73,18 +72,16 @@ pub(in crate::plan) fn reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled,
     first: &Candidate,
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
-    let (spans, budget) = (climb.spans, climb.budget);
+    let budget = climb.budget;
     let steps_max = 8 * OVERSAMPLING_MAX;
     let substeps = first_substeps(first);
     let mut best_reference: Option<Reference> = None;
-    for family in climb.families(first) {
+    for family in Family::REFERENCE_FAMILIES {
         let family_allowance = allowance.fraction(FAMILY_SHARE);
         let lowest_steps = if family.is_plain { OVERSAMPLING_MAX } else { 1 };
         let reached = climb.family((family, substeps), lowest_steps..=steps_max, &family_allowance);
         allowance.spend_fraction(&family_allowance, FAMILY_SHARE);
         match reached {
-            // By CA a strike that friction can stop within a step moves nothing, at any rate.
-            Ok(Some(reached)) if is_held(&reached, family, spans) => {}
             Ok(Some(reached)) => {
                 if best_reference
                     .as_ref()
@@ -124,19 +121,10 @@ pub(in crate::plan) fn plain_reference<F: Fn(AssemblyOptions<'_>) -> Result<Asse
 
 /// Contact substeps a step of all runs, given the first one.
 fn first_substeps(first: &Candidate) -> usize {
-    let contact_cost = first.island.island_plan.counted_cost.map_or(0.0, f64::from);
-    let is_costly = contact_cost > COSTLY_SHARE * first.cost || is_plain_first(&first.island);
     match first.island.may_collocate {
         true if !first.island.has_dry_friction() => SUBSTEPS_OF_LAWS,
-        _ if is_costly => FINE_SUBSTEPS_MIN,
-        _ => REFERENCE_SUBSTEPS,
+        _ => FINE_SUBSTEPS_MIN,
     }
-}
-
-/// Whether dry friction, computed once a step, holds all that is heard.
-fn is_held(reached: &Reference, family: Family, spans: &Spans) -> bool {
-    let island = &reached.candidate.island;
-    family.is_plain && island.sticks() && is_still(&reached.run.sound, spans.n_out)
 }
 
 /// Whether contacts and laws between frames cost more than all of the island by the plain way at the highest rate.
@@ -149,24 +137,6 @@ pub(in crate::plan) fn is_plain_first(island: &Assembled) -> bool {
 }
 
 impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Climb<'_, F> {
-    /// The families in the order in which they are tried.
-    fn families(&self, first: &Candidate) -> [Family; Family::REFERENCE_FAMILIES.len()] {
-        let mut families = Family::REFERENCE_FAMILIES;
-        if is_plain_first(&first.island) {
-            families.rotate_right(1);
-        } else if matches!(self.budget, Budget::Error(_)) && self.has_meshes() {
-            families.swap(0, 1);
-        }
-        families
-    }
-
-    /// Whether bodies are meshes that a method of order 4 computes.
-    fn has_meshes(&self) -> bool {
-        let [_, bm4_family, ..] = Family::REFERENCE_FAMILIES;
-        let methods = (self.assemble)(bm4_family.with_steps(1)).map(|island| island.mesh_methods());
-        methods.is_ok_and(|methods| methods.iter().any(Option::is_some))
-    }
-
     /// Plays a family in doubling steps until a run is exact enough, or gains no more. Of a plain family that begins at
     /// one step a frame, three runs have to agree: two that both miss a short contact may agree by chance.
     fn family(

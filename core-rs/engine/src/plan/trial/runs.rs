@@ -7,9 +7,11 @@ use crate::assembly::unit::IslandPlan;
 use crate::integrate::MeshMethod;
 use crate::island::StepNumbers;
 use crate::island::inside::BodyPlan;
-use crate::plan::constants::SAMPLES_MAX;
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{Excerpt, PilotRun, play_while, work};
+
+/// Most samples of sound that are kept.
+const SAMPLES_MAX: usize = 1 << 24;
 
 /// What distinguishes one way to play an island from others.
 #[derive(Clone, PartialEq)]

@@ -13,11 +13,10 @@ use crate::assembly::budget::Budget;
 use crate::assembly::mesh::MethodChoice;
 use crate::hearing::Audible;
 use crate::island::{ContactOrder, FINE_SUBSTEPS_MIN};
-use crate::maths::sqrt;
+use crate::maths::{decibels, sqrt};
 use crate::network::Error;
 use crate::plan::constants::{
-    BUDGET_MARGIN_DB, CREATED_SHARE_MAX, EQUAL_ERRORS_DB, EQUAL_ERRORS_RATIO, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX,
-    SPECTRUM_NOISE,
+    CREATED_SHARE_MAX, EQUAL_ERRORS_DB, ESTIMATE_MARGIN_DB, OVERSAMPLING_MAX, SPECTRUM_NOISE,
 };
 use crate::plan::trial::allowance::{Allowance, TrialError, unless_spent};
 use crate::plan::trial::candidates::{Candidate, candidates, has_fine};
@@ -36,8 +35,8 @@ pub(in crate::plan) struct Search<'a, F> {
     pub(in crate::plan) runs: &'a Runs,
     pub(in crate::plan) spans: &'a Spans,
     pub(in crate::plan) reference: &'a Reference,
-    /// The stretches of the reference, and how much a nudge grows, if the motion is chaotic.
-    pub(in crate::plan) chaos: Option<(&'a Stretches, f64)>,
+    /// The stretches of the reference, if the motion is chaotic.
+    pub(in crate::plan) chaos: Option<&'a Stretches>,
 }
 
 /// A candidate that was played.
@@ -184,7 +183,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     fn aim(&self) -> f64 {
         let error_margin = match horizon::error_may_grow(&self.reference.candidate.island.island_plan) {
             true => ESTIMATE_MARGIN_DB,
-            false => BUDGET_MARGIN_DB,
+            false => 0.0,
         };
         self.budget.asked() - error_margin
     }
@@ -231,14 +230,14 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     fn compare(&self, candidate: Candidate, run: Rc<PilotRun>) -> Tried {
         let reference = self.reference;
         let run_difference = difference(&run.sound, &reference.run.sound, self.spans);
-        let parting = self.chaos.map(|(stretches, growth)| {
+        let parting = self.chaos.map(|stretches| {
             let run_pair = Pair {
                 run: &run,
                 finer: &reference.run,
                 spans: self.spans,
                 stretches,
             };
-            run_pair.compare(growth)
+            run_pair.compare()
         });
         let audible = self
             .spans
@@ -260,7 +259,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             // No waveform can be kept: the attack is judged by its waveform, the rest by its spectrum.
             (Budget::Error(_), Some(parting)) => {
                 let error_aim = self.aim();
-                (parting.attack > error_aim && parting.is_attainable(error_aim)) || parting.spectral > SPECTRUM_NOISE
+                parting.attack > error_aim || parting.spectral > SPECTRUM_NOISE
             }
             (_, Some(parting)) => parting.spectral > SPECTRUM_NOISE,
             (_, None) => self.excess(tried) > 1.0,
@@ -282,7 +281,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             }
             _ => match self.budget {
                 Budget::Error(_) => tried.error < other.error - EQUAL_ERRORS_DB,
-                _ => self.excess(tried) < self.excess(other) / EQUAL_ERRORS_RATIO,
+                _ => self.excess(tried) < self.excess(other) / decibels(EQUAL_ERRORS_DB),
             },
         }
     }
@@ -303,7 +302,7 @@ impl Gains {
     fn add(&mut self, tried: &Tried) {
         if tried.candidate.substeps > 1 {
             let group_gain = self.0.get(&tried.candidate.group);
-            let is_idle = group_gain.is_some_and(|(least_error, _)| tried.error > least_error - BUDGET_MARGIN_DB);
+            let is_idle = group_gain.is_some_and(|(least_error, _)| tried.error >= *least_error);
             let least_error = group_gain.map_or(tried.error, |(least_error, _)| least_error.min(tried.error));
             self.0.insert(tried.candidate.group, (least_error, is_idle));
         }

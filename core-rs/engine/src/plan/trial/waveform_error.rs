@@ -8,6 +8,9 @@ use crate::plan::constants::{EARLY_CHECK, PILOT_PARTS, PILOT_SECONDS};
 use crate::plan::trial::pilot_run::frames_per_second;
 use crate::waveform::worst_ratio;
 
+/// A factor of 2 [dB]: what an error of order 1 falls by when the step is halved.
+pub(in crate::plan) const FACTOR_TWO_DB: f64 = 6.02;
+
 /// The sum of two independent errors, by power [dB].
 pub(in crate::plan) fn power_sum(error: f64, other: f64) -> f64 {
     let power_ratio = |db: f64| pow(10.0, db / 10.0);
@@ -142,7 +145,6 @@ pub(in crate::plan) fn difference(a: &[f64], b: &[f64], spans: &Spans) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::constants::FACTOR_TWO_DB;
 
     /// One output at 1 kHz: an event after 60 ms, then 0.3 s.
     fn spans() -> Spans {
