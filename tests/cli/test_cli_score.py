@@ -323,7 +323,7 @@ def test_info_of_take_with_time_units(folder: Path, capsys: Capture, separator: 
     (record,) = records(capsys)
     assert record["duration_s"] == pytest.approx(0.01)
     assert record["rate_hz"] == pytest.approx(200)
-    assert record["channels"] == [{"name": "tip [mm]", "low": 1, "high": 4}]
+    assert record["channels"] == [{"name": "tip [mm]", "low": 1, "high": 4, "not_finite": 0}]
 
 
 def test_take_without_times_needs_rate(folder: Path, capsys: Capture) -> None:

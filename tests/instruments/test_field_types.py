@@ -23,9 +23,9 @@ def field_types(kind: Kind) -> dict[str, Any]:
     builders += [add_grains] if kind.name == "GRAINS" else []
     types: dict[str, Any] = {}
     for builder in builders:
-        fields = get_type_hints(builder).get("fields")
-        if is_typeddict(fields):
-            types |= {name: hint for name, hint in get_type_hints(fields).items()}
+        for fields in get_type_hints(builder).values():
+            if is_typeddict(fields):
+                types |= get_type_hints(fields)
     return types
 
 

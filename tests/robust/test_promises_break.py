@@ -44,7 +44,7 @@ BREAKS = {
     ),
     "repl/test_repl_saves.py::test_journal_with_foreign_paths_saves_no_file": (
         "repl/session/journal_names.py",
-        "    path = folder / _check_relative(name)\n    if not is_below(path, folder):\n",
+        "    path = folder / _check_relative(written_name)\n    if not is_below(path, folder):\n",
         "    path = folder / name\n    if False:\n",
     ),
     "repl/test_journal_hostile.py::test_journal_file_name_outside_folder": (
@@ -54,15 +54,16 @@ BREAKS = {
     ),
     "repl/test_journal_hostile.py::test_replay_of_python_lines": (
         "repl/session/replay.py",
-        '    commands = reparse(event.get("line", str), on)\n',
-        '    commands = reparse(event.get("line", str), on)\n'
+        '    commands = reparse(line_event.get("line", str), on)\n',
+        '    commands = reparse(line_event.get("line", str), on)\n'
         '    [exec(getattr(command, "expression", "")) for command in commands]\n',
     ),
     "scores/test_take_files.py::test_npz_with_pickled_objects_is_refused": (
         "scores/gesture/npz.py",
-        '        if dtype.hasobject or dtype.kind not in "fiu" or len(shape) != 1:\n',
-        "        if dtype.hasobject:\n            np.load(self._path, allow_pickle=True)[name]\n"
-        '        if dtype.hasobject or dtype.kind not in "fiu" or len(shape) != 1:\n',
+        '        if dtype.hasobject or dtype.kind not in "fiu" or len(array_shape) != 1:\n',
+        "        if dtype.hasobject:\n"
+        "            np.load(self._path, allow_pickle=True)[member_name]\n"
+        '        if dtype.hasobject or dtype.kind not in "fiu" or len(array_shape) != 1:\n',
     ),
     "scores/test_corrupted_takes.py::test_damaged_takes_are_refused": (
         "scores/gesture/npz.py",
@@ -71,7 +72,7 @@ BREAKS = {
     ),
     "plan/test_plan_store.py::test_plan_store_rewrites_damaged_files": (
         "ergon/exchange/plan_store.py",
-        'and content.get("hash") == _hash(record)',
+        'and record_content.get("hash") == _hash(trial_record)',
         "",
     ),
     "robust/test_conditions.py::test_readers_refuse_fifos_folders_and_devices": (
@@ -88,12 +89,12 @@ BREAKS = {
     ),
     "exchange/test_layout_files.py::test_malformed_layout_files_are_refused": (
         "ergon/exchange/layout_files.py",
-        "if isinstance(event, yaml.AliasEvent):",
+        "if isinstance(yaml_event, yaml.AliasEvent):",
         "if False:",
     ),
     "exchange/test_adm.py::test_hostile_xml_is_refused": (
         "ergon/common/xml_text.py",
-        "if _DEFINES.search(data):",
+        "if _DEFINES.search(xml_bytes):",
         "if False:",
     ),
     "cli/test_terminal_text.py::test_messages_without_terminal_control_characters": (
@@ -169,7 +170,7 @@ BREAKS = {
     "repl/test_repl_socket.py::test_hostile_bytes_leave_other_clients_served": (
         "repl/wire/serve.py",
         "        except ProtocolError as error:\n"
-        "            prompt.send(id=number, error=str(error))\n",
+        "            prompt.send(id=request_number, error=str(error))\n",
         "        except ProtocolError as error:\n            self._end(str(error))\n",
     ),
     "live/test_live_osc.py::test_osc_parse_address_default_host": (

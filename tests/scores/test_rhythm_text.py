@@ -185,7 +185,7 @@ def test_choice_share():
         ("a b] c", (3, 1), "']' has no '[' before it"),
         ("a b)", (3, 1), "')' has no '('"),
         ("[a b>", (4, 1), "'>' does not close the '['"),
-        ("hat(7,16):p", (9, 1), "behind the word of a step"),
+        ("hat(7,16):p", (9, 1), "follow the word of a step"),
         ("a & b", (2, 1), "'&' does not begin a step"),
         ("a -5", (2, 1), "'-' does not begin a step"),
         ("a ^b", (2, 1), "'^' does not begin a step"),

@@ -12,6 +12,7 @@ pub(crate) mod choice;
 pub(crate) mod complex_body;
 pub(crate) mod constants;
 pub(crate) mod cost;
+pub(crate) mod cost_table;
 pub(crate) mod islands;
 pub(crate) mod loudness;
 pub(crate) mod mesh;

@@ -1,8 +1,7 @@
 //! The cost of a plan: amounts of work, multiplied by a table that ships as data.
 
-use std::sync::LazyLock;
-
 use crate::assembly::constants::{LAW_INSTANTS, LAW_PARTS, LAW_ROUNDS};
+use crate::assembly::cost_table::Costs;
 use crate::assembly::mesh::LADDER;
 use crate::assembly::unit::{BankPlan, IslandPlan, Unit};
 use crate::integrate::MeshMethod;
@@ -13,31 +12,6 @@ use crate::island::{FINE_SUBSTEPS_MIN, Island};
 use crate::network::{Contact, LinkKind, Measure, Network, Pairwise, Run, SpaceLaw, SpaceLink};
 use crate::scheme::Scheme;
 use crate::timeline::Timeline;
-
-/// Nanoseconds of one unit of each kind of work.
-const TABLE: &str = include_str!("costs.txt");
-
-/// The table of costs.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Costs;
-
-impl Costs {
-    /// Nanoseconds of one unit of a kind of work.
-    pub(crate) fn nanoseconds(kind: &str) -> f64 {
-        let known_cost = COSTS.iter().find(|(name, _)| *name == kind);
-        known_cost.map_or(0.0, |(_, ns)| *ns)
-    }
-}
-
-/// Each kind of work and its cost, read once: trials ask for costs in every block.
-static COSTS: LazyLock<Vec<(&str, f64)>> = LazyLock::new(|| {
-    let lines = TABLE.lines().filter(|line| !line.starts_with('#'));
-    let cost = |line: &'static str| {
-        let mut words = line.split_whitespace();
-        Some((words.next()?, words.next()?.parse().ok()?))
-    };
-    lines.filter_map(cost).collect()
-});
 
 impl IslandPlan {
     /// Nanoseconds a frame, by the table of costs.
@@ -292,15 +266,6 @@ mod tests {
     use crate::law::Law;
     use crate::network::Facets;
     use crate::units::Rate;
-
-    #[test]
-    fn cost_table_lines_are_positive() {
-        for line in TABLE.lines().filter(|line| !line.starts_with('#')) {
-            let work_kind = line.split_whitespace().next().unwrap();
-            assert!(Costs::nanoseconds(work_kind) > 0.0, "{line}");
-        }
-        assert_eq!(Costs::nanoseconds("no such work"), 0.0);
-    }
 
     #[test]
     fn lone_laws_cost_counts_each_law() {

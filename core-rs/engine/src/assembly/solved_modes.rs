@@ -3,7 +3,7 @@
 use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
-use crate::assembly::cost::Costs;
+use crate::assembly::cost_table::Costs;
 use crate::body_modes::complex_modes::{ComplexModes, Sum};
 use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};

@@ -21,6 +21,8 @@ pub(in crate::plan) const ATTACK_SECONDS: f64 = 0.02;
 pub(in crate::plan) const NUDGE_SHARE: f64 = 1e-12;
 /// By how much the growth of a nudge may exceed that of a regular motion by chance [dB].
 pub(in crate::plan) const GROWTH_MARGIN_DB: f64 = 6.0;
+/// The least error that a method can have over the first millisecond of a stroke [dB].
+pub(in crate::plan) const ATTACK_ERROR_MIN: f64 = -120.0;
 /// Waveforms further apart than this have nothing in common [dB].
 pub(in crate::plan) const PARTED_DB: f64 = -10.0;
 

@@ -2,7 +2,8 @@
 
 use crate::assembly::audible::{Body, ModeKind};
 use crate::assembly::budget::Budget;
-use crate::assembly::cost::{self, Costs};
+use crate::assembly::cost;
+use crate::assembly::cost_table::Costs;
 use crate::assembly::islands::IslandMembers;
 use crate::assembly::ported::PortedBody;
 use crate::assembly::unit::{BankPlan, IslandPlan};

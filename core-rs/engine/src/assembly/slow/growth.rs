@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 use crate::assembly::constants::{
     COMMON_FRAMES_MAX, DENSE_MAX, GROWTH_TOLERANCE, TRIAL_KICKS, TRIAL_WORK_MAX, UNIT_CIRCLE_TOLERANCE,
 };
-use crate::assembly::cost::Costs;
+use crate::assembly::cost_table::Costs;
 use crate::assembly::unit::IslandPlan;
 use crate::interrupt;
 use crate::island::inside::BodyPlan;

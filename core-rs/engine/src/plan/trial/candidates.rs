@@ -42,9 +42,10 @@ pub(in crate::plan) struct Family {
 
 impl Family {
     /// The families among which a reference is looked for, those of the highest order first.
-    pub(in crate::plan) const REFERENCE_FAMILIES: [Self; 3] = [
+    pub(in crate::plan) const REFERENCE_FAMILIES: [Self; 4] = [
         Self::fine(MethodChoice::ByBudget),
         Self::fine(MethodChoice::All((MeshMethod::Bm4, 1))),
+        Self::fine(MethodChoice::Stepped),
         Self {
             bodies: MethodChoice::ByBudget,
             is_plain: true,

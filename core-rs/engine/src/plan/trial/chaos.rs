@@ -10,7 +10,9 @@ use crate::hearing::third_octaves::level_difference;
 use crate::island::inside::BodyPlan;
 use crate::maths::{log10, sqrt};
 use crate::network::{LinkKind, Network};
-use crate::plan::constants::{ATTACK_SECONDS, FIRST_STRETCH_SECONDS, GROWTH_MARGIN_DB, NUDGE_SHARE, PARTED_DB};
+use crate::plan::constants::{
+    ATTACK_ERROR_MIN, ATTACK_SECONDS, FIRST_STRETCH_SECONDS, GROWTH_MARGIN_DB, NUDGE_SHARE, PARTED_DB,
+};
 use crate::plan::trial::allowance::{Allowance, TrialError};
 use crate::plan::trial::pilot_run::{BLOCK, Excerpt, PilotRun, nudged};
 use crate::plan::trial::waveform_error::{FACTOR_TWO_DB, Spans};
@@ -38,6 +40,8 @@ pub(in crate::plan) struct Parting {
     cumulative_errors: Vec<f64>,
     /// The error over the attack [dB].
     pub(in crate::plan) attack: f64,
+    /// How much a nudge grows over the attack [dB].
+    growth: f64,
     /// Mean difference of third octaves [dB].
     pub(in crate::plan) spectral: f64,
 }
@@ -150,21 +154,32 @@ impl Stretches {
 }
 
 impl Pair<'_> {
-    /// Whether a nudge of `run` shows that its motion is chaotic.
-    pub(in crate::plan) fn is_chaotic(
+    /// How much a nudge of `run` grows over the attack [dB], if that shows chaos; `None` otherwise.
+    pub(in crate::plan) fn chaos(
         &self,
         island_plan: &IslandPlan,
         contact_substeps: usize,
         allowance: &Allowance,
-    ) -> Result<bool, TrialError> {
+    ) -> Result<Option<f64>, TrialError> {
         if self.run.is_lost || is_linear(island_plan) {
-            return Ok(false);
+            return Ok(None);
         }
-        Ok(is_chaotic(&self.nudge(island_plan, contact_substeps, allowance)?))
+        let growth_levels = self.nudge(island_plan, contact_substeps, allowance)?;
+        if !is_chaotic(&growth_levels) {
+            return Ok(None);
+        }
+        let last_stretch = self.stretches.count_within(ATTACK_SECONDS, self.spans) - 1;
+        let growth_of = |stretch: usize| growth_levels.get(stretch).copied().flatten();
+        Ok(Some(
+            growth_of(0)
+                .zip(growth_of(last_stretch))
+                .map_or(0.0, |(first_growth, last_growth)| last_growth - first_growth),
+        ))
     }
 
-    /// Compares the runs. The finer one parts from the true motion too, so errors of the waveform count twice.
-    pub(in crate::plan) fn compare(&self) -> Parting {
+    /// Compares the runs, given that a nudge grows by `growth` over the attack [dB]. The finer one parts from the true
+    /// motion too, so errors of the waveform count twice.
+    pub(in crate::plan) fn compare(&self, growth: f64) -> Parting {
         let (run_sound, finer_sound) = (&self.run.sound, &self.finer.sound);
         let mut cumulative_errors = self.stretches.profile(run_sound, finer_sound).cumulative_levels;
         cumulative_errors.iter_mut().for_each(|db| *db += FACTOR_TWO_DB);
@@ -173,6 +188,7 @@ impl Pair<'_> {
         Parting {
             attack: cumulative_errors[self.stretches.count_within(ATTACK_SECONDS, self.spans) - 1],
             cumulative_errors,
+            growth,
             spectral: level_difference(
                 &run_sound[first_sample..],
                 &finer_sound[first_sample..],
@@ -223,6 +239,12 @@ fn is_chaotic(growth_levels: &[Option<f64>]) -> bool {
 }
 
 impl Parting {
+    /// Whether an attack with an error as small as `attack` [dB] is attainable: errors of the first stretch, at least
+    /// `ATTACK_ERROR_MIN`, grow by `growth`.
+    pub(in crate::plan) fn is_attainable(&self, attack: f64) -> bool {
+        attack - self.growth > ATTACK_ERROR_MIN
+    }
+
     /// Returns an error [dB] and the frame until which it holds: as long as the error is at most `error_allowed`; if it
     /// never is, as long as the runs agree at all.
     pub(in crate::plan) fn valid_span(&self, error_allowed: f64, stretches: &Stretches) -> (f64, usize) {

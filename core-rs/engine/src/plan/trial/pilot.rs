@@ -123,7 +123,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         }
     }
 
-    fn search<'b>(&'b self, reference: &'b Reference, chaos: Option<&'b Stretches>) -> Search<'b, F> {
+    fn search<'b>(&'b self, reference: &'b Reference, chaos: Option<(&'b Stretches, f64)>) -> Search<'b, F> {
         Search {
             assemble: self.assemble,
             budget: self.budget,
@@ -148,21 +148,22 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
             return Ok(Some(self.unmeasured(first_candidate, first_run)?));
         };
         let stretches = Stretches::new(&reference.run.sound, &self.spans);
-        let is_chaotic = unless_spent(self.is_chaotic(&reference, &stretches))?.unwrap_or(false);
+        let growth = unless_spent(self.growth(&reference, &stretches))?.flatten();
         let is_unknown = !reference.is_sure(self.budget) && reference.error > PARTED_DB;
-        if !is_chaotic && is_unknown {
+        if growth.is_none() && is_unknown {
             return Ok(Some(self.unmeasured(first_candidate, first_run)?)); // no two runs agree
         }
-        match self.search(&reference, is_chaotic.then_some(&stretches)).find()? {
+        let chaos_growth = growth.map(|growth| (&stretches, growth));
+        match self.search(&reference, chaos_growth).find()? {
             Some(tried) => Ok(Some(self.finished(tried, &stretches)?)),
             None => Ok(Some(self.unmeasured(first_candidate, first_run)?)),
         }
     }
 
-    /// Whether the reference is unsure because the motion is chaotic.
-    fn is_chaotic(&self, reference: &Reference, stretches: &Stretches) -> Result<bool, TrialError> {
+    /// How much a nudge of the reference grows, if that is unsure and the motion chaotic.
+    fn growth(&self, reference: &Reference, stretches: &Stretches) -> Result<Option<f64>, TrialError> {
         if reference.is_sure(self.budget) {
-            return Ok(false);
+            return Ok(None);
         }
         let run_pair = Pair {
             run: &reference.run,
@@ -172,7 +173,7 @@ impl<'a, F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Pilot<'a, F> {
         };
         let candidate = &reference.candidate;
         let played_plan = &candidate.island.island_plan;
-        run_pair.is_chaotic(played_plan, candidate.substeps, self.allowance)
+        run_pair.chaos(played_plan, candidate.substeps, self.allowance)
     }
 
     /// The result of a search: the candidate without modes that are not heard, and its error.

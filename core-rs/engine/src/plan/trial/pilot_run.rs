@@ -1,7 +1,8 @@
 //! Plays the beginning of an island, and decides for how long that is worth it.
 
 use crate::assembly::constants::TRIAL_WORK_MAX;
-use crate::assembly::cost::{self, Costs};
+use crate::assembly::cost;
+use crate::assembly::cost_table::Costs;
 use crate::assembly::unit::IslandPlan;
 use crate::derivative::Derivatives;
 use crate::island::{Island, OnFault, Options, StepNumbers};

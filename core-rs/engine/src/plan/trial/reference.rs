@@ -22,6 +22,7 @@ use crate::plan::trial::candidates::{Candidate, Family, has_fine};
 use crate::plan::trial::pilot_run::{PilotRun, is_affordable};
 use crate::plan::trial::runs::Runs;
 use crate::plan::trial::waveform_error::{FACTOR_TWO_DB, Spans, difference};
+use crate::waveform::is_still;
 
 /// Contact substeps a step of a reference with laws, which divide a frame only as far as they have to: never a limit.
 const SUBSTEPS_OF_LAWS: usize = 4 * SUBSTEPS_MAX;
@@ -82,6 +83,8 @@ pub(in crate::plan) fn reference<F: Fn(AssemblyOptions<'_>) -> Result<Assembled,
         let reached = climb.family((family, substeps), lowest_steps..=steps_max, &family_allowance);
         allowance.spend_fraction(&family_allowance, FAMILY_SHARE);
         match reached {
+            // By CA a strike that friction can stop within a step moves nothing, at any rate.
+            Ok(Some(reached)) if is_held(&reached, family, climb.spans) => {}
             Ok(Some(reached)) => {
                 if best_reference
                     .as_ref()
@@ -125,6 +128,12 @@ fn first_substeps(first: &Candidate) -> usize {
         true if !first.island.has_dry_friction() => SUBSTEPS_OF_LAWS,
         _ => FINE_SUBSTEPS_MIN,
     }
+}
+
+/// Whether dry friction, computed once a step, holds all that is heard.
+fn is_held(reached: &Reference, family: Family, spans: &Spans) -> bool {
+    let island = &reached.candidate.island;
+    family.is_plain && island.sticks() && is_still(&reached.run.sound, spans.n_out)
 }
 
 /// Whether contacts and laws between frames cost more than all of the island by the plain way at the highest rate.

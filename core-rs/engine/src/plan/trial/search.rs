@@ -35,8 +35,8 @@ pub(in crate::plan) struct Search<'a, F> {
     pub(in crate::plan) runs: &'a Runs,
     pub(in crate::plan) spans: &'a Spans,
     pub(in crate::plan) reference: &'a Reference,
-    /// The stretches of the reference, if the motion is chaotic.
-    pub(in crate::plan) chaos: Option<&'a Stretches>,
+    /// The stretches of the reference, and how much a nudge grows, if the motion is chaotic.
+    pub(in crate::plan) chaos: Option<(&'a Stretches, f64)>,
 }
 
 /// A candidate that was played.
@@ -230,14 +230,14 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
     fn compare(&self, candidate: Candidate, run: Rc<PilotRun>) -> Tried {
         let reference = self.reference;
         let run_difference = difference(&run.sound, &reference.run.sound, self.spans);
-        let parting = self.chaos.map(|stretches| {
+        let parting = self.chaos.map(|(stretches, growth)| {
             let run_pair = Pair {
                 run: &run,
                 finer: &reference.run,
                 spans: self.spans,
                 stretches,
             };
-            run_pair.compare()
+            run_pair.compare(growth)
         });
         let audible = self
             .spans
@@ -259,7 +259,7 @@ impl<F: Fn(AssemblyOptions<'_>) -> Result<Assembled, Error>> Search<'_, F> {
             // No waveform can be kept: the attack is judged by its waveform, the rest by its spectrum.
             (Budget::Error(_), Some(parting)) => {
                 let error_aim = self.aim();
-                parting.attack > error_aim || parting.spectral > SPECTRUM_NOISE
+                (parting.attack > error_aim && parting.is_attainable(error_aim)) || parting.spectral > SPECTRUM_NOISE
             }
             (_, Some(parting)) => parting.spectral > SPECTRUM_NOISE,
             (_, None) => self.excess(tried) > 1.0,
