@@ -105,12 +105,11 @@ def _obj(path: Path) -> Content:
         mesh = reader.mesh(Place(str(path), 1, 1))
     if mesh is None:
         raise Refused("; ".join(f"{path}: {mistake.message}" for mistake in collector.finish()))
-    lines = (line.split() for line in (obj_text or "").splitlines())
-    kinds = Counter(words[0] for words in lines if words and not words[0].startswith("#"))
+    lines = [words for line in (obj_text or "").splitlines() if (words := line.split())]
+    kinds = Counter(words[0] for words in lines if not words[0].startswith("#"))
     other_kinds = [kind for kind in kinds if kind not in ("v", "f", "l")]
     passed_over = [f"{plural(kinds[kind], 'line')} of {kind}" for kind in sorted(other_kinds)]
-    vertices = (line.split() for line in (obj_text or "").splitlines() if line.startswith("v "))
-    if n_more := sum(len(words) > 4 for words in vertices):
+    if n_more := sum(words[0] == "v" and len(words) > 4 for words in lines):
         passed_over.append(f"colours or weights in {plural(n_more, 'line')} of v")
     return Content("mesh (Wavefront OBJ)", _counts(mesh), passed_over)
 

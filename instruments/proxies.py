@@ -12,7 +12,7 @@ from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import Shape
 
-_WAYS = ("shares", "at", "follows")
+_WEIGHT_FIELDS = ("shares", "at", "follows")
 
 
 def table(endpoint: Shape) -> Record:
@@ -50,16 +50,16 @@ def table(endpoint: Shape) -> Record:
 
 def check(proxy_values: Values) -> None:
     """Report fields that do not go together."""
-    ways = proxy_values.written(*_WAYS)
-    if not ways:
+    weight_fields = proxy_values.written(*_WEIGHT_FIELDS)
+    if not weight_fields:
         message = f"{proxy_values.context.label('')}: a PROXY needs at, follows or shares"
         proxy_values.error("E103", message)
-    elif len(ways) > 1:
+    elif len(weight_fields) > 1:
         message = (
-            f"{proxy_values.context.label(ways[1])}: `{ways[0]}` is written too; keep one of the "
-            "two"
+            f"{proxy_values.context.label(weight_fields[1])}: `{weight_fields[0]}` is written too; "
+            "keep one of the two"
         )
-        proxy_values.error("E111", message, ways[1])
+        proxy_values.error("E111", message, weight_fields[1])
     only: dict[str, tuple[str, ...]] = dict.fromkeys(("offset", "span"), ("follows",))
     only |= dict.fromkeys(("columns", "rim"), ("at", "follows"))
     for field_name in proxy_values.written(*only):

@@ -10,18 +10,18 @@ use sha2::{Digest, Sha256};
 use crate::network::{Network, PartOrder};
 
 /// A writer that hashes what is written.
-struct Sink(Sha256);
+pub(crate) struct Sink(Sha256);
 
 impl Sink {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self(Sha256::new())
     }
 
-    fn add(&mut self, bytes: impl AsRef<[u8]>) {
+    pub(crate) fn add(&mut self, bytes: impl AsRef<[u8]>) {
         self.0.update(bytes);
     }
 
-    fn end(self) -> [u8; 32] {
+    pub(crate) fn end(self) -> [u8; 32] {
         self.0.finalize().into()
     }
 }
@@ -53,5 +53,5 @@ fn digest(text: Arguments<'_>) -> [u8; 32] {
     let mut hash_sink = Sink::new();
     // Writing into a hash cannot fail.
     let _ = hash_sink.write_fmt(text);
-    hash_sink.0.finalize().into()
+    hash_sink.end()
 }

@@ -1,20 +1,18 @@
 //! A hash of what a plan decided: two plans of one score with the same hash give the same sound.
 
-use sha2::{Digest, Sha256};
-
 use crate::assembly::audible::ModeKind;
 use crate::assembly::choice::Choice;
-use crate::content::hex;
+use crate::content::{Sink, hex};
 use crate::island::ContactOrder;
 use crate::plan::row::{Computed, Reason, Row};
 
 /// A hash of decisions, and of the rows that they concern.
 pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
-    let mut sha_hasher = Sha256::new();
+    let mut hash_sink = Sink::new();
     for row in rows {
         for part in &row.parts {
-            sha_hasher.update((part.len() as u64).to_le_bytes());
-            sha_hasher.update(part);
+            hash_sink.add((part.len() as u64).to_le_bytes());
+            hash_sink.add(part);
         }
         let computed_code: u64 = match row.what {
             Computed::Stepped => 0,
@@ -33,9 +31,7 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
             Computed::LeftOut(Reason::Still) => 5,
         };
         let numbers = [row.parts.len() as u64, row.mats as u64, row.links as u64, computed_code];
-        numbers
-            .iter()
-            .for_each(|number| sha_hasher.update(number.to_le_bytes()));
+        numbers.iter().for_each(|number| hash_sink.add(number.to_le_bytes()));
     }
     for choice in choices {
         let (modules, oversampling, contact_substeps, body_numbers, counted_cost, contact_order) = choice.numbers();
@@ -48,15 +44,15 @@ pub(in crate::plan) fn hash(choices: &[Choice], rows: &[Row]) -> String {
         ];
         numbers
             .iter()
-            .for_each(|&number| sha_hasher.update((number as u64).to_le_bytes()));
+            .for_each(|&number| hash_sink.add((number as u64).to_le_bytes()));
         // Plans had one order before they said which.
         if contact_order != ContactOrder::default().number() {
-            sha_hasher.update(u64::from(contact_order).to_le_bytes());
+            hash_sink.add(u64::from(contact_order).to_le_bytes());
         }
         for body in &body_numbers {
-            sha_hasher.update((body.len() as u64).to_le_bytes());
-            body.iter().for_each(|number| sha_hasher.update(number.to_le_bytes()));
+            hash_sink.add((body.len() as u64).to_le_bytes());
+            body.iter().for_each(|number| hash_sink.add(number.to_le_bytes()));
         }
     }
-    hex(&sha_hasher.finalize())
+    hex(&hash_sink.end())
 }
