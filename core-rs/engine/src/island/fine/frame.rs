@@ -142,7 +142,8 @@ impl Fine {
                     }
                 }
                 None => {
-                    let rest_position = joint.rest;
+                    // From where it rests, its path is exact to the last bit if it does not move.
+                    let rest_position = joint.rest.unwrap_or(body.x[joint.mat]);
                     let free_step = next(joint.mat, body) - body.x[joint.mat];
                     let (x, next_x) = (body.x[joint.mat] - rest_position, next(joint.mat, body) - rest_position);
                     for (x_at, (from, to)) in free_path.iter_mut().zip(&joint.frame_weights) {

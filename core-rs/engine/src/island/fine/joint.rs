@@ -18,9 +18,10 @@ pub(super) struct Joint {
     pub(super) mat: usize,
     /// The body that it is a port of, and which port.
     pub(super) port: Option<(usize, usize)>,
-    /// For a MAT that is stepped: its free motion, and its rest position [m].
+    /// For a MAT that is stepped: its free motion.
     pub(super) cell: Option<Cell>,
-    pub(super) rest: f64,
+    /// The position where a CEL is at rest [m]. What has none rests where it is.
+    pub(super) rest: Option<f64>,
     /// 1/M, κ and ζ of its cell, in this frame and in the next.
     pub(super) constants: [[f64; 3]; 2],
     /// Weights of its position now and at the next frame in its position at each instant   (n)
@@ -148,18 +149,16 @@ pub(super) fn joint(
     });
     let cell = cell(mat, network, scheme).filter(|_| port.is_none() && !is_held);
     let instants = basis.instants.iter();
-    let (path_weights, rest) = match &cell {
-        Some(cell) => (
-            instants.clone().map(|&at| cell.interpolation(at, rate)).collect(),
-            network.mats().rest[mat],
-        ),
-        None => (instants.clone().map(|&at| (1.0 - at, at)).collect(), 0.0),
+    let path_weights = match &cell {
+        Some(cell) => instants.clone().map(|&at| cell.interpolation(at, rate)).collect(),
+        None => instants.clone().map(|&at| (1.0 - at, at)).collect(),
     };
+    let has_spring = cell.is_some() && network.mats().kind[mat] == MatKind::Cel;
     let split_impulse = |cell: &Cell| instants.map(|&at| cell.split(1.0, at, rate)).collect();
     Joint {
         mat,
         port,
-        rest,
+        rest: has_spring.then(|| network.mats().rest[mat]),
         constants: [[scheme.w[mat], scheme.kappa[mat], scheme.zeta[mat]]; 2],
         frame_weights: path_weights,
         split: cell.as_ref().map(split_impulse).unwrap_or_default(),

@@ -246,7 +246,7 @@ impl Fine {
         let mut deviation_max = 0.0_f64;
         for law_index in 0..n_laws {
             let state = &self.laws[law_index];
-            let [mut e, mut v] = [0, 1].map(|which| dot(&laws.end[which], &state.path));
+            let [mut e, mut v] = state.path_motion(&laws.end);
             for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves_end[law_index * n_laws..]) {
                 e += dot(by_x, &other.force);
                 v += dot(by_v, &other.force);

@@ -41,15 +41,18 @@ pub(in crate::plan) struct Family {
 }
 
 impl Family {
-    /// The families among which a reference is looked for, those of the highest order first.
+    /// All contacts and laws are computed once a step.
+    pub(in crate::plan) const PLAIN: Self = Self {
+        bodies: MethodChoice::ByBudget,
+        is_plain: true,
+    };
+    /// The families among which a reference is looked for, those of the highest order first, and last the one that is
+    /// needed where friction holds all that is heard.
     pub(in crate::plan) const REFERENCE_FAMILIES: [Self; 4] = [
         Self::fine(MethodChoice::ByBudget),
         Self::fine(MethodChoice::All((MeshMethod::Bm4, 1))),
+        Self::PLAIN,
         Self::fine(MethodChoice::Stepped),
-        Self {
-            bodies: MethodChoice::ByBudget,
-            is_plain: true,
-        },
     ];
 
     const fn fine(bodies: MethodChoice<'static>) -> Self {

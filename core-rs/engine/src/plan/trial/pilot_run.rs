@@ -87,13 +87,13 @@ pub(in crate::plan) struct CountedCost {
 }
 
 impl CountedCost {
-    /// The mean over `n_frames`.
-    fn new(island: &Island, n_frames: usize) -> Self {
-        let mean_cost = |ns: f64| (ns / n_frames.max(1) as f64).round() as u32;
-        let [contacts_cost, bodies] = cost::counted_cost(island).map(mean_cost);
+    /// The mean over `n_frames` of what was counted since `before` [ns].
+    fn new(island: &Island, before: [f64; 2], n_frames: usize) -> Self {
+        let counted = cost::counted_cost(island);
+        let mean_cost = |index: usize| ((counted[index] - before[index]) / n_frames.max(1) as f64).round() as u32;
         Self {
-            contacts: contacts_cost,
-            bodies,
+            contacts: mean_cost(0),
+            bodies: mean_cost(1),
         }
     }
 
@@ -258,8 +258,9 @@ impl<'a> Meter<'a> {
         }
     }
 
-    /// Plays the rest before an excerpt. Steps that the island skips cost nothing.
-    fn play_rest(&mut self, island: &mut Island, n_frames: usize) -> Result<(), TrialError> {
+    /// Plays the rest before an excerpt; returns the work that the island has counted by then [ns]. Steps that it skips
+    /// are counted, but cost nothing.
+    fn play_rest(&mut self, island: &mut Island, n_frames: usize) -> Result<[f64; 2], TrialError> {
         let mut rest_sound = vec![0.0; REST_BLOCK.min(n_frames) * island.n_out()];
         for first_frame in (0..n_frames).step_by(REST_BLOCK) {
             let block_frames = REST_BLOCK.min(n_frames - first_frame);
@@ -269,14 +270,22 @@ impl<'a> Meter<'a> {
                 block_frames,
                 &mut ThreadTeam::alone(),
             );
-            self.draw(island, (island.computed() - computed_before) as usize)?;
+            let computed_frames = (island.computed() - computed_before) as usize;
+            let skipped_share = 1.0 - computed_frames as f64 / block_frames as f64;
+            self.added += skipped_share * (self.added_work(island) - self.added);
+            self.draw(island, computed_frames)?;
         }
-        Ok(())
+        Ok(cost::counted_cost(island))
+    }
+
+    /// What contacts and guards have added so far [s].
+    fn added_work(&self, island: &Island) -> f64 {
+        let counted: f64 = cost::counted_cost(island).into_iter().sum();
+        1e-9 * counted + self.step_work * island.guard_steps() as f64
     }
 
     fn draw(&mut self, island: &Island, n_frames: usize) -> Result<(), TrialError> {
-        let counted: f64 = cost::counted_cost(island).into_iter().sum();
-        let added_work = 1e-9 * counted + self.step_work * island.guard_steps() as f64;
+        let added_work = self.added_work(island);
         let more_work = added_work - self.added;
         self.added = added_work;
         self.allowance.draw(self.frame_work * n_frames as f64 + more_work)
@@ -363,7 +372,7 @@ fn run(
     // A run that the allowance cannot pay for is not begun.
     meter.allowance.affords(work(island_plan) * n_frames as f64)?;
     let mut island = island(island_plan, contact_substeps)?;
-    meter.play_rest(&mut island, excerpt.from)?;
+    let counted_at_rest = meter.play_rest(&mut island, excerpt.from)?;
     let n_outputs = island.n_out();
     let mut sound = vec![0.0; n_frames * n_outputs];
     let mut derivatives = Derivatives::new(&island_plan.network, frames_per_second(island_plan));
@@ -392,7 +401,7 @@ fn run(
         derivatives.process(block_sound, n_outputs);
         island.squares(&mut squares);
         silence.keep(block_sound, &squares);
-        if touched_from.is_none() && cost::counted_cost(&island)[0] > 0.0 {
+        if touched_from.is_none() && cost::counted_cost(&island)[0] > counted_at_rest[0] {
             touched_from = Some(first_frame);
         }
         if !goes_on(block_end, &sound[..block_end * n_outputs]) {
@@ -406,159 +415,11 @@ fn run(
         created,
         sound,
         squares,
-        counted_cost: CountedCost::new(&island, n_frames - touched_from.unwrap_or(0)),
+        counted_cost: CountedCost::new(&island, counted_at_rest, n_frames - touched_from.unwrap_or(0)),
         has_diverged: island.n_muted() > 0,
         is_lost: island.n_muted() > 0 || island.has_risen(),
     }))
 }
 
 #[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-
-    use super::*;
-    use crate::assembly::unit::Unit;
-    use crate::generator::{Rim, Shape, plate};
-    use crate::gesture::profile::Curve;
-    use crate::gesture::script::{Gesture, Manner};
-    use crate::gesture::written::{Approach, Written};
-    use crate::network::{But, Dry, Network, Term, Tie};
-    use crate::plan::{Budget, Method, Plan};
-    use crate::timeline::Timeline;
-    use crate::units::Rate;
-
-    /// When the key begins to move [s].
-    const BEGINS: f64 = 0.3;
-
-    /// A key beside a plate, which is also struck later; `rests`: the key begins where its spring holds it.
-    fn plan(budget: &Budget, rests: bool) -> Plan {
-        let mut network = Network::new();
-        let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
-        let position_term = |first| Term::Position {
-            first,
-            len: 1,
-            weight: 1.0,
-        };
-        network.part("plate", None);
-        let topology = plate(Shape::Square, 3, Rim::Fixed).unwrap();
-        network.mesh("p", &topology, 0.1, 90.0, Some(0.3), 0.0).unwrap();
-        network.listen("plate", vec![position_term(16)]).unwrap();
-        network.part("key", None);
-        let key_tie = Tie::Tuned { f: 2.0, t60: Some(0.6) };
-        let key_start = if rests { 0.0 } else { -1e-3 };
-        let key = network.cel("m", 0.3, key_tie, key_start, 0.0, 0.0).unwrap();
-        let key_contact = But::plain(2e4, 0.2, 2e-3);
-        network.but("to", key, 24, key_contact).unwrap();
-        timeline.key("key", key);
-        let manner = Manner::OPEN;
-        let written = Written {
-            t: &[BEGINS, BEGINS + 0.06, BEGINS + 0.2],
-            x: &[0.0, 4e-3, 0.0],
-            approaches: &[Approach::Path(Curve::Smooth); 3],
-            sources: &[],
-        };
-        let gesture = Gesture::written(0, &written, manner).unwrap();
-        timeline.gesture(gesture).unwrap();
-        timeline.strike(&network, 20, 0.45, 1e-2, Some(0.0), 0).unwrap();
-        Plan::new(Arc::new(network), &timeline, budget, None).unwrap()
-    }
-
-    /// Sound, state and work of an island, and how many of its frames were skipped.
-    fn played(island_plan: &IslandPlan, may_rest: bool) -> (Vec<u64>, Vec<u8>, [u64; 3], u64) {
-        let mut island = island(island_plan, island_plan.contact_substeps).unwrap();
-        let mut sample_bits = Vec::new();
-        let mut block_sound = vec![0.0; BLOCK * island.n_out()];
-        for _ in 0..(0.6 * 44_100.0) as usize / BLOCK {
-            block_sound.fill(0.0);
-            let lone_team = &mut ThreadTeam::alone();
-            if may_rest {
-                island.process(&mut block_sound, BLOCK, lone_team).unwrap();
-            } else {
-                island.compute(&mut block_sound, BLOCK, lone_team).unwrap();
-            }
-            sample_bits.extend(block_sound.iter().map(|x| x.to_bits()));
-        }
-        let work_counts = island.fine_work();
-        let work_counts = [work_counts.instants, work_counts.products, island.guard_steps()];
-        let frames_skipped = island.passed() / u64::from(island_plan.oversampling);
-        (sample_bits, island.write_state(), work_counts, frames_skipped)
-    }
-
-    #[test]
-    fn pilot_run_skips_rest_with_the_same_bits() {
-        for budget in [Budget::Error(-60.0), Budget::Method(Method::Ca)] {
-            for rests in [true, false] {
-                let plan = plan(&budget, rests);
-                let mut n_islands = 0;
-                for unit in &plan.units {
-                    let Unit::IslandPlan(island_plan) = unit else {
-                        continue;
-                    };
-                    n_islands += 1;
-                    let (full_sound, full_state, full_work, _) = played(island_plan, false);
-                    let (rested_sound, rested_state, rested_work, frames_skipped) = played(island_plan, true);
-                    assert!(full_sound == rested_sound && full_state == rested_state && full_work == rested_work);
-                    // All frames before the gesture are skipped but the first and a few before it; none if a spring
-                    // moves the key.
-                    let rest_frames = (BEGINS * 44_100.0) as u64;
-                    let expected = if rests { rest_frames - 2_560..rest_frames } else { 0..1 };
-                    assert!(expected.contains(&frames_skipped), "{budget:?} {frames_skipped}");
-                }
-                assert_eq!(n_islands, 1);
-            }
-        }
-    }
-
-    /// Without guesses it takes 102 rounds a frame.
-    #[test]
-    fn friction_in_a_ring_takes_few_rounds() {
-        let mut network = Network::new();
-        network.part("ring", None);
-        let ring_cells = [
-            (4.4e-3, 771.0),
-            (1.57e-2, 274.0),
-            (1.09e-2, 437.0),
-            (1.37e-2, 722.0),
-            (3.7e-3, 84.0),
-            (1.7e-2, 423.0),
-        ];
-        let mut ring_mats = Vec::new();
-        for (index, (mass, f)) in ring_cells.into_iter().enumerate() {
-            let cell_tie = Tie::Tuned { f, t60: Some(1.0) };
-            let start_speed = if index == 0 { 0.05 } else { 0.0 };
-            let cell_name = format!("m{index}");
-            ring_mats.push(network.cel(&cell_name, mass, cell_tie, 0.0, start_speed, 0.0).unwrap());
-        }
-        let friction_levels = [0.272, 0.029, 0.027, 0.172, 0.283, 0.127, 0.223];
-        let mat_pairs = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 0), (1, 3)];
-        for (index, ((a, b), level)) in mat_pairs.into_iter().zip(friction_levels).enumerate() {
-            let dry_friction = Dry {
-                level,
-                static_level: level,
-                speed: 0.02,
-            };
-            network
-                .dry(&format!("d{index}"), ring_mats[a], ring_mats[b], dry_friction)
-                .unwrap();
-        }
-        let output_term = Term::Position {
-            first: ring_mats[0],
-            len: 1,
-            weight: 1.0,
-        };
-        network.listen("o", vec![output_term]).unwrap();
-        let timeline = Timeline::new(Rate::new(44_100.0).unwrap());
-        let ring_plan = Plan::new(Arc::new(network), &timeline, &Budget::Method(Method::Ca), None).unwrap();
-        let Some(Unit::IslandPlan(island_plan)) = ring_plan.units.first() else {
-            panic!("no island");
-        };
-        let mut island = island(island_plan, island_plan.contact_substeps).unwrap();
-        let n_frames = 13_230;
-        let mut ring_sound = vec![0.0; n_frames];
-        island
-            .compute(&mut ring_sound, n_frames, &mut ThreadTeam::alone())
-            .unwrap();
-        let solver_rounds = island.exact_work().solved_again as f64 / (n_frames * friction_levels.len()) as f64;
-        assert!(solver_rounds < 20.0, "{solver_rounds}");
-    }
-}
+mod tests;

@@ -112,8 +112,7 @@ pub(in crate::plan) fn plain_reference<F: Fn(AssemblyOptions<'_>) -> Result<Asse
     allowance: &Allowance,
 ) -> Result<Option<Reference>, TrialError> {
     let family_allowance = allowance.fraction(FAMILY_SHARE);
-    let [.., plain_family] = Family::REFERENCE_FAMILIES;
-    let reached = climb.family((plain_family, 1), 1..=2 * OVERSAMPLING_MAX, &family_allowance);
+    let reached = climb.family((Family::PLAIN, 1), 1..=2 * OVERSAMPLING_MAX, &family_allowance);
     allowance.spend_fraction(&family_allowance, FAMILY_SHARE);
     match reached {
         Ok(reached) => Ok(reached.filter(|reached| reached.is_exact(climb.budget))),

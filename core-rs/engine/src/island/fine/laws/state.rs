@@ -166,18 +166,32 @@ impl LawState {
     }
 
     /// Compute elongations and rates at the Gauss points of a part from the path; returns those at the start of the
-    /// frame.
+    /// frame. Motion is counted from the first instant, so that a path that stands still has no rate, to the last bit.
     pub(super) fn see(&mut self, division: &Division, part: usize) -> [f64; 2] {
-        let n_instants = self.path.len();
+        let (n_instants, first) = (self.path.len(), self.path[0]);
         let mut motion_seen: Motion = [0.0; 2 * STAGES + 2];
         for (x, weights) in self.path.iter().zip(&division.motion[part * n_instants..]) {
             for (motion_seen, weight) in motion_seen.iter_mut().zip(weights) {
-                *motion_seen += x * weight;
+                *motion_seen += (x - first) * weight;
             }
         }
-        let [x1, x2, x3, v1, v2, v3, start_values @ ..] = motion_seen;
-        (self.elongation, self.rate) = ([x1, x2, x3], [v1, v2, v3]);
-        start_values
+        let [x1, x2, x3, v1, v2, v3, start_elongation, start_rate] = motion_seen;
+        (self.elongation, self.rate) = ([x1, x2, x3].map(|x| first + x), [v1, v2, v3]);
+        [first + start_elongation, start_rate]
+    }
+
+    /// A value and a slope of the path, from their weights of its instants   (n each). A path that stands still has no
+    /// slope, to the last bit.
+    pub(super) fn path_motion(&self, [value_weights, slope_weights]: &[Vec<f64>; 2]) -> [f64; 2] {
+        let first = self.path[0];
+        let motion = |weights: &[f64]| -> f64 {
+            self.path
+                .iter()
+                .zip(weights)
+                .map(|(x, weight)| (x - first) * weight)
+                .sum()
+        };
+        [first + motion(value_weights), motion(slope_weights)]
     }
 
     /// Extrapolate the forces of the last parts to the next.
