@@ -472,6 +472,9 @@ impl RunningModal {
             free_frames.clamp(1, FRAMES_AHEAD as u64) as usize
         };
         self.take_pushes();
+        if frames_ahead > 1 {
+            self.motions.iter_mut().for_each(Motion::clear_signs_of_zeros);
+        }
         self.saved.clone_from_slice(&self.motions);
         // Close together: a row of `FRAMES_AHEAD` sums is a page of memory.
         let n_sums = self.row_positions.len() * frames_ahead;

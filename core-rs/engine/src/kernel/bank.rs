@@ -61,6 +61,16 @@ pub(crate) struct Motion {
 
 crate::archive::state!(Motion { now, before });
 
+impl Motion {
+    /// Let each zero be +0. A mode above a quarter of the rate has a < 0: at rest it is −0 in every third frame, and
+    /// would never be seen to rest.
+    pub(crate) fn clear_signs_of_zeros(&mut self) {
+        for x in self.now.0.iter_mut().chain(&mut self.before.0) {
+            *x += 0.0;
+        }
+    }
+}
+
 /// Advance a group by `sums.len()` frames and add its sum at each frame to `sums`.
 pub(crate) fn run(rates: &Rates, motion: &mut Motion, sums: &mut [Sum]) {
     run_on(rates, motion, sums);

@@ -2,10 +2,11 @@ use std::sync::Arc;
 
 use super::*;
 use crate::assembly::unit::Unit;
-use crate::generator::{Rim, Shape, plate};
+use crate::generator::{Ends, Rim, Shape, plate, string};
 use crate::gesture::profile::Curve;
 use crate::gesture::script::{Gesture, Manner};
 use crate::gesture::written::{Approach, Written};
+use crate::island::inside::BodyPlan;
 use crate::law::{Law, LawText};
 use crate::network::{But, Dry, Network, Term, Tie};
 use crate::plan::{Budget, Method, Plan};
@@ -46,6 +47,46 @@ fn plan(budget: &Budget, rests: bool) -> Plan {
     timeline.gesture(gesture).unwrap();
     timeline.strike(&network, 20, 0.45, 1e-2, Some(0.0), 0).unwrap();
     Plan::new(Arc::new(network), &timeline, budget, None).unwrap()
+}
+
+/// A string with modes up to half the rate, which a hammer strikes at `struck_at` [s].
+fn string_plan(struck_at: f64) -> IslandPlan {
+    let mut network = Network::new();
+    network.part("s", None);
+    let topology = string(24, Ends::Fixed, 0.0).unwrap();
+    network.mesh("s", &topology, 5e-3, 900.0, Some(1.0), 0.0).unwrap();
+    let hammer = network.mas("h", 5e-3, -1e-3, 0.0).unwrap();
+    network.but("felt", hammer, 7, But::plain(2e5, 0.2, 0.0)).unwrap();
+    let output_term = Term::Position {
+        first: 12,
+        len: 1,
+        weight: 1.0,
+    };
+    network.listen("o", vec![output_term]).unwrap();
+    let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
+    timeline
+        .strike(&network, hammer, struck_at, 1e-2, Some(0.0), 0)
+        .unwrap();
+    let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-60.0), None).unwrap();
+    let Some(Unit::IslandPlan(island_plan)) = plan.units.into_iter().next() else {
+        panic!("no island");
+    };
+    *island_plan
+}
+
+#[test]
+fn pilot_run_begins_late_for_modes_above_a_quarter_of_the_rate() {
+    let island_plan = string_plan(20.0);
+    let modes_at_rest = island_plan.bodies.iter().flat_map(|body| match body {
+        BodyPlan::Modal(modal) => &modal.modes[..],
+        _ => &[],
+    });
+    assert!(
+        modes_at_rest.clone().any(|mode| mode.a < 0.0),
+        "no mode above a quarter of the rate"
+    );
+    let rest_frames = frames_at_rest(&island_plan, &Allowance::with_total(1e9)).unwrap();
+    assert!((44_100 * 19..44_100 * 20).contains(&rest_frames), "{rest_frames}");
 }
 
 /// Sound, state and work of an island, and how many of its frames were skipped.
