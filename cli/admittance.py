@@ -136,9 +136,9 @@ def _peaks(admittance: Admittance, point_index: int) -> str:
     for peak_number, i in enumerate(peaks, 1):
         note_name, cents = nearest_note(float(f[i]))
         level = "no bound" if math.isinf(levels_db[i]) else f"{levels_db[i]:.1f} dB"
-        turned = "" if math.isinf(levels_db[i]) else f"{round(phases[i]):+d}°"
+        phase_text = "" if math.isinf(levels_db[i]) else f"{round(phases[i]):+d}°"
         table_rows.append(
-            (str(peak_number), note_name, f"{cents:+.1f}", f"{f[i]:.2f} Hz", level, turned)
+            (str(peak_number), note_name, f"{cents:+.1f}", f"{f[i]:.2f} Hz", level, phase_text)
         )
     return (
         f"{heading}: {peak_count or 'peaks'} from {range_text}\n{columns(table_rows, right=True)}"

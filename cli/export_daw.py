@@ -68,14 +68,16 @@ def export_daw(
         verb = "are" if is_rendered else "is"
         console.warn(f"{error}; {left_out} {verb} left out, and the other files are written")
     completed = None
-    # What is small is on the disk before the sound, and gets its names after it: all or nothing.
-    with file_group(force=file_options.force, inputs=loaded.inputs) as small:
+    # The small files are written before the sound and renamed after it, so that either all files or
+    # none appear.
+    with file_group(force=file_options.force, inputs=loaded.inputs) as small_files:
         for path, content in file_bytes.items():
-            small.write(path, content)
+            small_files.write(path, content)
         project_file = None
         if prepared is not None and tempo_path in file_bytes:
-            # Its stems and its length are known after the sound, but its room is taken before.
-            project_file = small.open(project_path, binary=True)
+            # The project needs the stems and the length, which are known only after the sound. Its
+            # disk space is reserved before.
+            project_file = small_files.open(project_path, binary=True)
             project_file.write(b" " * _project_room(clock, stage))
             project_file.flush()
         if prepared is not None:

@@ -91,8 +91,10 @@ class LazyGroup(click.Group):
         resolved, command, command_words = super().resolve_command(ctx, args)
         if command is not None and not isinstance(command, click.Group):
             names = (word for option in command.params for word in option.opts)
-            if meant := habits.single_dash(command_words, names):
-                raise click.UsageError(f"{meant[1:]} is written with two dashes: {meant}", ctx)
+            if option_meant := habits.single_dash(command_words, names):
+                raise click.UsageError(
+                    f"{option_meant[1:]} is written with two dashes: {option_meant}", ctx
+                )
             command_words = renamed.respelt(self.path_of(command_name), command_words)
         return resolved, command, command_words
 

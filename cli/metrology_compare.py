@@ -98,14 +98,15 @@ def _row(difference: Difference) -> str:
         f"{'none':>12}" if x is None else f"{x * scale:12.5g}"
         for x in (difference.first, difference.other)
     )
-    apart = (
+    interval_text = (
         ""
         if difference.first is None or difference.other is None
         else f"{(difference.other - difference.first) * scale:.4g}"
     )
     deviations_text = "" if difference.deviations is None else f"{difference.deviations:.3g}"
     return (
-        f"{label + ' [' + figure_unit + ']':16}{a}{b}{apart:>14}{deviations_text:>12}".rstrip()
+        f"{label + ' [' + figure_unit + ']':16}{a}{b}{interval_text:>14}"
+        f"{deviations_text:>12}".rstrip()
         + "\n"
     )
 

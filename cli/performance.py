@@ -186,10 +186,14 @@ class ShownPerformance:
         from ergon.live.trouble import gap_count as gaps_of
 
         self._clear()
-        late, played_seconds, n_gaps = status.late, status.frame / self._stage.rate, gaps_of(status)
+        late_ticks, played_seconds, n_gaps = (
+            status.late,
+            status.frame / self._stage.rate,
+            gaps_of(status),
+        )
         record_fields = {
             "frames": status.frame,
-            "late_ticks": late,
+            "late_ticks": late_ticks,
             "ticks": status.ticks,
             "underruns": n_gaps,
             "dropped": status.dropped,
@@ -204,7 +208,7 @@ class ShownPerformance:
         else:
             gaps = f", {n_gaps} gaps" if n_gaps else ""
             self._console.say(
-                f"played {played_seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}"
+                f"played {played_seconds:.1f} s; {late_ticks} of {status.ticks} ticks late{gaps}"
             )
         self._summarise()
         if sound_input.missing or sound_input.discarded:
@@ -234,5 +238,5 @@ class ShownPerformance:
                 f"{missed:.3f} s of frozen parts were read too late, and were silent"
             )
         is_short = status.dropped or status.missed or sound_input.gaps
-        if self._strict and (late or n_gaps or is_short):
-            raise Late(f"{late} late ticks, {n_gaps} gaps in the sound (--strict)")
+        if self._strict and (late_ticks or n_gaps or is_short):
+            raise Late(f"{late_ticks} late ticks, {n_gaps} gaps in the sound (--strict)")

@@ -71,12 +71,12 @@ def _movement_lines(movement: MovementStats) -> Iterator[str]:
         f"{movement.acceleration_rms:.3g} m/s²"
     )
     yield f"  spectrum      of the velocity: {movement.centre:.3g} Hz, ±{movement.bandwidth:.3g} Hz"
-    turned = f"  reversals     {len(movement.reversals):,}"
+    reversals_text = f"  reversals     {len(movement.reversals):,}"
     if len(movement.strikes):
         instants = ", ".join(f"{t:.3f}" for t in movement.strikes[:_LISTED])
         ellipsis = ", …" if len(movement.strikes) > _LISTED else ""
-        turned += f"; {plural(len(movement.strikes), 'strike')}, at {instants}{ellipsis} s"
-    yield turned
+        reversals_text += f"; {plural(len(movement.strikes), 'strike')}, at {instants}{ellipsis} s"
+    yield reversals_text
     if movement.smoothness is not None:
         yield (
             f"  smoothness    {movement.smoothness:.3f} (spectral arc length, median of its "

@@ -23,7 +23,7 @@ _USUAL = "takes"
 def list_takes(console: Console, folder: str | None) -> None:
     """List the recordings in a folder and what they hold.
 
-    Without FOLDER those of ./takes, or of this folder where there is no ./takes.
+    Without FOLDER, list ./takes, or the current folder if ./takes does not exist.
     """
     take_folder = Path(folder) if folder is not None else Path(_USUAL)
     if folder is None and not take_folder.is_dir():

@@ -70,7 +70,7 @@ def resolved(
             law_fields["damping"] = named.damping
     written_constants = law_fields["constants"]
     follows = following.followings(law_module)
-    starts = {name: own.start for name, own in follows.items()}
+    starts = {name: follow_rule.start for name, follow_rule in follows.items()}
     law_fields["constants"] = {**constants, **written_constants, **starts}
     interval = law_fields.pop("interval", None)
     used_words = (

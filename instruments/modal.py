@@ -38,8 +38,8 @@ class EachShape(Either):
         return Each(value) if is_list else value
 
 
-def _each(one: Text, scalar: Text | None) -> EachShape:
-    return EachShape(scalar, None, ListOf(one, 1, MAX_MODES))
+def _each(member: Text, scalar: Text | None) -> EachShape:
+    return EachShape(scalar, None, ListOf(member, 1, MAX_MODES))
 
 
 BANK_PITCHES = _each(k.PITCH, k.PITCHES)
@@ -66,17 +66,18 @@ def listed(bank_values: Values) -> Values | None:
                 )
                 return None
         return bank_values
-    if wrong := bank_values.written("count", "spread"):
+    if foreign_field := bank_values.written("count", "spread"):
         message = (
-            f"{bank_values.context.label(wrong[0])}: its modes are listed one by one; remove it"
+            f"{bank_values.context.label(foreign_field[0])}: its modes are listed one by one; "
+            "remove it"
         )
-        bank_values.error("E111", message, wrong[0])
+        bank_values.error("E111", message, foreign_field[0])
         return None
     if isinstance(t60, tuple) and not isinstance(t60, Each) and t60[0] == t60[1]:
         t60 = Each(t60[:1] * len(mode_frequencies))
     mode_gains = Each((1.0,) * len(mode_frequencies)) if mode_gains is None else mode_gains
     for field_name, field_value in (("t60", t60), ("gain", mode_gains)):
-        if field_name == "gain" and any(one <= 0.0 for one in mode_gains):
+        if field_name == "gain" and any(mode_gain <= 0.0 for mode_gain in mode_gains):
             message = (
                 f"{bank_values.context.label(field_name)}: a mode of gain 0 does not move; remove "
                 "the mode"
@@ -167,8 +168,8 @@ def _columns(
             place_names = [cell.strip() for cell in table_line.split(",")][2:]
             if is_bank or not place_names:
                 continue
-            if (wrong := _wrong_name(place_names)) is not None:
-                collector.error("E110", f"{bank_label}: {wrong}", line_place)
+            if (wrong_name := _wrong_name(place_names)) is not None:
+                collector.error("E110", f"{bank_label}: {wrong_name}", line_place)
                 return None
             format = _places_row(place_names)
             continue
@@ -331,9 +332,11 @@ def placed(modes_values: Values) -> Values | None:
         modes_fields["places"] = mode_places = {DEFAULT_PLACE: (1.0,) * len(mode_frequencies)}
         modes_nodes["places"] = modes_nodes["f"]
     place_names = list(mode_places)
-    if (wrong := _wrong_name(place_names)) is not None or not place_names:
-        wrong = wrong or "name a place at least, such as rim: [1, 0.5]"
-        modes_values.error("E110", f"{modes_values.context.label('places')}: {wrong}", "places")
+    if (wrong_name := _wrong_name(place_names)) is not None or not place_names:
+        wrong_name = wrong_name or "name a place at least, such as rim: [1, 0.5]"
+        modes_values.error(
+            "E110", f"{modes_values.context.label('places')}: {wrong_name}", "places"
+        )
         return None
     lists = {"t60": t60, **{f"place {quote(name)}": levels for name, levels in mode_places.items()}}
     for list_name, mode_levels in lists.items():
@@ -369,8 +372,10 @@ def placed(modes_values: Values) -> Values | None:
 
 def _wrong_band(drawn: Band, place_names: Sequence[str], listed_modes: int) -> str | None:
     """Why a band cannot be added to modes that are listed; None if it can."""
-    if strange := sorted(set(drawn.levels) - set(place_names)):
-        return f"there is no place {quote(strange[0])}; its places are {', '.join(place_names)}"
+    if unknown_places := sorted(set(drawn.levels) - set(place_names)):
+        return (
+            f"there is no place {quote(unknown_places[0])}; its places are {', '.join(place_names)}"
+        )
     if listed_modes + drawn.count > _core.MAX_MODAL:
         return (
             f"there are {listed_modes + drawn.count} modes with it; the most is {_core.MAX_MODAL}"
@@ -412,9 +417,9 @@ def retuned_modes(
                 if len(t60) == len(mode_frequencies)
                 else t60[0]
             )
-            body_fields["t60"] = Each(member_value[0] * (one / lowest) for one in t60)
+            body_fields["t60"] = Each(member_value[0] * (mode_t60 / lowest) for mode_t60 in t60)
             if isinstance(drawn := body_fields.get("band"), Band):
-                low, high = (member_value[0] * (one / lowest) for one in drawn.t60)
+                low, high = (member_value[0] * (mode_t60 / lowest) for mode_t60 in drawn.t60)
                 body_fields["band"] = replace(drawn, t60=(low, high))
         else:
             body_fields["t60"] = Each(member_value[:1])

@@ -36,10 +36,11 @@ class Band:
         """Frequencies, decays, and the levels at each of the places.
 
         The band is cut into `count` steps of one ratio, and a mode lies anywhere in its step. Its
-        decay lies about the line between both ends, evenly within half an octave up and down.
-        A level is drawn between half of what is written and that. At the first place all are
-        positive, at the second every second one is not, at the third every second pair is not: so
-        that places hardly move together at the first instant, as on a body that is large.
+        decay lies about the line between both ends, evenly within half an octave up and down. A
+        level is drawn between half the written level and the written level. Its sign alternates
+        with the mode at the second place, with pairs of modes at the third, and so on, and is
+        positive at the first. So the places hardly move together at the first instant, as on a
+        large body.
         """
         chance = random.Random(self.seed)  # draws are music and need no secure source
         drawn_frequencies, t60 = [], []

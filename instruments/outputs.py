@@ -93,12 +93,12 @@ class Outputs(Shape):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if not isinstance(node, document.Mapping):
-            lone = node.text.strip() if isinstance(node, document.Scalar) else ""
-            suggestion = f"{{SOX: {lone}}}" if NAME.fullmatch(lone) else None
+            scalar_text = node.text.strip() if isinstance(node, document.Scalar) else ""
+            suggestion = f"{{SOX: {scalar_text}}}" if NAME.fullmatch(scalar_text) else None
             return wrong_shape(self, node, name, context, suggestion=suggestion)
         if self.chosen(node) is _LISTENER:
-            bare = Context(context.collector, f"out of {context.owner}", "", node.place)
-            value = _LISTENER.read(node, name, bare)
+            scalar_context = Context(context.collector, f"out of {context.owner}", "", node.place)
+            value = _LISTENER.read(node, name, scalar_context)
             return MISSING if value is MISSING else (value,)
         for entry_word, (key_node, child) in node.entries.items():
             is_close = entry_word.isupper() or near_word(entry_word.upper(), _LISTENERS) is not None
@@ -121,8 +121,10 @@ class Outputs(Shape):
     def words(self) -> str:
         """In words."""
         example = {"mats": "m", "links": "b"}
-        each = (f"{{{name}: {example[kind.sources]}}}, " for name, kind in OUTPUTS.items())
-        return f"{''.join(each)}or names, each with such a one"
+        output_examples = (
+            f"{{{name}: {example[kind.sources]}}}, " for name, kind in OUTPUTS.items()
+        )
+        return f"{''.join(output_examples)}or names, each with one of these"
 
     def chosen(self, node: Node) -> Shape:
         """The table of one output, or that of named outputs."""

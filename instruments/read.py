@@ -260,7 +260,9 @@ def _with_more(base_schema: dict[str, Any], other_schema: dict[str, Any]) -> dic
     return merged_schema
 
 
-INSTRUMENT = InstrumentShape({one: instrument_table(one) for one in ("si", "ca", "space")})
+INSTRUMENT = InstrumentShape(
+    {form_name: instrument_table(form_name) for form_name in ("si", "ca", "space")}
+)
 
 
 def has_required_fields(kind_name: str, module_values: Values, axes: int = 1) -> bool:

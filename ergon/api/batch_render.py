@@ -148,7 +148,8 @@ def _refuse_mistakes(read: Sequence[Loaded]) -> None:
         for loaded in loaded_with_mistakes:
             sources |= loaded.files
         raise ScoreError(
-            [diagnostic for one in loaded_with_mistakes for diagnostic in one.diagnostics], sources
+            [diagnostic for loaded in loaded_with_mistakes for diagnostic in loaded.diagnostics],
+            sources,
         )
 
 

@@ -119,8 +119,8 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         journal.path.unlink(missing_ok=True)  # nothing has begun
         led.close()
         raise
-    began = opening(session.schedule.engine.tick_frames, hands).fields()
-    journal.append("session", **began, disk=session.disk.hashes_by_name(version.texts))
+    opening_fields = opening(session.schedule.engine.tick_frames, hands).fields()
+    journal.append("session", **opening_fields, disk=session.disk.hashes_by_name(version.texts))
     engine = session.schedule.engine
     assert isinstance(engine, LiveEngine)
     session.attach(_SummarisedHands(led, report))
@@ -149,13 +149,13 @@ def _run(session: Session) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _SummarisedHands:
-    """What leads keys without a device; its end says what came for each."""
+    """Led hands that report a summary of their input when they are closed."""
 
     led: LedHands
     report: Report
 
     def close(self) -> None:
-        """Let nothing lead a hand any more."""
+        """Stop leading the hands, and report a summary for each."""
         self.led.close()
         for sentence in self.led.summaries():
             self.report.say(sentence)

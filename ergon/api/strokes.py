@@ -97,8 +97,8 @@ def _contact_warning(
         least = strokes_before[-1].reach * (1 - _SAME) if first_closed else 0.0
         n_as_far = sum(stroke.reach >= least and stroke.reach > 0.0 for stroke in later_strokes)
         if n_as_far:
-            when = scores.where(piece, first_closed / simulated.rate)
-            message = f"contact {quote(contact.full_name)} closes at {when} only, "
+            contact_time = scores.where(piece, first_closed / simulated.rate)
+            message = f"contact {quote(contact.full_name)} closes at {contact_time} only, "
             message += f"though {n_as_far} later {player.more if n_as_far > 1 else player.singular}"
             help = "`ergon check --simulate` lists how far masses swing; the mass that is struck "
             help += "may not have returned"

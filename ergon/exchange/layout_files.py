@@ -217,8 +217,8 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
     if root_element.tag != _SPATGRIS:
         raise LayoutFileError(f"its root is {printable(root_element.tag[:40])}, not {_SPATGRIS}")
     for group in root_element.iter("SPEAKER_GROUP"):
-        turned = [group.get(name, "0") for name in ("YAW", "PITCH", "ROLL")]
-        moved = [*turned, *_axes(group.get(_PLACE, "0, 0, 0"))]
+        rotations = [group.get(name, "0") for name in ("YAW", "PITCH", "ROLL")]
+        moved = [*rotations, *_axes(group.get(_PLACE, "0, 0, 0"))]
         if any(_number(element, "place of a group") for element in moved):
             raise LayoutFileError("a group of its loudspeakers is moved or turned; none may be")
     numbered, left_out = [], []

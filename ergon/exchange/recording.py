@@ -25,7 +25,7 @@ _NO_NAME = str.maketrans(dict.fromkeys('[],;"#', "_"))  # characters that a CSV 
 
 
 class NotRecordingError(ErgonError, ValueError):
-    """A recording does not have what was asked for, or one cannot be made of what was given."""
+    """A recording lacks the requested data, or the given data cannot become a recording."""
 
 
 def read_description(recording: Recording) -> dict[str, Any]:

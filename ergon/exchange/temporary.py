@@ -106,8 +106,8 @@ def remove_abandoned(folder: Path) -> list[Path]:
     if not IS_LOCKED:
         return []
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
-        ours = [folder / entry.name for entry in entries if _is_ours(entry.name)]
-        return [path for path in ours if _remove_if_abandoned(path)]
+        left_over_files = [folder / entry.name for entry in entries if _is_ours(entry.name)]
+        return [path for path in left_over_files if _remove_if_abandoned(path)]
     return []
 
 

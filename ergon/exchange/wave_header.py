@@ -222,8 +222,8 @@ def _pack_format(format: WaveFormat) -> bytes:
 def parse(open_file: BinaryIO) -> WaveInfo:
     """Read the chunks of a seekable file. Raises NotWaveError with a sentence."""
     header_bytes = open_file.read(12)
-    if (foreign := foreign_form(header_bytes)) is not None:
-        raise NotWaveError(foreign)
+    if (foreign_kind := foreign_form(header_bytes)) is not None:
+        raise NotWaveError(foreign_kind)
     if len(header_bytes) < 12 or header_bytes[:4] not in _CONTAINERS or header_bytes[8:] != b"WAVE":
         raise NotWaveError("this is not a WAVE file")
     container = _CONTAINERS[header_bytes[:4]]

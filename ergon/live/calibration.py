@@ -48,17 +48,17 @@ def uncalibrated_axis(device: Device, sign: int) -> Axis:
     return Axis(sign, 0.0, 1.0, device.range, device.force_max)
 
 
-def axis_between_ends(axis: Axis, low_end: float, high_end: float, apart: float) -> Axis:
+def axis_between_ends(axis: Axis, low_end: float, high_end: float, travel: float) -> Axis:
     """The axis with its ends at the device's positions `low_end` and `high_end`, which are truly
-    `apart`.
+    `travel`.
 
     Zero is midway.
     """
-    half = 0.5 * abs(apart)
+    half = 0.5 * abs(travel)
     return Axis(
         axis.sign,
         0.5 * (low_end + high_end),
-        apart / (high_end - low_end),
+        travel / (high_end - low_end),
         (-half, half),
         axis.force_max,
     )
@@ -205,9 +205,9 @@ def axes_as_known(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int,
     device = _core.Device(url, [axis.for_core(number) for number, axis in axes_found.items()])
     try:
         signs = dict(zip(axes_before, device.directions(list(axes_before), 1e-3), strict=True))
-        still = [number for number, sign in signs.items() if sign is None]
-        if len(still) > 1:
-            signs.update(zip(still, device.directions(still, 1e-3), strict=True))
+        unmoved_axes = [number for number, sign in signs.items() if sign is None]
+        if len(unmoved_axes) > 1:
+            signs.update(zip(unmoved_axes, device.directions(unmoved_axes, 1e-3), strict=True))
         moved = [number for number, sign in signs.items() if sign == 1.0]
         return {number: axes_found.get(number) or uncalibrated_axis(device, 1) for number in moved}
     finally:

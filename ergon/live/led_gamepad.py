@@ -49,8 +49,8 @@ class GamepadValues:
         low, high = self.range
         side = self._sign * (2.0 * (value - low) / (high - low) - 1.0)
         is_lockstep = self._address.lockstep
-        when = instant if is_lockstep else self._lead.now() - (time.monotonic() - instant)
-        self._lead.place(when, position(self._lead, side))
+        report_instant = instant if is_lockstep else self._lead.now() - (time.monotonic() - instant)
+        self._lead.place(report_instant, position(self._lead, side))
 
     @property
     def force(self) -> float:

@@ -88,14 +88,14 @@ def perform(
     )
     hand_numbers = {hand.player: hand.index for hand in stage.live}
     played = {player for board in config.boards for _, player in board.axes}
-    mine = [hand for hand in stage.live if hand.player in played]
+    played_hands = [hand for hand in stage.live if hand.player in played]
     hands = [
         _core.LiveHand(
             hand.standin,
             hand.reach,
             _guidance_spring(config, hand.player, stage.piece.keys[hand.key]),
-            force_response(stage.network, hand, stage.rate, hand.reach, mine)
-            if hand in mine
+            force_response(stage.network, hand, stage.rate, hand.reach, played_hands)
+            if hand in played_hands
             else np.zeros(0),
             stage.piece.keys[hand.key].measured,
             _written_forces(stage, config, hand, tick),

@@ -35,13 +35,13 @@ class Sliding:
         """Go on with positions (n_frames, n_points)."""
         import numpy as np
 
-        apart = frames[:, self.rubbing.b.output] - frames[:, self.rubbing.a.output]
-        start_distance = apart[0] if self._apart is None else self._apart
-        speeds = np.diff(apart, prepend=start_distance) * rate
-        self._apart = float(apart[-1])
+        elongations = frames[:, self.rubbing.b.output] - frames[:, self.rubbing.a.output]
+        start_distance = elongations[0] if self._apart is None else self._apart
+        speeds = np.diff(elongations, prepend=start_distance) * rate
+        self._apart = float(elongations[-1])
         least = max(1, int(_STICK_TIME_MIN * rate))
-        for holds in ((speeds > self.low) & (speeds < self.high)).tolist():
-            if not holds:
+        for is_sticking in ((speeds > self.low) & (speeds < self.high)).tolist():
+            if not is_sticking:
                 self.has_slipped, self._held = True, 0
             elif self.has_slipped:
                 self._held += 1

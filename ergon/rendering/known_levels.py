@@ -1,4 +1,6 @@
-"""What earlier renders measured of each instrument, which need not be mixed by itself again."""
+"""Measures of each instrument from earlier renders, so that it need not be mixed by itself
+again.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ class KnownLevels:
         self._store, self._keys, self._state_keys = store, keys, state_keys
 
     def recall(self, balances: Sequence[Balance], stop: int) -> list[int]:
-        """Give balances what is known of them up to frame `stop`; the numbers of the others."""
+        """Set the known measures of balances up to frame `stop`; return the numbers of the
+        balances that have none.
+        """
         stretch_index = (stop - 1) // stretches.STRETCH_FRAMES
         return [
             number

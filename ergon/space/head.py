@@ -84,15 +84,15 @@ class Head:
 
 
 def _kernel(
-    n: int, n_taps: int, rate_ratio: float, late: float, band: float
+    n: int, n_taps: int, rate_ratio: float, delay: float, band: float
 ) -> NDArray[np.float64]:
     """The weight of each tap in each sample, (n, n_taps)."""
     kernel_reach = _REACH / band
     kernel = np.zeros((n, n_taps))
     for sample_index in range(n):
-        first_tap = max(0, ceil(sample_index * rate_ratio - late - kernel_reach))
+        first_tap = max(0, ceil(sample_index * rate_ratio - delay - kernel_reach))
         for tap in range(first_tap, n_taps):
-            tap_position = sample_index * rate_ratio - late - tap
+            tap_position = sample_index * rate_ratio - delay - tap
             if tap_position < -kernel_reach:
                 break
             kernel[sample_index, tap] = _windowed_sinc(tap_position, band, kernel_reach)
@@ -154,8 +154,8 @@ def prepared(
             [_minimum_phase(response, transform_size)[:TAPS] * _fade() for response in shape]
         )
         lates.append(np.tensordot(weights[near_directions], delays[near_directions], 1))
-    late = np.array(lates)
-    return Head(rate, directions_wanted, np.array(filters), late - late.min())
+    late_taps = np.array(lates)
+    return Head(rate, directions_wanted, np.array(filters), late_taps - late_taps.min())
 
 
 def _diffuse(

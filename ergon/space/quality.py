@@ -126,5 +126,5 @@ def is_symmetric(places: tuple[Point, ...]) -> bool:
     """Whether each loudspeaker has a counterpart mirrored from left to right, within 1 mm."""
     points = np.array(places)
     mirrored = points * (-1.0, 1.0, 1.0)
-    apart = np.abs(points[:, None] - mirrored[None]).max(2)
-    return bool((apart.min(1) < 1e-3 + _SAME).all())
+    mirror_distances = np.abs(points[:, None] - mirrored[None]).max(2)
+    return bool((mirror_distances.min(1) < 1e-3 + _SAME).all())

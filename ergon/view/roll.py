@@ -41,9 +41,9 @@ def heights(note_bars: Sequence[Bar]) -> tuple[list[float], dict[str, float]]:
     """
     keys = [bar.key for bar in note_bars if bar.key is not None]
     lowest, highest = (min(keys), max(keys)) if keys else (_MIDDLE_C, _MIDDLE_C)
-    apart = max(2, ceil((highest - lowest) / _LANES_IN_HEIGHT))
+    label_step = max(2, ceil((highest - lowest) / _LANES_IN_HEIGHT))
     unpitched = dict.fromkeys(bar.name for bar in note_bars if bar.key is None)
-    lanes = {name: float(floor(lowest) - apart * n) for n, name in enumerate(unpitched, 1)}
+    lanes = {name: float(floor(lowest) - label_step * n) for n, name in enumerate(unpitched, 1)}
     return [lanes[bar.name] if bar.key is None else bar.key for bar in note_bars], lanes
 
 

@@ -28,7 +28,9 @@ class PitchedMode:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """How masses move in a mode: `x`, `y` [m] where each lies, and `moves`, all (n_masses,)."""
+    """The shape of a mode: places `x`, `y` [m] of the masses and their relative motion `moves`,
+    all (n_masses,).
+    """
 
     words: str
     x: Sequence[float]
@@ -200,8 +202,8 @@ def _spaced(heights_wanted: Sequence[float], top: float, bottom: float) -> list[
 
 
 def _is_row(shape: Shape) -> bool:
-    wide = max(shape.x, default=0.0) - min(shape.x, default=0.0)
-    return max(shape.y, default=0.0) - min(shape.y, default=0.0) <= 1e-9 * wide
+    x_extent = max(shape.x, default=0.0) - min(shape.x, default=0.0)
+    return max(shape.y, default=0.0) - min(shape.y, default=0.0) <= 1e-9 * x_extent
 
 
 def _shape(
@@ -222,18 +224,19 @@ def _shape(
     stride = max(1, ceil(len(mode_shape.x) / _DOTS_MAX))
     masses = sorted(zip(mode_shape.x, mode_shape.y, mode_shape.moves, strict=True))[::stride]
     low_x, low_y = min(mode_shape.x), min(mode_shape.y)
-    wide, tall = max(mode_shape.x) - low_x, max(mode_shape.y) - low_y
+    x_extent, y_extent = max(mode_shape.x) - low_x, max(mode_shape.y) - low_y
     room_x, room_y = picture_width - 16, picture_height - 16
     if _is_row(mode_shape):
-        across = [
-            left_edge + 8 + room_x * ((x - low_x) / wide if wide else 0.5) for x, _, _ in masses
+        x_pixels = [
+            left_edge + 8 + room_x * ((x - low_x) / x_extent if x_extent else 0.5)
+            for x, _, _ in masses
         ]
         middle = top_edge + picture_height / 2
-        down = [middle - 0.5 * room_y * move / largest_move for _, _, move in masses]
-        shape_line = "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(across, down, strict=True))
+        y_pixels = [middle - 0.5 * room_y * move / largest_move for _, _, move in masses]
+        shape_line = "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(x_pixels, y_pixels, strict=True))
         dots = "".join(
             f"<circle cx='{x:.1f}' cy='{y:.1f}' r='1.6' fill='{_UP}'/>"
-            for x, y in zip(across, down, strict=True)
+            for x, y in zip(x_pixels, y_pixels, strict=True)
             if len(masses) <= 120
         )
         rest_line = f"M{left_edge:.1f} {middle:.1f}h{picture_width:.1f}"
@@ -241,13 +244,16 @@ def _shape(
             f"{box}\n<path d='{rest_line}' fill='none' stroke='#dddddd'/>\n"
             f"<path d='M{shape_line}' fill='none' stroke='{_UP}' stroke-width='1.2'/>{dots}"
         )
-    scale = min(room_x / wide if wide else room_y / tall, room_y / tall if tall else room_x / wide)
-    largest = min(7.0, max(1.2, 0.5 * scale * hypot(wide, tall) / len(masses) ** 0.5))
+    scale = min(
+        room_x / x_extent if x_extent else room_y / y_extent,
+        room_y / y_extent if y_extent else room_x / x_extent,
+    )
+    largest = min(7.0, max(1.2, 0.5 * scale * hypot(x_extent, y_extent) / len(masses) ** 0.5))
     centre_x, centre_y = left_edge + picture_width / 2, top_edge + picture_height / 2
     dots = "".join(
         _dot(
-            centre_x + scale * (x - low_x - wide / 2),
-            centre_y - scale * (y - low_y - tall / 2),
+            centre_x + scale * (x - low_x - x_extent / 2),
+            centre_y - scale * (y - low_y - y_extent / 2),
             largest * (abs(move) / largest_move) ** 0.5,
             move > 0,
         )

@@ -69,7 +69,7 @@ def merged(mesh: Mesh) -> Mesh:
             merged_points.append(mesh_point)
             continue
         point_cell = tuple(math.floor(x / near_distance) for x in mesh_point)
-        around = (
+        corner_faces = (
             number
             for step in product((-1, 0, 1), repeat=3)
             for number in points_by_cell.get(
@@ -77,7 +77,7 @@ def merged(mesh: Mesh) -> Mesh:
             )
         )
         merged_index = next(
-            (n for n in around if math.dist(merged_points[n], mesh_point) <= near_distance),
+            (n for n in corner_faces if math.dist(merged_points[n], mesh_point) <= near_distance),
             len(merged_points),
         )
         if merged_index == len(merged_points):

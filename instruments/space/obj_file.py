@@ -80,17 +80,17 @@ class Reader:
 
     def _lines(self) -> Iterator[tuple[int, str]]:
         """Lines with their numbers, without comments; a backslash at the end continues a line."""
-        begun, first_number = "", 0
+        continued_text, first_number = "", 0
         for number, line in enumerate(_LINE_END.split(self._document.text), 1):
             line_text = line.partition("#")[0].rstrip()
             first_number = first_number or number
             if line_text.endswith("\\"):
-                begun += line_text[:-1] + " "
+                continued_text += line_text[:-1] + " "
                 continue
-            yield first_number, begun + line_text
-            begun, first_number = "", 0
-        if begun:
-            yield first_number, begun
+            yield first_number, continued_text + line_text
+            continued_text, first_number = "", 0
+        if continued_text:
+            yield first_number, continued_text
 
     def _line(self, words: list[str]) -> None:
         line_kind = words[0] if words else ""

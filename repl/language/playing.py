@@ -57,7 +57,7 @@ class Do(BlockCommand):
     def chain(self) -> tuple[str, ...]:
         """Each transformation as it was written."""
         text = self.words["do"].text
-        return tuple(text[one.offset : one.offset + one.length] for one in self.do)
+        return tuple(text[change.offset : change.offset + change.length] for change in self.do)
 
 
 # Options that a line may not set.

@@ -67,8 +67,10 @@ def _fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str
         if field_name not in TUNING.by_name or field_name in tuning_fields:
             known = ", ".join(TUNING.by_name)
             message = f"{quote(field_name)} says nothing of a tuning; it has {known}, each once"
-            near = TUNING.meant.get(field_name) or nearest(field_name, TUNING.by_name)
-            raise TextError(message, offset=name_offset, length=len(field_name), suggestion=near)
+            suggestion = TUNING.meant.get(field_name) or nearest(field_name, TUNING.by_name)
+            raise TextError(
+                message, offset=name_offset, length=len(field_name), suggestion=suggestion
+            )
         v.check_word(TUNING, field_name, value_text, word_offset)
         tuning_fields[field_name] = value_text
     if len(placed_words) % 2:

@@ -32,7 +32,7 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
     bar, _ = tempo.bar_beat(now)
     starts = [tempo.bars.start(bar + number) for number in range(_BARS + 1)]
     tracks = {name: [*_begins(piece, name, starts)] for name in piece.players}
-    struck = {each.name: [*_strokes(piece, each, starts)] for each in piece.strikes}
+    struck = {strikes.name: [*_strokes(piece, strikes, starts)] for strikes in piece.strikes}
     tracks |= {name: strokes for name, strokes in struck.items() if strokes}
     names = max(map(len, tracks), default=0)
     margin = min(names, _NAME_MOST) + 2
@@ -51,13 +51,17 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
     drawn_rows = [" " * margin + _row(n_columns, head)]
     for player_name, events in tracks.items():
         dots = [(column(beat), "\u00b7") for beat in on_beats]
-        begun = [(column(beat), what) for beat, what in events if starts[0] <= beat < starts[-1]]
+        bar_events = [
+            (column(beat), event_name)
+            for beat, event_name in events
+            if starts[0] <= beat < starts[-1]
+        ]
         if any(player == player_name for player, _ in playing) and not any(
-            at == 0 for at, _ in begun
+            at == 0 for at, _ in bar_events
         ):
-            begun.insert(0, (0, _CONTINUED))
-        taken = {at for at, _ in begun}
-        cells = sorted([*(dot for dot in dots if dot[0] not in taken), *begun])
+            bar_events.insert(0, (0, _CONTINUED))
+        taken = {at for at, _ in bar_events}
+        cells = sorted([*(dot for dot in dots if dot[0] not in taken), *bar_events])
         drawn_rows.append(player_name[: margin - 2].ljust(margin) + _row(n_columns, cells))
     drawn_rows.append(" " * (margin + min(column(now), n_columns - 1)) + "^")
     return drawn_rows

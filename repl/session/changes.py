@@ -227,12 +227,12 @@ class Changes:
         """Take back the changes from one on. Gains need no version, so that they act all the same,
         but for those of what is not there without the changes.
         """
-        back = self.under_way[first_index:]
+        changes_after = self.under_way[first_index:]
         del self.under_way[first_index:]
-        self.running = base_version = back[0].before
+        self.running = base_version = changes_after[0].before
         returned_lines: list[WaitingLine] = []
         gain_changes: list[UnderWay] = []
-        for returned_change in back:
+        for returned_change in changes_after:
             if returned_change.is_gains and can_move(base_version, returned_change.lines):
                 gain_changes.append(returned_change)
                 continue
@@ -265,10 +265,12 @@ class Changes:
             return Returned((), self.running)
         if not self.under_way[change_index].is_gains:
             return self._take_back(change_index)
-        late, later = self.under_way[change_index], self.under_way[change_index + 1 :]
+        late_change, later = self.under_way[change_index], self.under_way[change_index + 1 :]
         del self.under_way[change_index:]
-        self._follow(late.before, later)
-        self._send_gains(self.ready_frame(soonest, late.lines), late.lines, late.number)
+        self._follow(late_change.before, later)
+        self._send_gains(
+            self.ready_frame(soonest, late_change.lines), late_change.lines, late_change.number
+        )
         return Returned((), self.running)
 
     def note_done(self, engine_event: EngineEvent) -> UnderWay | None:

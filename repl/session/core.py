@@ -104,8 +104,10 @@ class SessionCore:
         engine.set_faders(fader_ratios(running))
         past = past or PastVersions([PastVersion.from_version(version, "1|1")], 0)
         self.schedule = Schedule(engine, running, real or {}, int(margin * running.stage.rate))
-        self.schedule.past_versions.update((one.number, one) for one in past.versions)
-        self.history = History([one.number for one in past.versions], past.index)
+        self.schedule.past_versions.update(
+            (past_version.number, past_version) for past_version in past.versions
+        )
+        self.history = History([past_version.number for past_version in past.versions], past.index)
         self.journal = journal
         self.log = SessionLog(self.schedule, self.history, journal)
         self.quant: Length | None = _BAR
@@ -221,7 +223,10 @@ class SessionCore:
 
     def _is_due(self, number: int) -> bool:
         """Whether a line still waits that should act as soon as possible."""
-        return any(one.number == number and one.is_now for one in self.schedule.waiting)
+        return any(
+            waiting_line.number == number and waiting_line.is_now
+            for waiting_line in self.schedule.waiting
+        )
 
     def _note_line(self, history_entry: Entry, draft: Draft) -> None:
         """Note a line that waits from now on in journal and history."""
@@ -308,8 +313,8 @@ class SessionCore:
             self._take_sound_file()
             for line in self.midi.monitor.lines_due(schedule.engine.frame / schedule.rate):
                 self.log.say(line)
-            if self.journal is not None and (trouble := self.journal.pop_failure()):
-                self.log.say(trouble)
+            if self.journal is not None and (journal_error := self.journal.pop_failure()):
+                self.log.say(journal_error)
             self.log.note_troubles(schedule.engine.status().troubles, schedule.engine.frame)
 
     def make_due(self) -> None:

@@ -114,7 +114,7 @@ class Drafts:
         inserted_lines, inserted_line = sketch.lines.inserted(sketch.requested, soonest)
         checked, staged = replace(running, version=inserted_line.result()), None
         if not (sketch.is_checked or inserted_line.rule.is_quick):
-            began = self._making_time.began()
+            start_frame = self._making_time.began()
             staged_group = staged_group_of(inserted_lines.lines)
             if inserted_line in staged_group:
                 staged_result = self._makings.stage(running, staged_group)
@@ -127,7 +127,7 @@ class Drafts:
             ):
                 check_unheard(inserted_line.base.sounding, staged_result.stage)
             checked = replace(staged_result, version=inserted_line.result())
-            self._making_time.add(began)
+            self._making_time.add(start_frame)
         return Draft(sketch.lines, inserted_lines, sketch.requested, inserted_line, checked, staged)
 
     def joined_frame(self, request: Request, waiting_lines: WaitingLines) -> int | None:

@@ -125,8 +125,8 @@ class Journal:
 
     def pop_failure(self) -> str:
         """Why writing has failed since the last call; empty where it has not."""
-        trouble, self._trouble = self._trouble, ""
-        return trouble
+        failure, self._trouble = self._trouble, ""
+        return failure
 
     def close(self) -> None:
         """End the journal, and bring it to the disk."""

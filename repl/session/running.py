@@ -146,7 +146,7 @@ def staged(
     version: Version,
     clock: Clock,
     spans: tuple[Span, ...],
-    like: Stage | None,
+    stage_before: Stage | None,
     start_frame: int,
     real: Real,
     store: Store | None,
@@ -156,12 +156,14 @@ def staged(
     frozen: tuple[LoadedPart, ...],
     is_seen: bool,
 ) -> Stage:
-    """Stage what `spans` play, from frame `start_frame` on, in place of the stage `like`.
+    """Stage what `spans` play, from frame `start_frame` on, in place of the stage `stage_before`.
 
     `moving` are parameters that glide, `leaving_links` removed links that still separate.
     """
     piece = with_leaving(version.sounding, leaving_links)
-    tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start_frame / like.rate)
+    tempo = clock.tempo(
+        piece.tempo_map, 0.0 if stage_before is None else start_frame / stage_before.rate
+    )
     piece = replace(piece, tempo_map=tempo)
     staged_now = stage(
         piece,
@@ -170,7 +172,7 @@ def staged(
         real_hands=real,
         silent=frozenset(part.name for part in frozen),
         on_fault="mute",
-        going=StageTakeover(spans, like, start_frame, moving, strike_points(version)),
+        going=StageTakeover(spans, stage_before, start_frame, moving, strike_points(version)),
         is_seen=is_seen,
     )
     staged_now.placed = place_samples(frozen, staged_now.listening, clock, staged_now.rate)

@@ -51,12 +51,12 @@ def _link(command: Link, version: Version, beat: float) -> Texts:
 def _takes(command: Takes, version: Version, beat: float) -> Texts:
     edited_texts, piece = version.texts, version.piece
     if command.key not in piece.keys:
-        like = command.like or next(iter(piece.keys), None)
-        if like is None:
+        model_key = command.like or next(iter(piece.keys), None)
+        if model_key is None:
             raise NotTakenError(
                 "the score has no key to copy; write a key in the file and type `reload`"
             )
-        edited_texts = structure.key(edited_texts, command.key, like)
+        edited_texts = structure.key(edited_texts, command.key, model_key)
     elif command.like is not None:
         raise NotTakenError(f"{command.key} exists already: leave out 'like {command.like}'")
     return structure.player(edited_texts, piece, command.player, command.key)

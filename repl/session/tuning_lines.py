@@ -26,8 +26,8 @@ def tuning_lines(piece: Piece) -> Iterator[str]:
             yield f"tuning of {tuning_name}: {tuned.words()}"
         words = [member.rpartition(".")[2] for member in members]
         shown = [f"{word} {_hertz(tuned, word)}" for word in words[:_SHOWN]]
-        more = [f"and {len(words) - _SHOWN} more"] if len(words) > _SHOWN else []
-        yield f"{tuning_name}: {', '.join([*shown, *more])}"
+        others_text = [f"and {len(words) - _SHOWN} more"] if len(words) > _SHOWN else []
+        yield f"{tuning_name}: {', '.join([*shown, *others_text])}"
 
 
 def _hertz(tuned: tuning.Tuning, word: str) -> str:

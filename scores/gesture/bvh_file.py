@@ -27,7 +27,9 @@ from ergon.scores.gesture.take_file import (
     opened_text,
 )
 
-_CHANNELS = tuple(f"{axis}{what}" for what in ("position", "rotation") for axis in "xyz")
+_CHANNELS = tuple(
+    f"{axis}{channel_kind}" for channel_kind in ("position", "rotation") for axis in "xyz"
+)
 _KEYWORDS = frozenset(["ROOT", "JOINT", "OFFSET", "CHANNELS", "MOTION"])
 _BRACE = re.compile(r"[{}]")
 _HIGH = 1e6  # largest length or angle in an intact file

@@ -70,8 +70,8 @@ def sheet(file: IO[str], path: Path) -> Sheet:
 
 def _separator(header: str) -> str:
     """The separator between the columns of a header."""
-    bare = _QUOTED.sub("", header)
-    return next((candidate for candidate in _SEPARATORS if candidate in bare), ",")
+    unquoted_header = _QUOTED.sub("", header)
+    return next((candidate for candidate in _SEPARATORS if candidate in unquoted_header), ",")
 
 
 def _units(column_names: list[str], cells: list[str]) -> list[str] | None:

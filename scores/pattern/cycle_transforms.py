@@ -136,5 +136,5 @@ class _Parser(ChainParser[CycleTransform]):
             message = f"{quote(word)} is not a transformation here: {_REFUSED[word]}"
             return self.mistake(message, self.place, len(word))
         message = f"unknown transformation {quote(word)}; known are {verb_names}"
-        near = _SUGGESTED.get(word) or nearest(word, TABLE)
-        return self.mistake(message, self.place, len(word), near)
+        suggestion = _SUGGESTED.get(word) or nearest(word, TABLE)
+        return self.mistake(message, self.place, len(word), suggestion)

@@ -39,9 +39,9 @@ class Pattern:
     @property
     def is_plain(self) -> bool:
         """Whether the pattern is one name without options."""
-        single = self.order.way == "in turn" and len(self.order.items) == 1
+        is_single = self.order.way == "in turn" and len(self.order.items) == 1
         item = self.order.items[0]
-        is_name = single and isinstance(item, Leaf) and item.name is not None
+        is_name = is_single and isinstance(item, Leaf) and item.name is not None
         return is_name and Pattern(self.order) == self
 
 
@@ -143,7 +143,9 @@ class PlaceSequence:
 
     def do(self, place: int) -> tuple[Transform, ...]:
         """The transformations of a place, besides those of the whole line."""
-        return tuple(do for do in self.due(place, self.pattern.turns) if do is not None)
+        return tuple(
+            transform for transform in self.due(place, self.pattern.turns) if transform is not None
+        )
 
     def due(self, place: int, turns: tuple[Turn, ...]) -> tuple[Transform | None, ...]:
         """What turns do in a place; None where one leaves it out."""

@@ -267,8 +267,8 @@ def strum(step_seconds: float, changed_pattern: Pattern) -> Pattern:
         chord: Sequence[Struck], first_instant: Fraction, last_instant: Fraction, *_: Fraction
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
         for turn, note in enumerate(chord if step_seconds > 0 else chord[::-1]):
-            late = note.delay + turn * abs(step_seconds)
-            yield first_instant, last_instant, _joined(replace(note, delay=late), turn)
+            onset_delay = note.delay + turn * abs(step_seconds)
+            yield first_instant, last_instant, _joined(replace(note, delay=onset_delay), turn)
 
     leaves = [*_notes(changed_pattern)]
     latest = max((leaf.delay for leaf in leaves), default=0.0) + abs(step_seconds) * (

@@ -68,12 +68,12 @@ class Occasion(NamedTuple):
 
 
 _RULES: Mapping[str, Callable[[Rule, Occasion], bool]] = {
-    "every": lambda rule, where: where.round % rule.values[0] == 0,
-    "whenmod": lambda rule, where: where.round % rule.values[0] >= rule.values[1],
-    "chunk": lambda rule, where: (
-        floor(where.share * rule.values[0] + _ROUNDING) == where.round % rule.values[0]
+    "every": lambda rule, occasion: occasion.round % rule.values[0] == 0,
+    "whenmod": lambda rule, occasion: occasion.round % rule.values[0] >= rule.values[1],
+    "chunk": lambda rule, occasion: (
+        floor(occasion.share * rule.values[0] + _ROUNDING) == occasion.round % rule.values[0]
     ),
-    "sometimes": lambda rule, where: where.draw(rule.number, rule.values[0]),
+    "sometimes": lambda rule, occasion: occasion.draw(rule.number, rule.values[0]),
     "iter": lambda *_: True,  # see `iterations`
 }
 _ROUNDING = 1e-9

@@ -106,19 +106,28 @@ class Rhythm:
             strokes: list[_Placed] = []
             for event, loud in zip(events, _levels(events, levels), strict=True):
                 share, span, lasting, struck_word = event
-                stroke_beat, long = (
+                stroke_beat, duration = (
                     cycle_begin + share * (cycle_end - cycle_begin),
                     lasting * (cycle_end - cycle_begin),
                 )
                 strokes += _placed(
-                    tempo, stroke_beat, span * (cycle_end - cycle_begin), long, struck_word, loud
+                    tempo,
+                    stroke_beat,
+                    span * (cycle_end - cycle_begin),
+                    duration,
+                    struck_word,
+                    loud,
                 )
                 if len(strokes) > MAX_EVENTS:
                     raise TextError(_TOO_MANY)
             strokes.sort(key=_BEAT)
-            for index, (stroke_beat, long, struck_word, loud) in enumerate(strokes):
+            for index, (stroke_beat, duration, struck_word, loud) in enumerate(strokes):
                 yield Stroke(
-                    stroke_beat, cycle_number * MAX_EVENTS + index, key_of(struck_word), loud, long
+                    stroke_beat,
+                    cycle_number * MAX_EVENTS + index,
+                    key_of(struck_word),
+                    loud,
+                    duration,
                 )
 
     def strokes_per_cycle(self, tempo: TempoMap, begin_beat: float, draws: tuple[int, str]) -> int:

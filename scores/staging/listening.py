@@ -355,8 +355,8 @@ def _tap(
         if routed_output.is_movement:
             position_ranges.append(_range(assembly, output_target))
         elif (output_target.part, output_target.module) in assembly.links:
-            where = output_target.part, output_target.module
-            for links in assembly.walls.get(where, [assembly.links[where]]):
+            module_key = output_target.part, output_target.module
+            for links in assembly.walls.get(module_key, [assembly.links[module_key]]):
                 force_ranges.append(
                     (links.start + int(output_target.first), output_target.count, 1.0)
                 )

@@ -175,11 +175,11 @@ def _tick_frames(piece: Piece, real_hands: Real, collector: Collector) -> int:
 def _is_alone(piece: Piece, player: Player, real_hands: Real, collector: Collector) -> bool:
     playing = {play.player for play in piece.parts}
     for other_player in piece.players.values():
-        plays = other_player.name in playing
+        is_playing = other_player.name in playing
         if (
             other_player is player
             or other_player.key != player.key
-            or not (plays or other_player.name in real_hands)
+            or not (is_playing or other_player.name in real_hands)
         ):
             continue
         message = (

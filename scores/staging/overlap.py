@@ -32,8 +32,8 @@ def check_overlaps(piece: Piece, gestures: Sequence[StagedGesture], collector: C
                 _tell_cut(piece, latest, gesture, collector)
         tracked = [gesture for gesture in sorted_gestures if gesture.tracked]
         for layer in (gesture for gesture in on_key if gesture.layer and tracked):
-            under = (g for g in tracked if g.start < layer.stop and layer.start < g.stop)
-            path = next(under, None)
+            gestures_below = (g for g in tracked if g.start < layer.stop and layer.start < g.stop)
+            path = next(gestures_below, None)
             if path is not None and layer.place not in reported:
                 reported.add(layer.place)
                 message = (

@@ -206,14 +206,14 @@ def add_glide(
     start_instant = tempo.seconds(automation_entry.begin)
     if isinstance(tempo, StoppedTempoMap):
         if start_instant < NEVER:  # the value on the present beat
-            goes = ShiftedTempoMap(tempo, 0.0)
+            tempo_map = ShiftedTempoMap(tempo, 0.0)
             moving = Curve(
                 parameter_curve.initial,
-                [goes.seconds(automation_entry.begin)],
+                [tempo_map.seconds(automation_entry.begin)],
                 [parameter_curve.evaluate(start_instant)],
             )
-            add_glide(replace(piece, tempo_map=goes), automation_entry, moving)
-            parameter_curve.to(start_instant, moving.evaluate(goes.seconds(tempo.stop_beat)))
+            add_glide(replace(piece, tempo_map=tempo_map), automation_entry, moving)
+            parameter_curve.to(start_instant, moving.evaluate(tempo_map.seconds(tempo.stop_beat)))
         return
     to_path, from_scale = _SCALES.get(automation_line.parameter, (_unscaled, _unscaled))
     point_instants, parameter_values, approaches, stop_instant = glide_path(

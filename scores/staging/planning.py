@@ -157,7 +157,7 @@ def make(
     accuracy: Accuracy,
     pins: Sequence[_core.IslandChoice] | None = None,
     store: Store | None = None,
-    like: _core.Plan | None = None,
+    plan_before: _core.Plan | None = None,
     *,
     is_foreseen: bool = True,
     correction: float = 1.0,
@@ -172,7 +172,7 @@ def make(
     by that, because sound that was computed so is recalled.
 
     With `cpu` alone, the plan is the most exact that fits. Parts that are the same in the plan
-    `like` are computed as there. `is_foreseen` is False if hands or a session play too. Real
+    `plan_before` are computed as there. `is_foreseen` is False if hands or a session play too. Real
     work is `correction` times that in the table of costs: notes use it, and so does the
     comparison with `cpu` if an accuracy is given too; the choice of methods uses the table
     alone. Parts that are `watched` are computed even if nobody hears them.
@@ -181,10 +181,10 @@ def make(
     if pins is not None:
         pinned = _core.Plan(network, timeline, **_budget(accuracy), **watched, pins=pins)
         return Planned(pinned, accuracy)
-    planner = _Planner(network, timeline, store, like, watched)
+    planner = _Planner(network, timeline, store, plan_before, watched)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     if is_draft:
-        may_recall = recalls_sound and store is not None and like is None and not is_free
+        may_recall = recalls_sound and store is not None and plan_before is None and not is_free
         return _drafted(planner, accuracy, may_recall=may_recall)
     plan_made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
     plan_notes = _notes(plan_made, accuracy, is_foreseen=is_foreseen)
@@ -192,7 +192,10 @@ def make(
     if accuracy.cpu is None or (not is_free and cost_factor * cost(plan_made) <= accuracy.cpu):
         return Planned(plan_made, accuracy, plan_notes, planner.finish())
     looser = {error: Accuracy(error=error) for error in _LOOSER}
-    looser_plans = {error: planner.plan(wished, _LOOSER_SHARE) for error, wished in looser.items()}
+    looser_plans = {
+        error: planner.plan(looser_accuracy, _LOOSER_SHARE)
+        for error, looser_accuracy in looser.items()
+    }
     fits = [
         error
         for error, looser_plan in looser_plans.items()
@@ -244,13 +247,13 @@ def plan_again(
     network: _core.Network,
     timeline: _core.Timeline,
     accuracy: Accuracy,
-    like: _core.Plan,
+    plan_before: _core.Plan,
     watched: Watched,
 ) -> _core.Plan:
-    """The plan of an open timeline that takes over from the plan `like` of the same network, made
-    for the same accuracy. Raises EngineError.
+    """The plan of an open timeline that takes over from the plan `plan_before` of the same network,
+    made for the same accuracy. Raises EngineError.
     """
-    return _core.Plan(network, timeline, **_budget(accuracy), **watched, like=like)
+    return _core.Plan(network, timeline, **_budget(accuracy), **watched, like=plan_before)
 
 
 def needs_trial(row: _core.PlanRow) -> bool:

@@ -186,11 +186,11 @@ impl Cell {
             let [slow, fast] = [slow, fast].map(|gone| -log1p(-gone) * sample_rate);
             Poles::Creeping { slow, fast }
         };
-        let is_sound = match poles {
+        let is_valid = match poles {
             Poles::Oscillating { omega } => sigma.is_finite() && omega.is_finite(),
             Poles::Creeping { slow, fast } => slow.is_finite() && fast.is_finite() && slow < fast,
         };
-        is_sound.then_some(Self { mass: m, sigma, poles })
+        is_valid.then_some(Self { mass: m, sigma, poles })
     }
 
     /// x(0) - x(-T) [m] of the free motion with position `x` [m] and velocity `v` [m/s] at t = 0, and the rest position

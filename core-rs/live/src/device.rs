@@ -105,8 +105,8 @@ pub fn open_until(url: &Url, canceller: &WaitCanceller) -> Result<Box<dyn Device
 ///
 /// # Errors
 /// [`DeviceError`] if nothing leads it, or nobody plays it now.
-pub fn open_led(url: &Url, period: f64, again: bool) -> Result<Box<dyn Device>, DeviceError> {
-    Ok(Box::new(led::Led::open(url, period, again)?))
+pub fn open_led(url: &Url, period: f64, is_retry: bool) -> Result<Box<dyn Device>, DeviceError> {
+    Ok(Box::new(led::Led::open(url, period, is_retry)?))
 }
 
 /// The driver of a kind of device for a board that is emulated inside this process.

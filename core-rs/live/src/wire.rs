@@ -37,7 +37,7 @@ impl<const N: usize> Inbox<N> {
     }
 
     /// Take bytes, and pass every whole packet to `each`; other bytes are skipped.
-    pub(crate) fn feed<T>(&mut self, mut new: &[u8], parse: impl Fn(&[u8]) -> Parsed<T>, mut each: impl FnMut(T)) {
+    pub(crate) fn feed<T>(&mut self, mut new: &[u8], parse: impl Fn(&[u8]) -> Parsed<T>, mut visit: impl FnMut(T)) {
         while !new.is_empty() {
             let taken_bytes = new.len().min(N - self.len);
             self.bytes[self.len..self.len + taken_bytes].copy_from_slice(&new[..taken_bytes]);
@@ -47,7 +47,7 @@ impl<const N: usize> Inbox<N> {
             while packet_offset < self.len {
                 match parse(&self.bytes[packet_offset..self.len]) {
                     Parsed::Packet(packet, len) => {
-                        each(packet);
+                        visit(packet);
                         packet_offset += len;
                     }
                     Parsed::Garbage(len) => {

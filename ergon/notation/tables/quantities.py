@@ -251,16 +251,18 @@ def _power(unit_text: str, quantity_word: str, unit_offset: int, dimension: Dime
     if not unit_text:
         if dimension.bare or not quantity_word.strip("+-0."):
             return 0
-        usual = dimension.example.lstrip("+-.0123456789")
-        other_unit = next((name for name in (dimension.si, *dimension.units) if name != usual), "")
+        usual_unit = dimension.example.lstrip("+-.0123456789")
+        other_unit = next(
+            (name for name in (dimension.si, *dimension.units) if name != usual_unit), ""
+        )
         could = (
-            f"; it could be {quantity_word}{usual} or {quantity_word}{other_unit}"
+            f"; it could be {quantity_word}{usual_unit} or {quantity_word}{other_unit}"
             if other_unit
             else ""
         )
         message = f"{quote(quantity_word)} has no unit (use {unit_list}){could}"
         raise TextError(
-            message, length=marked_length, suggestion=quantity_word + usual, code="E203"
+            message, length=marked_length, suggestion=quantity_word + usual_unit, code="E203"
         )
     marked_length = len(unit_text)
     if unit_text[0] in ":_," or unit_text[0].isdigit():

@@ -14,7 +14,7 @@ _Value = TypeVar("_Value")
 
 
 class Recall(Protocol):
-    """Gives what was made under a key, or makes it now."""
+    """Gives the stored value of a key, or makes it."""
 
     def __call__(self, key: Hashable, make: Callable[[], _Value], /) -> _Value:
         """The value of the key."""
@@ -60,8 +60,9 @@ class Memory:
         return self._collector
 
     def under(self, file_name: str, condition: Any) -> None:
-        """Forget all that was read if a file is read under another condition than before: what
-        its texts mean depends on it, such as notes on a tuning. None is that of a new file.
+        """Forget all values of a file if its condition has changed. The meaning of its texts
+        depends on the condition, as that of notes depends on the tuning. The condition of a new
+        file is None.
         """
         if self._conditions.get(file_name) == condition:
             return
@@ -72,7 +73,7 @@ class Memory:
                 line.values.clear()
 
     def held(self, name: str, condition: Any) -> Any:
-        """What is held under a name, if it was under an equal condition; else None."""
+        """The value held under a name; None if there is none, or if its condition differs."""
         condition_and_value = self._held.get(name)
         return (
             condition_and_value[1]
@@ -81,19 +82,21 @@ class Memory:
         )
 
     def hold(self, name: str, condition: Any, value: Any) -> None:
-        """Hold something under a name, in place of what was."""
+        """Hold a value and its condition under a name, in place of the value before."""
         self._held[name] = condition, value
 
     def held_for(self, name: str, *objects: Any) -> Any:
-        """What is held under a name for these same objects; None if it is for others."""
+        """The value held under a name for the same objects; None if it is held for other
+        objects.
+        """
         condition_and_value = self._held.get(name)
         if condition_and_value is None or len(condition_and_value[0]) != len(objects):
             return None
         return condition_and_value[1] if all(map(is_, condition_and_value[0], objects)) else None
 
     def recall(self, key: Hashable, make: Callable[[], _Value]) -> _Value:
-        """The value made under a key, or made now; a value whose making made a report is not
-        kept.
+        """The stored value of a key, or a new one by `make`. A value is not stored if `make`
+        reported a mistake.
         """
         built: _Value
         if key in self._now:

@@ -105,12 +105,16 @@ def _inputs(
     for mat in range(network.n_mat):
         slot = slots.get(network.name_of(mat))
         if slot is not None and (strikes := prepared.timeline.impulses_on(mat)):
-            instants_and_impulses = [(one.at, one.impulse) for one in strikes]
+            instants_and_impulses = [
+                (strike_group.at, strike_group.impulse) for strike_group in strikes
+            ]
             bank_inputs.append(
                 (part_modes.masses[slot], part_modes.shapes[:, slot], instants_and_impulses)
             )
     struck_names = {name for name, _, _ in bank_inputs}
-    struck_names |= {target.text for one in piece.strikes for target in one.to}  # several points
+    struck_names |= {
+        target.text for strikes in piece.strikes for target in strikes.to
+    }  # several points
     other_points = {**part_modes.points, **touched(piece, prepared.built, part_modes)}
     for point_label, moves in other_points.items():
         is_output = point_label.split(" ")[0] == "out"

@@ -70,10 +70,10 @@ class Bands:
         edges.append(high_hertz)
         for low_edge, high_edge in pairwise(edges):
             power_in_band = power_spectrum[int(low_edge / bin_width) : int(high_edge / bin_width)]
-            around = power_spectrum[
+            power_around = power_spectrum[
                 max(1, int(0.7 * low_edge / bin_width)) : int(1.4 * high_edge / bin_width)
             ]
-            noise = float(np.percentile(around, _QUIET)) / _PERCENTILE_OVER_MEAN
+            noise = float(np.percentile(power_around, _QUIET)) / _PERCENTILE_OVER_MEAN
             if power_in_band.size and power_in_band.max() > _RISE * noise * (
                 1.0 + log(power_in_band.size)
             ):

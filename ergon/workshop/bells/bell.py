@@ -219,10 +219,10 @@ def _signs(bell_modes: Modes) -> Array:
     weight = np.abs(bell_modes.c) ** 0.5
     phase = np.angle(bell_modes.c)
     turns = phase[None, :] + 2.0 * np.pi * _FIRST[:, None] * bell_modes.f[None, :]
-    together = np.exp(2j * turns) @ weight
-    loudest_row = int(np.argmax(np.abs(together)))
+    phasor_sums = np.exp(2j * turns) @ weight
+    loudest_row = int(np.argmax(np.abs(phasor_sums)))
     signs = np.where(
-        np.cos(turns[loudest_row] - 0.5 * np.angle(together[loudest_row])) >= 0.0, 1.0, -1.0
+        np.cos(turns[loudest_row] - 0.5 * np.angle(phasor_sums[loudest_row])) >= 0.0, 1.0, -1.0
     )
     return np.asarray(signs * signs[int(np.argmax(np.abs(bell_modes.c)))])
 

@@ -114,16 +114,20 @@ def _costs(logs: Array, variance: Array, contact_shapes: Array, doubts: Array) -
     costs = np.full((len(contact_shapes), len(contact_shapes)), np.inf)
     for first_shape in range(len(contact_shapes)):
         residuals = logs - (contact_shapes[first_shape:] - contact_shapes[first_shape])
-        doubt = variance + doubts[first_shape] + doubts[first_shape:]
-        doubt[0] = variance  # equal lengths leave the same residual
+        total_variance = variance + doubts[first_shape] + doubts[first_shape:]
+        total_variance[0] = variance  # equal lengths leave the same residual
         mean = np.median(residuals, axis=1)
         for _ in range(4):  # Huber's: a mode in a zero of the spectrum tells nothing
             weight = (
-                1.0 / np.sqrt(doubt) / np.maximum(np.sqrt(doubt), _distances(residuals, mean) / 2.0)
+                1.0
+                / np.sqrt(total_variance)
+                / np.maximum(np.sqrt(total_variance), _distances(residuals, mean) / 2.0)
             )
             mean = np.sum(weight * residuals, axis=1) / np.sum(weight, axis=1)
-        away = _distances(residuals, mean) / np.sqrt(doubt)
-        cost = np.where(away < 2.0, away**2, 4.0 * away - 4.0) + np.log(doubt)
+        normalised_distance = _distances(residuals, mean) / np.sqrt(total_variance)
+        cost = np.where(
+            normalised_distance < 2.0, normalised_distance**2, 4.0 * normalised_distance - 4.0
+        ) + np.log(total_variance)
         costs[first_shape, first_shape:] = np.sum(cost, axis=1)
     return costs
 

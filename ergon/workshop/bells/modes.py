@@ -186,20 +186,22 @@ def fit_amplitudes(
     n = min(stroke_sound.size, round(_FITTED * rate))
     pole_logarithms = (-decay_rates + 2j * np.pi * mode_frequencies) / rate
     # Sums of products of the real parts u and of -v, from sums of e^(s+s')k and of e^(s+s'*)k.
-    plain_sums, turned = (
+    plain_sums, rotated_sums = (
         _sum(pole_logarithms[:, None] + pole_logarithms, n),
         _sum(pole_logarithms[:, None] + pole_logarithms.conj(), n),
     )
     gram = 0.5 * np.block(
         [
-            [(turned + plain_sums).real, (turned - plain_sums).imag],
-            [-(turned + plain_sums).imag, (turned - plain_sums).real],
+            [(rotated_sums + plain_sums).real, (rotated_sums - plain_sums).imag],
+            [-(rotated_sums + plain_sums).imag, (rotated_sums - plain_sums).real],
         ]
     )
     products = _exponential_products(pole_logarithms, stroke_sound[:n])
-    right = np.concatenate([products.real, -products.imag])
+    right_side = np.concatenate([products.real, -products.imag])
     size = np.sqrt(gram.diagonal())
-    solution = np.linalg.lstsq(gram / np.outer(size, size), right / size, rcond=1e-12)[0] / size
+    solution = (
+        np.linalg.lstsq(gram / np.outer(size, size), right_side / size, rcond=1e-12)[0] / size
+    )
     modes = Modes(
         mode_frequencies,
         decay_rates,
@@ -266,8 +268,8 @@ def _noise(f: Array, residual: Array, rate: float) -> Array:
     """Variance of white noise that is as strong as the residual near each frequency."""
     power = np.abs(np.fft.rfft(residual)) ** 2 / residual.size
     step = rate / residual.size
-    around = [
+    neighbours = [
         power[max(1, int((frequency - _NEAR) / step)) : int((frequency + _NEAR) / step) + 2]
         for frequency in f
     ]
-    return np.array([float(powers.mean()) if powers.size else 0.0 for powers in around])
+    return np.array([float(powers.mean()) if powers.size else 0.0 for powers in neighbours])

@@ -204,7 +204,7 @@ def measure(
     has_plans = any(setting.method is None for setting in settings_wanted)
     rival = _EXACT_PLAN if has_plans else None
     reference = refine(sounds, bench.sound, doublings=_DOUBLINGS, rival=rival)
-    points = _with_ledger_of_ca([each.point for each in played], sounds_by_setting)
+    points = _with_ledger_of_ca([played.point for played in played], sounds_by_setting)
     floor = None
     doubtful: tuple[str, ...] = ()
     if reference is not None:
@@ -270,16 +270,16 @@ def played_beside(
     frames = None if run is None else bench.play(setting, run)
     if run is None or frames is None:
         return Played(bench.failed[setting], None), nan
-    costs_in_rounds, beside = [], []
+    costs_in_rounds, reference_rounds = [], []
     for _ in range(ROUNDS):
-        beside.append(yardstick())
+        reference_rounds.append(yardstick())
         run.rewind()
         bench.play(setting, run)
         costs_in_rounds.append(run.spent)
     point = Point(setting, "ok", run.chosen, median(costs_in_rounds) * scene.rate / n_frames)
     if has_energy:
         point = _with_energy(bench, point)
-    return Played(point, scene.hear(frames)), median(beside)
+    return Played(point, scene.hear(frames)), median(reference_rounds)
 
 
 def yardstick() -> float:
@@ -365,8 +365,8 @@ def _with_ledger_of_ca(points: list[Point], sounds: Mapping[Setting, Floats]) ->
         twin = by_ca.get(point.setting.oversampling)
         if point.energy_of != "links" or twin is None or twin.energy_of != "all":
             return point
-        ours, theirs = sounds.get(point.setting), sounds.get(twin.setting)
-        if ours is None or theirs is None or not _is_same(ours, theirs):
+        sound, twin_sound = sounds.get(point.setting), sounds.get(twin.setting)
+        if sound is None or twin_sound is None or not _is_same(sound, twin_sound):
             return point
         return replace(point, energy_db=twin.energy_db, drift_db_s=twin.drift_db_s, energy_of="all")
 

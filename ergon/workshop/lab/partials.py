@@ -58,8 +58,8 @@ def compare(y: Floats, x: Floats, partial_frequency: float, rate: float) -> Part
         2.0 * pi
     )
     decay = -_slope(t, np.log(np.abs(X[ringing_span])), amplitude_weight)
-    ours = decay - _slope(t, np.log(np.abs(amplitude_ratio)), amplitude_weight)
-    ratio60 = decay / ours if decay > 0.0 and ours > 0.0 else nan
+    measured_decay = decay - _slope(t, np.log(np.abs(amplitude_ratio)), amplitude_weight)
+    ratio60 = decay / measured_decay if decay > 0.0 and measured_decay > 0.0 else nan
     cents = 1200.0 * log2(1.0 + drift / true) if drift > -true else -inf
     return Partial(true, cents, ratio60, 3.0 * log(10.0) / decay if decay > 0.0 else inf)
 
@@ -108,8 +108,8 @@ def _baseband(y: Floats, x: Floats, f: float, rate: float) -> tuple[Floats, Comp
         )
         return smoothed
 
-    ours, theirs = smooth(y), smooth(x)
-    return window_size / 2.0 + hop * np.arange(len(theirs), dtype=np.float64), ours, theirs
+    y_smooth, x_smooth = smooth(y), smooth(x)
+    return window_size / 2.0 + hop * np.arange(len(x_smooth), dtype=np.float64), y_smooth, x_smooth
 
 
 def _ringing(amplitude_sizes: Floats) -> slice | None:

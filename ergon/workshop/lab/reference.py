@@ -172,10 +172,11 @@ def doubts(sounds: Mapping[Setting, Floats], chosen_reference: Reference) -> lis
         if method == chosen_reference.setting.method or len(ladder(sounds, method)) < 2:
             continue
         rival_top = _top(sounds, method)
-        apart = waveform_db(rival_top.sound, chosen_reference.sound)
-        if apart > max(rival_top.floor_db, chosen_reference.floor_db) + _DOUBT_DB:
+        rival_difference = waveform_db(rival_top.sound, chosen_reference.sound)
+        if rival_difference > max(rival_top.floor_db, chosen_reference.floor_db) + _DOUBT_DB:
             sentences.append(
-                f"{rival_top.setting} and {chosen_reference.setting} differ by {apart:.0f} dB, "
+                f"{rival_top.setting} and {chosen_reference.setting} differ by "
+                f"{rival_difference:.0f} dB, "
                 "though their "
                 "own "
                 f"errors seem to be {rival_top.floor_db:.0f} and {chosen_reference.floor_db:.0f} dB"
@@ -185,4 +186,7 @@ def doubts(sounds: Mapping[Setting, Floats], chosen_reference: Reference) -> lis
 
 def _changes(row: Sequence[tuple[int, Floats]]) -> tuple[float, ...]:
     """The change of each doubling [dB]."""
-    return tuple(max(waveform_db(one, two), 2.0 * EXACT_DB) for (_, one), (_, two) in pairwise(row))
+    return tuple(
+        max(waveform_db(level, next_level), 2.0 * EXACT_DB)
+        for (_, level), (_, next_level) in pairwise(row)
+    )

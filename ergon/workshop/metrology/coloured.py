@@ -54,6 +54,6 @@ def covariance(square: Floats, scores: Floats) -> Floats:
     inverse = np.linalg.pinv(square, hermitian=True)
     covariances = inverse @ scores @ inverse
     size = np.sqrt(np.einsum("wii->wi", covariances))
-    usual = np.where(size[_USUAL] > 0, size[_USUAL], 1.0)
-    greatest = size.max(axis=0) / usual
+    usual_size = np.where(size[_USUAL] > 0, size[_USUAL], 1.0)
+    greatest = size.max(axis=0) / usual_size
     return np.asarray(covariances[_USUAL] * np.outer(greatest, greatest))

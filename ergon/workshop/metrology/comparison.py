@@ -126,13 +126,13 @@ def differences(calibration: Calibration, second_calibration: Calibration) -> li
 
 def _alike(calibration: Calibration, second_calibration: Calibration) -> list[tuple[int, int]]:
     """Pairs of mode numbers, from 1; a mode that only one calibration has is paired with 0."""
-    apart = sorted(
+    sorted_differences = sorted(
         (abs(np.log(f / g)), a, b)
         for a, (_, f, _) in enumerate(calibration.modes, 1)
         for b, (_, g, _) in enumerate(second_calibration.modes, 1)
     )
     mode_pairs: list[tuple[int, int]] = []
-    for distance, a, b in apart:
+    for distance, a, b in sorted_differences:
         if distance < _ALIKE and not any(a == x or b == y for x, y in mode_pairs):
             mode_pairs.append((a, b))
     first_modes, second_modes = {a for a, _ in mode_pairs}, {b for _, b in mode_pairs}

@@ -156,13 +156,13 @@ def gesture_from_rows(
     Raises MeasurementError.
     """
     sent, fresh = np.asarray(sent, float), np.asarray(fresh)
-    sure = np.asarray(fresh if is_known is None else is_known)
+    is_measured = np.asarray(fresh if is_known is None else is_known)
     exact = _instants(np.asarray(ticks, np.int64), fresh, np.asarray(clock), rate)
     # Of two replies within one tick of the device, the later one counts.
     tick_numbers = np.maximum.accumulate(np.round(exact).astype(np.int64))
     n = int(tick_numbers[-1]) + 1
-    which = np.searchsorted(tick_numbers, np.arange(1, n + 1), side="right") - 1
-    reply_forces, even_positions = sent[which], np.zeros(n)
+    reply_indices = np.searchsorted(tick_numbers, np.arange(1, n + 1), side="right") - 1
+    reply_forces, even_positions = sent[reply_indices], np.zeros(n)
     even_positions[tick_numbers], counts = key_positions, np.zeros(n, bool)
     counts[tick_numbers] = fresh
     last_read_tick = np.maximum.accumulate(
@@ -178,7 +178,7 @@ def gesture_from_rows(
     least, latest = sent.copy(), sent.copy()
     if is_told is not None and is_told.any():
         least[~is_told], latest[~is_told] = sent[is_told].min(), sent[is_told].max()
-    unknown = _unknown(tick_numbers - 1.0, (least, latest), sure, n)
+    unknown = _unknown(tick_numbers - 1.0, (least, latest), is_measured, n)
     return replace(retimed, unknown=unknown).with_forces(unknown.middle)
 
 
@@ -195,8 +195,8 @@ def _retimed(
     tick_edges = np.arange(n + 1.0)
     replies, x = reply_ticks[fresh], reply_positions[fresh]
     # Two replies at the same instant give no speed.
-    apart = np.concatenate([[True], np.diff(replies) > 0])
-    replies, x = replies[apart], x[apart]
+    is_new_reply = np.concatenate([[True], np.diff(replies) > 0])
+    replies, x = replies[is_new_reply], x[is_new_reply]
     speed = np.gradient(x, replies)
     nearest = np.round(np.interp(tick_edges[:-1], replies, np.arange(replies.size))).astype(
         np.int64
@@ -224,8 +224,8 @@ def _unknown(
     ticks = np.flatnonzero(shares > _MIXED)
     if ticks.size > LATE * n:
         return _NONE
-    sure = np.maximum.accumulate(np.where(is_known, np.arange(is_known.size), 0))
-    first_begin = sure[np.maximum(np.searchsorted(begins, ticks, side="right") - 1, 0)]
+    last_known = np.maximum.accumulate(np.where(is_known, np.arange(is_known.size), 0))
+    first_begin = last_known[np.maximum(np.searchsorted(begins, ticks, side="right") - 1, 0)]
     last_begin = np.minimum(np.searchsorted(begins, ticks + 1, side="left"), begins.size - 1)
     acted = [slice(i, j + 1) for i, j in zip(first_begin, last_begin, strict=True)]
     least = np.array([sent[0][rows].min() for rows in acted])
@@ -334,11 +334,13 @@ def sensor_step(gestures: Sequence[Gesture]) -> float | None:
     """Step [m] of the sensor: the grid on which positions lie; None if there is no grid."""
     reads = [g.position[g.counts] if g.read is None else g.read for g in gestures]
     read_places = np.unique(np.concatenate(reads))
-    apart = np.diff(read_places)
-    apart = apart[apart > 1e-6 * np.ptp(read_places)]  # else the same, but for rounding
-    if not apart.size:
+    place_steps = np.diff(read_places)
+    place_steps = place_steps[
+        place_steps > 1e-6 * np.ptp(read_places)
+    ]  # else the same, but for rounding
+    if not place_steps.size:
         return None
-    step_counts = np.round((read_places - read_places[0]) / apart.min())
-    if np.abs((read_places - read_places[0]) / apart.min() - step_counts).max() > _OFF_GRID:
+    step_counts = np.round((read_places - read_places[0]) / place_steps.min())
+    if np.abs((read_places - read_places[0]) / place_steps.min() - step_counts).max() > _OFF_GRID:
         return None
     return float((read_places - read_places[0]) @ step_counts / (step_counts @ step_counts))

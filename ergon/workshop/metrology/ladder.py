@@ -252,8 +252,8 @@ def climb(
     while len(rungs) < _RUNGS_MAX:
         n = round(RUNG * TICK_RATE)
         stream = excitation.mixed(n, TICK_RATE, chance, excitation.rain(n, chance), _RAIN)
-        framed, still = excitation.framed(push_force * stream, TICK_RATE)
-        excited = push(device_axis, framed, guide, still, forgiven=True)
+        framed, still_ticks = excitation.framed(push_force * stream, TICK_RATE)
+        excited = push(device_axis, framed, guide, still_ticks, forgiven=True)
         settle(device_axis, guide)
         excursion = float(np.abs(excited.positions() - guide.centre).max())
         braked = excited.end != "done" or bool(excited.braked().any())
@@ -324,11 +324,11 @@ class _Place:
         while jolt_length < _LONGEST:
             n = round(_JOLTS * TICK_RATE)
             stream = jolt_force * excitation.jolts(n, TICK_RATE, self.chance, jolt_length)
-            framed, still = excitation.framed(stream, TICK_RATE)
-            excited = push(self.axis, framed, self.free, still)
-            took = gesture(excited)
-            went = float(np.abs(took.position - took.start).max())
-            mass, sureness = signed_mass(took)
+            framed, still_ticks = excitation.framed(stream, TICK_RATE)
+            excited = push(self.axis, framed, self.free, still_ticks)
+            taken_gesture = gesture(excited)
+            went = float(np.abs(taken_gesture.position - taken_gesture.start).max())
+            mass, sureness = signed_mass(taken_gesture)
             if went > self.shows and sureness > _SURE:
                 return (1 if mass > 0 else -1), abs(mass)
             if went > _JOLTED * self.half:

@@ -67,7 +67,10 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
     parameter_row, rate = fit.row, gestures[0].rate
     pitches = np.geomspace(_LOW, _HIGH * rate, _PITCHES)
     omega = 2 * np.pi * pitches[:, None]
-    along, square = np.zeros((_PITCHES, _RATIOS.size)), np.zeros((_PITCHES, _RATIOS.size))
+    projection, squared_norm = (
+        np.zeros((_PITCHES, _RATIOS.size)),
+        np.zeros((_PITCHES, _RATIOS.size)),
+    )
     for gesture, start in zip(gestures, fit.starts, strict=True):
         error = np.zeros(gesture.force.size)
         error[gesture.counts] = errors(parameter_row, gesture, start)
@@ -97,11 +100,13 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
             for pitch_part in np.array_split(np.arange(_PITCHES), 12):
                 w = omega[pitch_part]
                 template = base / (s * s + (2 * ratio * w) * s + w * w)
-                along[pitch_part, ratio_column] += np.real(template.conj() @ residual_spectrum)
-                square[pitch_part, ratio_column] += np.einsum(
+                projection[pitch_part, ratio_column] += np.real(template.conj() @ residual_spectrum)
+                squared_norm[pitch_part, ratio_column] += np.einsum(
                     "ij,ij->i", template, template.conj()
                 ).real
-    score = np.where(along > 0, 2 * along**2 / square, 0.0)
+    score = np.where(projection > 0, 2 * projection**2 / squared_norm, 0.0)
     i, j = divmod(int(np.argmax(score)), _RATIOS.size)
-    mass = float(np.clip(along[i, j] / square[i, j], 1e-4, _SHARE_MAX * parameter_row[0]))
+    mass = float(
+        np.clip(projection[i, j] / squared_norm[i, j], 1e-4, _SHARE_MAX * parameter_row[0])
+    )
     return Peak(mass, float(pitches[i]), float(_RATIOS[j]), float(score[i, j]))

@@ -49,13 +49,13 @@ def name(parameter_index: int) -> str:
     """The name of a parameter; those of a mode end in its number from 1."""
     if parameter_index < N_KEY:
         return NAMES[parameter_index]
-    mode, which = divmod(parameter_index - N_KEY, N_MODE)
-    return f"{MODE_NAMES[which]}_{mode + 1}"
+    mode, mode_parameter = divmod(parameter_index - N_KEY, N_MODE)
+    return f"{MODE_NAMES[mode_parameter]}_{mode + 1}"
 
 
 def mode_indices(mode: int) -> list[int]:
     """The indices of the parameters of a mode, which counts from 0."""
-    return [N_KEY + N_MODE * mode + which for which in range(N_MODE)]
+    return [N_KEY + N_MODE * mode + mode_parameter for mode_parameter in range(N_MODE)]
 
 
 def n_modes(row: Floats) -> int:

@@ -55,14 +55,14 @@ def write_scene(motion_comparison: Replay, folder: Path) -> Path:
         ],
     )
     take_columns, chains, comments = {}, "", []
-    for together in curves:
-        curve_unit, curve_size = together[0].unit
+    for curve_group in curves:
+        curve_unit, curve_size = curve_group[0].unit
         a_centimetre = _rounded_scale(
-            max(float(np.abs(curve.values).max()) for curve in together) / curve_size
+            max(float(np.abs(curve.values).max()) for curve in curve_group) / curve_size
         )
-        names = " and ".join(curve.name for curve in together)
+        names = " and ".join(curve.name for curve in curve_group)
         comments.append(f"{names} {a_centimetre:g} {curve_unit} a cm")
-        for curve in together:
+        for curve in curve_group:
             take_columns[curve.name] = (
                 curve.above + 0.01 / (a_centimetre * curve_size) * curve.values
             )

@@ -150,7 +150,7 @@ class _Search:
                 in_vain, turn = in_vain + 1, turn + 1
 
     def _add(self, part: _Part) -> bool:
-        """Whether a part was kept."""
+        """Add a part if it is kept; return whether it was."""
         best_before = self.best
         if not part.is_open(best_before.fit) or self._was_refused(part.name):
             return False

@@ -65,15 +65,15 @@ def record(
     push_force = _bearable_force(ladder, kind, guide, seed, path)
     for part_number in range(1, _PARTS_MAX + 1):
         stream = _stream(ladder, kind, seconds_left, push_force, seed + part_number, path)
-        framed, still = excitation.framed(stream, TICK_RATE)
+        framed, still_ticks = excitation.framed(stream, TICK_RATE)
         settle(device_axis, ladder.guide)
         excited = push(
-            device_axis, framed, guide, still, record_target(kind, part_number), forgiven=True
+            device_axis, framed, guide, still_ticks, record_target(kind, part_number), forgiven=True
         )
         n = excited.sent().size
-        if n >= max(TICKS_MIN, still + TICK_RATE) or excited.end == "done":
+        if n >= max(TICKS_MIN, still_ticks + TICK_RATE) or excited.end == "done":
             takes.append(Take(kind, part_number, gesture(excited)))
-            seconds_left -= (n - still) / TICK_RATE
+            seconds_left -= (n - still_ticks) / TICK_RATE
         if excited.end not in DOUBTS or seconds_left < 1.0:
             break
         push_force *= _FORCE_REDUCTION

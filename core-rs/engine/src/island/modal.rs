@@ -142,12 +142,12 @@ impl RunningModal {
     }
 
     /// Add the body's outputs now to `out` (n_out).
-    pub(crate) fn tap(&self, out: &mut [f64]) {
-        self.tap_ahead(0, out);
+    pub(crate) fn add_outputs(&self, out: &mut [f64]) {
+        self.add_outputs_ahead(0, out);
     }
 
     /// Add the outputs in `frames` frames to `out` (n_out), if nothing pushes the body until then.
-    pub(crate) fn tap_ahead(&self, frames: usize, out: &mut [f64]) {
+    pub(crate) fn add_outputs_ahead(&self, frames: usize, out: &mut [f64]) {
         let plan = &self.script.plan;
         let (first_output, seen_frame) = (plan.ports.len(), self.present + frames);
         for (row, ((output, _), still)) in plan.outputs.iter().zip(&plan.still).enumerate() {
@@ -156,12 +156,12 @@ impl RunningModal {
     }
 
     /// Set positions, steps and free motion of the ports in the island.
-    pub(crate) fn place(&self, body: &mut Body) {
-        self.place_ahead(0, body);
+    pub(crate) fn set_ports(&self, body: &mut Body) {
+        self.set_ports_ahead(0, body);
     }
 
     /// Set the ports as they will be in `frames` frames, if nothing pushes the body until then.
-    pub(crate) fn place_ahead(&self, frames: usize, body: &mut Body) {
+    pub(crate) fn set_ports_ahead(&self, frames: usize, body: &mut Body) {
         let seen_frame = self.present + frames;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
             let port_row = &self.seen[row * SEEN_FRAMES..(row + 1) * SEEN_FRAMES];
@@ -228,7 +228,7 @@ impl RunningModal {
             self.script.strike(due_blow, &mut self.kicks);
             self.kick();
         }
-        self.place(body);
+        self.set_ports(body);
     }
 
     /// Add the kicks to the modes one frame ahead.

@@ -75,7 +75,7 @@ impl MeshPartition {
             let (range_forces, later_forces) = forces_left.split_at_mut(range.mats.len());
             (*range_part, forces_left) = (Some((range, range_forces)), later_forces);
         }
-        team.each(&mut range_parts[..range_count], |range_part| {
+        team.for_each(&mut range_parts[..range_count], |range_part| {
             if let Some((MeshRange { springs, pass, .. }, force)) = range_part {
                 pass.forces(part, springs, motion, force);
             }
@@ -99,7 +99,7 @@ impl MeshPartition {
             });
             *part = Some((range.mats.clone(), range_slices));
         }
-        team.each(&mut range_parts[..range_count], |part| {
+        team.for_each(&mut range_parts[..range_count], |part| {
             if let Some((mats, range_slices)) = part {
                 work(
                     mats.clone(),

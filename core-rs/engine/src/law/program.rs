@@ -41,12 +41,12 @@ impl DerefMut for Register {
 }
 
 /// Places that are evaluated together outside a run: lanes of the widest vector.
-pub(super) const FEW: usize = 8;
+pub(super) const SHORT_LANES: usize = 8;
 
 /// Values at these places, aligned to a cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-pub(super) struct Few(pub(super) [f64; FEW]);
+pub(super) struct ShortVector(pub(super) [f64; SHORT_LANES]);
 
 /// Register 0 holds d, 1 holds v, 2 + i the result of step i.
 const FIRST: usize = 2;
@@ -134,8 +134,8 @@ impl Program {
     }
 
     /// The registers of a few places, with constants in place.
-    pub(super) fn few_registers(&self) -> Vec<Few> {
-        self.filled(|value| Few([value; FEW]))
+    pub(super) fn few_registers(&self) -> Vec<ShortVector> {
+        self.filled(|value| ShortVector([value; SHORT_LANES]))
     }
 
     fn filled<R: Clone>(&self, fill: impl Fn(f64) -> R) -> Vec<R> {
@@ -199,7 +199,7 @@ impl Program {
 
     /// The values at a few places, with the bits of `value`; `registers` are this program's, with d and v loaded into 0
     /// and 1.
-    pub(super) fn run_few<'r>(&self, registers: &'r mut [Few]) -> &'r Few {
+    pub(super) fn run_few<'r>(&self, registers: &'r mut [ShortVector]) -> &'r ShortVector {
         few::run(&self.steps, registers);
         &registers[self.result]
     }

@@ -2,11 +2,11 @@
 //! of a wide vector that the places leave empty.
 
 use super::native::Native;
-use super::program::{FEW, Few, Program};
+use super::program::{Program, SHORT_LANES, ShortVector};
 use super::{Elastic, Law};
 
 /// Places at once.
-pub(crate) const PLACES: usize = FEW / 2;
+pub(crate) const PLACES: usize = SHORT_LANES / 2;
 pub(crate) type Places = [f64; PLACES];
 
 /// Distance of the places nearby: relative to the argument, and at least [m, m/s].
@@ -30,8 +30,8 @@ struct Around {
 /// Buffers for [`Law::tangents`] of one law.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TangentScratch {
-    elastic: Vec<Few>,
-    damping: Vec<Few>,
+    elastic: Vec<ShortVector>,
+    damping: Vec<ShortVector>,
     numbers: Vec<f64>,
     room: Vec<f64>,
 }
@@ -140,7 +140,7 @@ impl Law {
     }
 
     #[inline(always)]
-    fn drags(&self, damping: &Program, points: [&[Places; 2]; 2], registers: &mut [Few]) -> [Places; 2] {
+    fn drags(&self, damping: &Program, points: [&[Places; 2]; 2], registers: &mut [ShortVector]) -> [Places; 2] {
         for (register, points) in registers.iter_mut().zip(points) {
             self.load(&mut register.0, points.as_flattened());
         }
@@ -148,7 +148,7 @@ impl Law {
     }
 }
 
-fn halves(Few(values): &Few) -> [Places; 2] {
+fn halves(ShortVector(values): &ShortVector) -> [Places; 2] {
     let (place_chunks, _) = values.as_chunks::<PLACES>();
     [place_chunks[0], place_chunks[1]]
 }

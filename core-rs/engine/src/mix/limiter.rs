@@ -167,11 +167,15 @@ impl Limiter {
     }
 
     /// The largest reduction among this frame and the `latency` frames before it.
-    fn largest(&mut self, wanted: f64) -> f64 {
-        while self.candidates.back().is_some_and(|&(_, smaller)| smaller <= wanted) {
+    fn largest(&mut self, target_gain: f64) -> f64 {
+        while self
+            .candidates
+            .back()
+            .is_some_and(|&(_, smaller)| smaller <= target_gain)
+        {
             self.candidates.pop_back();
         }
-        self.candidates.push_back((self.frame, wanted));
+        self.candidates.push_back((self.frame, target_gain));
         if self.candidates[0].0 + (self.latency as u64) < self.frame {
             self.candidates.pop_front();
         }

@@ -33,7 +33,7 @@ impl ReachableNetwork {
         }
         let response = match self.response_by_modes(rate, frames_per_tick, ticks)? {
             None => self.response_in_steps(rate, frames_per_tick, 1, ticks)?,
-            some => some,
+            result => result,
         };
         if response.is_some() {
             return Ok(response);

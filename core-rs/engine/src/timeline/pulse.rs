@@ -7,7 +7,7 @@ use crate::maths::cos;
 use crate::network::Network;
 use crate::units::{floor_frame, frame, score_frame};
 
-/// How long a strike lasts that does not say so [s].
+/// The default duration of a strike [s].
 ///
 /// Above 3/0.19 ms = 15.8 kHz the spectrum of the force stays 58 dB below its level at 0 Hz; it is 3 dB lower at
 /// 4 kHz. A mass that is struck starts moving without a step.

@@ -76,7 +76,7 @@ fn folder() -> Option<PathBuf> {
     // SAFETY: geteuid has no arguments and cannot fail.
     let user_id = unsafe { libc::geteuid() };
     let lock_folder = match std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from) {
-        Some(own) if own.is_dir() => own.join("ergon"),
+        Some(folder) if folder.is_dir() => folder.join("ergon"),
         _ => std::env::temp_dir().join(format!("ergon-{user_id}")),
     };
     match DirBuilder::new().mode(0o700).create(&lock_folder) {
@@ -92,7 +92,7 @@ fn folder() -> Option<PathBuf> {
 /// in /tmp.
 fn is_own_folder(path: &Path, user: u32) -> bool {
     std::fs::symlink_metadata(path)
-        .is_ok_and(|found| found.is_dir() && found.uid() == user && found.mode() & 0o077 == 0)
+        .is_ok_and(|metadata| metadata.is_dir() && metadata.uid() == user && metadata.mode() & 0o077 == 0)
 }
 
 #[cfg(test)]

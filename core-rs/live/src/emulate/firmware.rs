@@ -275,7 +275,7 @@ impl Firmware {
                 self.device_info(packet.seq).write(&mut reply_bytes)
             } else if packet.axis_count == self.keys.n() {
                 let had_let_go = self.let_go;
-                if packet.flags & flag::ASK == 0 {
+                if packet.flags & flag::REQUEST == 0 {
                     let motors_enabled = packet.flags & flag::ENABLE != 0;
                     self.push(packet.force.iter().copied(), motors_enabled, now);
                 }

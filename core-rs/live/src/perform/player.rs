@@ -245,7 +245,7 @@ impl Player {
             && wait_start.elapsed() < RING_TIMEOUT
             && !self.connections.flags.stop.load(Ordering::Acquire)
         {
-            self.clock.nap();
+            self.clock.wait_while_full();
         }
     }
 

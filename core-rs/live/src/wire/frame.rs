@@ -24,7 +24,7 @@ pub mod flag {
     /// Enable the motors.
     pub const ENABLE: u8 = 1;
     /// Ask for positions: the forces stay, and in lockstep no step is made.
-    pub const ASK: u8 = 2;
+    pub const REQUEST: u8 = 2;
 }
 
 /// Bits of a reply's status.

@@ -122,11 +122,11 @@ class _Reading:
     def end(self, tag: str) -> None:
         self.path.pop()
         if tag == "global":
-            along = [self.gravity * component for component in self.direction]
-            if along[0] or along[1] or along[2] < 0.0:
+            gravity_force = [self.gravity * component for component in self.direction]
+            if gravity_force[0] or gravity_force[1] or gravity_force[2] < 0.0:
                 message = "gravity goes along another axis than z, which is not built yet"
                 raise ModelError(message, self.line())
-            self.network.gravity = along[2]
+            self.network.gravity = gravity_force[2]
 
     def read_element(self, tag: str, attributes: Mapping[str, str]) -> None:
         if tag == "gravity":

@@ -74,8 +74,8 @@ def _joined(model_link: Part, masses_by_name: dict[str, Part]) -> None:
     """
     for link_end in model_link.ends:
         if link_end not in masses_by_name:
-            near = nearest(link_end, masses_by_name)
-            raise ModelError(f"no mass is called {quote(link_end)}", model_link.line, near)
+            suggestion = nearest(link_end, masses_by_name)
+            raise ModelError(f"no mass is called {quote(link_end)}", model_link.line, suggestion)
         if masses_by_name[link_end].kind.endswith("1D") != model_link.kind.endswith("1D"):
             axes = "one axis" if masses_by_name[link_end].kind.endswith("1D") else "three axes"
             message = (
@@ -131,10 +131,10 @@ def _point(writing: _Writing, model_part: Part, speed: tuple[float, float, float
         mass_kind, mass_amount = "MAS", _heavy(writing, model_part)
         module_fields.insert(0, f"M: {_number(mass_amount)}kg")
         if any(speed):
-            fast = tuple(value * writing.rate for value in speed)
-            for component_value in fast:
+            speed_per_second = tuple(value * writing.rate for value in speed)
+            for component_value in speed_per_second:
                 _within(model_part, "a speed", component_value, _FASTEST)
-            module_fields.append(f"V0: {_vector(fast, 'mm/s')}")
+            module_fields.append(f"V0: {_vector(speed_per_second, 'mm/s')}")
         if writing.network.friction:
             module_fields.append(f"drag: {drag(writing.network.friction, mass_amount)!r}*viscous")
     writing.space.append(

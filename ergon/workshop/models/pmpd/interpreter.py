@@ -94,11 +94,11 @@ def _obey(network: Network, message: Message) -> None:
         other_class = (
             f"; it is one of [{other_object}]" if message.word in FORMS[other_object] else ""
         )
-        near = None if other_class else nearest(message.word, statement_forms)
+        suggestion = None if other_class else nearest(message.word, statement_forms)
         raise ModelError(
             f"{quote(message.word)} is not a word of [{network.kind}]{other_class}",
             line_number,
-            near,
+            suggestion,
         )
     least = sum(value.default is None for value in statement_form)
     if not least <= len(message.rest) <= len(statement_form):
@@ -146,9 +146,9 @@ def _value(network: Network, value_kind: Value, value_word: str | None, line_num
                 index for index, thing in enumerate(things) if thing.class_name == value_word
             ]
             if not matching:
-                near = nearest(value_word, {thing.class_name for thing in things})
+                suggestion = nearest(value_word, {thing.class_name for thing in things})
                 raise ModelError(
-                    f"no {list_name} are called {quote(value_word)}", line_number, near
+                    f"no {list_name} are called {quote(value_word)}", line_number, suggestion
                 )
             return matching
         return [_index(network, list_name, literal, line_number)]
@@ -317,9 +317,9 @@ def _set(things: str, field_name: str) -> Callable[..., None]:
     """A setter of one value of some masses or links; an omitted value is left as it is."""
 
     def change(
-        network: Network, word: str, line: int, which: int | list[int], set_value: float
+        network: Network, word: str, line: int, indices: int | list[int], set_value: float
     ) -> None:
-        for index in [which] if isinstance(which, int) else which:
+        for index in [indices] if isinstance(indices, int) else indices:
             setattr(getattr(network, things)[index], field_name, set_value)
 
     return change
@@ -327,17 +327,17 @@ def _set(things: str, field_name: str) -> Callable[..., None]:
 
 def _add(things: str, collection_name: str) -> Callable[..., None]:
     def change(
-        network: Network, word: str, line: int, which: int | list[int], added_value: float
+        network: Network, word: str, line: int, indices: int | list[int], added_value: float
     ) -> None:
-        for index in [which] if isinstance(which, int) else which:
+        for index in [indices] if isinstance(indices, int) else indices:
             thing = getattr(network, things)[index]
             setattr(thing, collection_name, getattr(thing, collection_name) + added_value)
 
     return change
 
 
-def _set_mass(network: Network, word: str, line: int, which: int | list[int], M: float) -> None:
-    for mass_index in [which] if isinstance(which, int) else which:
+def _set_mass(network: Network, word: str, line: int, indices: int | list[int], M: float) -> None:
+    for mass_index in [indices] if isinstance(indices, int) else indices:
         if network.kind == "pmpd~":
             network.masses[mass_index].is_mobile = M > 0.0
         if M > 0.0:

@@ -35,7 +35,7 @@ def is_list(text: str) -> bool:
         known_words = {
             *OBJECTS,
             *REFUSED,
-            *(word_of_form for of in FORMS.values() for word_of_form in of),
+            *(word_of_form for form_words in FORMS.values() for word_of_form in form_words),
         }
         return message.word in known_words or bool(_OTHER.fullmatch(message.word))
     return False
@@ -122,7 +122,7 @@ def _object(messages_read: list[Message], dialect: Object | None) -> Object:
         name: set(FORMS[name]) - set(FORMS[other_object])
         for name, other_object in (OBJECTS, OBJECTS[::-1])
     }
-    words_used = {one.word for one in messages_read}
+    words_used = {message.word for message in messages_read}
     has_class = any(
         message.word in ("mass", "link") and message.rest and number(message.rest[0]) is None
         for message in messages_read

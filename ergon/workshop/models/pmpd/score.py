@@ -184,16 +184,16 @@ def _link(writing: _Writing, nth: int, model_link: Link) -> None:
     masses = writing.network.masses
     class_word = _NO_LETTER.sub("_", model_link.class_name)
     class_word = f"{class_word if class_word[:1].isalpha() else 'link'}{nth}"
-    still = [
+    fixed_masses = [
         mass_index in writing.moved or not masses[mass_index].is_mobile
         for mass_index in (model_link.a, model_link.b)
     ]
-    if all(still):
+    if all(fixed_masses):
         return  # nothing of it moves
     D = model_link.D
     # d is x_b - x_a in a score, and pmpd's length is x1 - x2.
     between_text = f"between: [{writing.masses[model_link.b]}, {writing.masses[model_link.a]}]"
-    mobile = writing.masses[model_link.b if still[0] else model_link.a]
+    mobile = writing.masses[model_link.b if fixed_masses[0] else model_link.a]
     if D and any(mass_index in writing.moved for mass_index in (model_link.a, model_link.b)):
         # In pmpd~ a mass that an inlet moves has no speed.
         if model_link.form == "NLlink~" and not _is_open(model_link):

@@ -105,8 +105,8 @@ class Laws:
             return mapped_name or repr(float(matched_word))
 
         tree = ast.parse(f"({_WORD.sub(faust_word, text)})", mode="eval")
-        back = {f"c{position}": faust for position, faust in enumerate(letters.values())}
-        return self._faust(tree.body, back)
+        faust_by_name = {f"c{position}": faust for position, faust in enumerate(letters.values())}
+        return self._faust(tree.body, faust_by_name)
 
     def _faust(
         self, syntax_node: ast.expr, faust_letters: Mapping[str, str], least: int = 0

@@ -89,8 +89,8 @@ class _Writing:
 
     def _name(self, text: str) -> str:
         """A name of the score; the name of its part is left out if the rest is unique."""
-        short = text.partition(".")[2] or text
-        short_word = _NO_LETTER.sub("_", short)
+        short_name = text.partition(".")[2] or text
+        short_word = _NO_LETTER.sub("_", short_name)
         if short_word in self.names.taken:
             short_word = _NO_LETTER.sub("_", text)
         return self.names.new(short_word if short_word[:1].isalpha() else f"m{short_word}")
@@ -117,12 +117,12 @@ class _Writing:
                 self._mass(point_number, stepped_point, inputs)
 
     def _body(self, body: Body) -> None:
-        body_name, (across, row_count) = self._name(body.name), body.sides
+        body_name, (column_count, row_count) = self._name(body.name), body.sides
         member_mass = self._matter(self.network.points[body.points[0]])
         n_fixed = 2 * body.is_held
         ties = f"{_number(body.K)} {_number(body.z)} 0 0"
         if body.kind == "STRING":
-            member_count = across
+            member_count = column_count
             member_mass = nudge_to_goal(
                 member_mass, lambda m: member_count * m / member_count, member_mass
             )
@@ -136,14 +136,14 @@ class _Writing:
                 self.link_names[body.points[member_index]] = f"[@{body_name} {share}]"
         else:
             body_word = "closedMesh" if body.is_held else "mesh"
-            size = f"{row_count + n_fixed} {across + n_fixed}"
+            size = f"{row_count + n_fixed} {column_count + n_fixed}"
             self.called[body.points[0]] = body_name
             self.lines.append(f"@{body_name} {body_word} {size} {_number(member_mass)} {ties}")
-            for member_index in range(across * row_count):
-                row, column_index = divmod(member_index, across)
+            for member_index in range(column_count * row_count):
+                row, column_index = divmod(member_index, column_count)
                 shares = (
                     _share(row + body.is_held, row_count + n_fixed),
-                    _share(column_index + body.is_held, across + n_fixed),
+                    _share(column_index + body.is_held, column_count + n_fixed),
                 )
                 self.link_names[body.points[member_index]] = f"[@{body_name} {' '.join(shares)}]"
 

@@ -359,10 +359,10 @@ class _Builder:
         body_links = [self.to.links[link] for link in links]
         masses = {self.to.points[point].mass for point in points[:count]}
         ties = {(link.K, link.z) for link in body_links}
-        across, up = mesh_sides
-        expected = across * (up - 1) + up * (across - 1)
+        column_count, row_count = mesh_sides
+        expected = column_count * (row_count - 1) + row_count * (column_count - 1)
         if is_held:
-            expected += 2 if module.kind == "STRING" else 2 * (across + up)
+            expected += 2 if module.kind == "STRING" else 2 * (column_count + row_count)
         is_tied = any(self.to.points[point].kappa for point in points)
         if len(masses) == len(ties) == 1 and len(body_links) == expected and not is_tied:
             (K, z), *_ = ties
@@ -385,9 +385,10 @@ class _Builder:
                 self._refuse(module.place, f"{ground_name}: a law with `noise` is not written yet")
                 return
             if module.fields.get("contact", "plain") != "plain":
-                how = module.fields["contact"]
+                contact_kind = module.fields["contact"]
                 self._refuse(
-                    module.place, f"{ground_name}: a contact that is {how}; only plain is written"
+                    module.place,
+                    f"{ground_name}: a contact that is {contact_kind}; only plain is written",
                 )
                 return
             end_targets = module.ends

@@ -54,8 +54,8 @@ def written(
         raise ModelError(message, ids[override_name].line)
     for override_name in overrides:
         if override_name not in code or code[override_name].arguments:
-            near = nearest(override_name, code)
-            raise ModelError(f"the model has no parameter {quote(override_name)}", 0, near)
+            suggestion = nearest(override_name, code)
+            raise ModelError(f"the model has no parameter {quote(override_name)}", 0, suggestion)
     if "fs" in code:
         message = f"fs is the rate of the library, {RATE:,} Hz; it has no other"
         raise ModelError(message, code["fs"].line)
@@ -253,8 +253,10 @@ def _join(writing: Writing, model_statement: Statement) -> None:
     """Compute the values of a link."""
     for link_end in model_statement.ends:
         if link_end not in writing.masses:
-            near = nearest(link_end, writing.masses)
-            raise ModelError(f"no mass is called {quote(link_end)}", model_statement.line, near)
+            suggestion = nearest(link_end, writing.masses)
+            raise ModelError(
+                f"no mass is called {quote(link_end)}", model_statement.line, suggestion
+            )
     a, b = model_statement.ends
     if a == b:
         raise ModelError(f"it joins {quote(a)} to itself", model_statement.line)

@@ -246,7 +246,7 @@ impl Fine {
         let mut deviation_max = 0.0_f64;
         for law_index in 0..n_laws {
             let state = &self.laws[law_index];
-            let [mut e, mut v] = [0, 1].map(|which| dot(&laws.end[which], &state.path));
+            let [mut e, mut v] = [0, 1].map(|order| dot(&laws.end[order], &state.path));
             for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves_end[law_index * n_laws..]) {
                 e += dot(by_x, &other.force);
                 v += dot(by_v, &other.force);
@@ -256,8 +256,8 @@ impl Fine {
                 ..self.law(script, laws, gates, (law_index, 1.0))
             };
             let end_forces = [state.start_force, law_at_end.force(e, v * law_at_end.rate())];
-            let largest =
-                (state.force.iter().chain(&end_forces)).fold(state.largest_force, |most, force| most.max(force.abs()));
+            let largest = (state.force.iter().chain(&end_forces))
+                .fold(state.largest_force, |largest_yet, force| largest_yet.max(force.abs()));
             for (row, force) in laws.end_weights.iter().zip(end_forces) {
                 let end_deviation = (dot(row, &state.force) - force).abs();
                 deviation_max = deviation_max.max(end_deviation / largest.max(f64::MIN_POSITIVE));

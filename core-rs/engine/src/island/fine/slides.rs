@@ -221,7 +221,9 @@ impl Fine {
                 is_too_weak.then_some((slide_index, needed_force.abs() - friction_level, needed_force.signum()))
             };
             let weak_holds = (0..frame.slides.links.len()).filter_map(force_excess);
-            let Some((slide_index, _, direction)) = weak_holds.max_by(|one, other| one.1.total_cmp(&other.1)) else {
+            let Some((slide_index, _, direction)) =
+                weak_holds.max_by(|hold, other_hold| hold.1.total_cmp(&other_hold.1))
+            else {
                 return;
             };
             self.frictions.slides[slide_index].direction = direction;

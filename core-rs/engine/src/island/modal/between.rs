@@ -18,7 +18,7 @@ pub(super) struct Between {
     kick: Vec<Vec<Vec<[Lanes; 2]>>>,
 }
 
-const ONES: Lanes = Lanes([1.0; LANES]);
+const UNIT_LANES: Lanes = Lanes([1.0; LANES]);
 
 impl RunningModal {
     /// Make tables for instants of a frame, 0 to 1; only for continuous modes.
@@ -49,7 +49,7 @@ impl RunningModal {
             None => 1,
         };
         let kick_table = |group: usize, j: usize, split_of: &dyn Fn(usize, usize) -> [f64; 2]| {
-            [0, 1].map(|which| lanes(modes, group, |mode| split_of(mode, j)[which]))
+            [0, 1].map(|half| lanes(modes, group, |mode| split_of(mode, j)[half]))
         };
         let group_range = 0..modes.len().div_ceil(LANES);
         let members = |group: usize| group * LANES..modes.len().min((group + 1) * LANES);
@@ -156,12 +156,12 @@ impl RunningModal {
         for (group, table) in between.kick[if is_complex { port } else { 0 }].iter().enumerate() {
             let group_rows = &self.script.rows[group];
             // The responses of complex modes already contain these shares.
-            let port_share = if is_complex { &ONES } else { &group_rows[port] };
+            let port_share = if is_complex { &UNIT_LANES } else { &group_rows[port] };
             let mode_lanes = [&mut self.motions[group].now, &mut self.pending[group]];
             let seen_ahead = (&mut self.seen[self.present + 1..], SEEN_FRAMES);
             ports::kick(impulses, table, port_share, mode_lanes, group_rows, seen_ahead);
         }
         self.has_pending = true;
-        self.place(body);
+        self.set_ports(body);
     }
 }

@@ -246,7 +246,7 @@ mod tests {
         let mut loudest = 0.0_f64;
         for n in 0..1_200 {
             let mut output_now = [0.0];
-            running.tap(&mut output_now);
+            running.add_outputs(&mut output_now);
             let mode_sum: f64 = modes_now.iter().sum();
             loudest = loudest.max(mode_sum.abs());
             assert!(

@@ -187,13 +187,13 @@ impl Pulls {
         Self { mats, offsets, ends }
     }
 
-    fn on(&self, mat: usize) -> &[usize] {
+    fn ends_of(&self, mat: usize) -> &[usize] {
         &self.ends[self.offsets[mat]..self.offsets[mat + 1]]
     }
 
     /// The ends on any of some MATs, rising.
     fn on_any(&self, mats: &Range<usize>) -> Vec<usize> {
-        let mut ends: Vec<usize> = mats.clone().flat_map(|mat| self.on(mat)).copied().collect();
+        let mut ends: Vec<usize> = mats.clone().flat_map(|mat| self.ends_of(mat)).copied().collect();
         ends.sort_unstable();
         ends.dedup();
         ends
@@ -209,7 +209,7 @@ impl Pulls {
             for mat in first..mat_count.min(first + PAD) {
                 // An end was counted already if it pulls on a MAT between.
                 let is_new = |end: &&usize| mat == first || self.mats[**end].start == mat;
-                end_count += self.on(mat).iter().filter(is_new).count();
+                end_count += self.ends_of(mat).iter().filter(is_new).count();
                 let cost = best[mat + 1].0 + BLOCK_COST + end_count;
                 if cost <= least.0 {
                     least = (cost, mat + 1 - first);

@@ -298,7 +298,7 @@ impl<'a> Maker<'a> {
                 continue;
             }
             let (how, rest) = match &self.sources[mat] {
-                Some(found) => (found.how, found.rest),
+                Some(source) => (source.how, source.rest),
                 None => {
                     let is_unmoved = plan.unmoved.binary_search(&(mat as u32)).is_ok();
                     let is_moved = mats.kind[mat] != MatKind::Sol && !is_unmoved;

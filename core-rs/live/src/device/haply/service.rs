@@ -62,12 +62,12 @@ impl Service {
     }
 
     /// Hand the states that are there to `each`; returns whether there may be more.
-    pub(super) fn read(&mut self, mut each: impl FnMut(wire::State)) -> Result<bool, Gone> {
+    pub(super) fn read(&mut self, mut visit: impl FnMut(wire::State)) -> Result<bool, Gone> {
         sent(self.socket.flush())?;
         let device_id = (!self.id.is_empty()).then_some(self.id.as_str());
         for _ in 0..READS_MAX {
             match self.socket.read() {
-                Ok(Message::Text(text)) => wire::parse_state(&text, device_id).into_iter().for_each(&mut each),
+                Ok(Message::Text(text)) => wire::parse_state(&text, device_id).into_iter().for_each(&mut visit),
                 Ok(Message::Close(_)) => return Err(Gone::Closed),
                 Ok(_) => {}
                 Err(Error::Io(error)) if is_quiet(&error) => return Ok(false),
