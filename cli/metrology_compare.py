@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ergon.workshop.metrology.comparison import Difference, Gain
 
 _BYTES_MAX = 1 << 20  # largest calibration file
-_FAR = 3.0  # standard deviations: a larger difference is not chance
+_DEVIATIONS_MAX = 3.0  # standard deviations: a larger difference is not chance
 
 
 def calibration(calibration_path: str) -> Calibration:
@@ -118,7 +118,9 @@ def _judge(console: Console, compared: list[Difference], squared: float, n: int)
         for difference in compared
         if difference.deviations is not None
     ]
-    deviating = sorted((pair for pair in deviations if pair[0] > _FAR), key=lambda pair: -pair[0])
+    deviating = sorted(
+        (pair for pair in deviations if pair[0] > _DEVIATIONS_MAX), key=lambda pair: -pair[0]
+    )
     without_deviation = [
         _called(difference)
         for difference in compared
@@ -128,9 +130,9 @@ def _judge(console: Console, compared: list[Difference], squared: float, n: int)
         listing = ", ".join(
             f"{_called(difference)} by {sigma:.3g}" for sigma, difference in deviating
         )
-        console.say(f"more than {_FAR:g} standard deviations apart: {listing}")
+        console.say(f"more than {_DEVIATIONS_MAX:g} standard deviations apart: {listing}")
     elif deviations:
-        console.say(f"no figure differs by more than {_FAR:g} standard deviations")
+        console.say(f"no figure differs by more than {_DEVIATIONS_MAX:g} standard deviations")
     if without_deviation:
         console.say(f"only one has {', '.join(without_deviation)}")
     if n:

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from ergon.live.perform import PlaybackConfig
     from ergon.scores.staging.stage import Stage
 
-_LOOK = 0.1  # [s] between two looks: a hand is shown ten times a second
+_REFRESH_SECONDS = 0.1  # [s] between two looks: a hand is shown ten times a second
 _SAY = 2.0  # [s] between two lines under --plain
-_AFTER = 10.0  # [s] that the sound in the ring buffer may take to be heard
+_DRAIN_SECONDS_MAX = 10.0  # [s] that the sound in the ring buffer may take to be heard
 
 
 class ShownPerformance:
@@ -72,7 +72,7 @@ class ShownPerformance:
                 osc.begin(performance, self._stage, config.gain, config.start)
             if granted := self._granted():
                 self._console.detail(f"physics: {granted}")
-            while not performance.wait(_LOOK):
+            while not performance.wait(_REFRESH_SECONDS):
                 self._show()
             self._show(last=True)
             status, sound_input = performance.status(), performance.sound_input()
@@ -87,7 +87,7 @@ class ShownPerformance:
             self._summarise()
             raise
         try:
-            self._tell(performance.close(_AFTER))
+            self._tell(performance.close(_DRAIN_SECONDS_MAX))
         except _core.EngineError as error:
             raise Refused(str(error)) from None
         self._finish(status, sound_input)

@@ -14,7 +14,7 @@ from .outcome import Outcome, Refused
 from .recording import NAMES_MAX, SUFFIX, read_quietly
 from .units import seconds
 
-_USUAL = "takes"
+_DEFAULT_FOLDER = "takes"
 
 
 @click.command("list")
@@ -25,7 +25,7 @@ def list_takes(console: Console, folder: str | None) -> None:
 
     Without FOLDER, list ./takes, or the current folder if ./takes does not exist.
     """
-    take_folder = Path(folder) if folder is not None else Path(_USUAL)
+    take_folder = Path(folder) if folder is not None else Path(_DEFAULT_FOLDER)
     if folder is None and not take_folder.is_dir():
         take_folder = Path()
     if not take_folder.is_dir():

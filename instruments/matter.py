@@ -19,7 +19,7 @@ from ergon.notation.tables.fields import Values
 # Fields that describe material and size; the other fields are computed from them.
 MATTER = ("material", "length", "diameter", "thickness", "tension")
 AUDIBLE_TOP = 5_000.0  # [Hz] bodies get enough masses for modes up to here
-_HELD = 2_000.0  # [Hz] of a body's second decay; at least four times its pitch
+_SECOND_DECAY_HERTZ = 2_000.0  # [Hz] of a body's second decay; at least four times its pitch
 _AIR_DENSITY, _AIR_VISCOSITY = 1.204, 1.81e-5  # [kg/m³], [Pa·s] at 20 °C
 _STRING_MASSES, _MASSES = (40, 300), (150, 500)  # (least, most) masses by default
 _RINGS = (3, 60)  # (least, most) rings of a disc
@@ -237,7 +237,7 @@ def _decays(lowest_frequency: float, loss: Any) -> Any:
     """T60 at the lowest mode and at a higher frequency, with a ratio that dampers of a row or mesh
     can have.
     """
-    high_frequency = max(_HELD, 4.0 * lowest_frequency)
+    high_frequency = max(_SECOND_DECAY_HERTZ, 4.0 * lowest_frequency)
     if loss(lowest_frequency) <= 0.0:
         return None
     low_t60, high_t60 = (

@@ -13,8 +13,8 @@ from ergon.notation.tables.compound import ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Shape
 
-_SCATTER = 0.5  # octaves that a decay lies above or below the line at most
-_WEAKEST = 0.5  # smallest drawn level over the written one
+_SCATTER_OCTAVES = 0.5  # octaves that a decay lies above or below the line at most
+_LEVEL_RATIO_MIN = 0.5  # smallest drawn level over the written one
 _DIGITS = 6
 
 
@@ -48,10 +48,10 @@ class Band:
         for i in range(self.count):
             share_below = (i + chance.random()) / self.count
             drawn_frequencies.append(_between(self.f, share_below))
-            scatter = _core.pow(2.0, _SCATTER * (2.0 * chance.random() - 1.0))
+            scatter = _core.pow(2.0, _SCATTER_OCTAVES * (2.0 * chance.random() - 1.0))
             t60.append(_rounded(_between(self.t60, 1.0 - share_below) * scatter))
             for number, place_name in enumerate(names):
-                share = _WEAKEST + (1.0 - _WEAKEST) * chance.random()
+                share = _LEVEL_RATIO_MIN + (1.0 - _LEVEL_RATIO_MIN) * chance.random()
                 sign = -1.0 if number and (i >> (number - 1)) % 2 else 1.0
                 levels_by_place[place_name].append(
                     _rounded(self.levels.get(place_name, 0.0) * share * sign)

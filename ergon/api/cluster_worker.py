@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 # Bound on the modules of all staged pieces in memory; a single piece may have any number.
 MODULES_MAX = 1_000_000
 _JOBS_MAX = 16
-_FORM = 1  # version of jobs, requests and answers
+_FORMAT_VERSION = 1  # version of jobs, requests and answers
 
 
 class Job(TypedDict):
@@ -50,7 +50,7 @@ class Job(TypedDict):
 
 def version() -> list[Any]:
     """The versions that must be equal on a worker and on its client."""
-    return [_core.__version__, plan_file.VERSION, _FORM]
+    return [_core.__version__, plan_file.VERSION, _FORMAT_VERSION]
 
 
 def check_version(versions_asked: list[Any]) -> None:

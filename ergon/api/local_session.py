@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 # Time that a change needs from the session to the physics thread, on a busy machine too [s].
-_MARGIN = 0.006
-_SWITCH = 0.0005  # [s]
+_CHANGE_LEAD = 0.006
+_THREAD_SWITCH_SECONDS = 0.0005  # [s]
 _GainAndReference = tuple[float, float | None]  # gain, and reference level: ratios
 
 
@@ -101,7 +101,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
             session = Session(
                 version,
                 make,
-                margin=_MARGIN,
+                margin=_CHANGE_LEAD,
                 journal=journal,
                 real=real_hands,
                 store=user_store(),
@@ -140,7 +140,7 @@ def _run(session: Session) -> None:
     gc.collect()
     gc.freeze()
     # A running line lets other threads in this soon, such as the one that stops a hand.
-    sys.setswitchinterval(_SWITCH)
+    sys.setswitchinterval(_THREAD_SWITCH_SECONDS)
     # In a notebook Ctrl-C ends a call, not the session; hands are let go until `release`.
     _core.stop_on_signals([signal.SIGINT], ends=False)
     with signals_blocked_in_threads():

@@ -30,7 +30,7 @@ STRUCTURAL_TICKS = 1
 FRAMES_AHEAD = 1024
 _LATE_SHARE = 0.5  # a tick that begins later than this share of its length is late
 _LATE_TICKS_MAX = 1e-3  # largest share of late ticks
-_RIGHTS = (
+_RIGHTS_ADVICE = (
     "put `@audio - rtprio 95` and `@audio - memlock unlimited` into "
     "/etc/security/limits.d/95-ergon.conf, join the group audio, and log in again"
 )
@@ -123,7 +123,7 @@ def _cost_ratio(
 def describe_thread(checkup: Checkup) -> Iterator[Finding]:
     """The priority and rights of the physics thread, as the kernel reports them."""
     if checkup.priority is None:
-        finding_sentence, todo = "no real-time priority", _RIGHTS
+        finding_sentence, todo = "no real-time priority", _RIGHTS_ADVICE
         if platform.system() != "Linux":
             todo = "this system gives none; keep other programs closed, and play with --ahead 4096"
     else:
@@ -131,7 +131,10 @@ def describe_thread(checkup: Checkup) -> Iterator[Finding]:
     yield Finding("thread", finding_sentence, todo, {"fifo": checkup.priority})
     finding_sentence = "locked in RAM" if checkup.locked else "not locked: it may be swapped out"
     yield Finding(
-        "memory", finding_sentence, "" if checkup.locked else _RIGHTS, {"locked": checkup.locked}
+        "memory",
+        finding_sentence,
+        "" if checkup.locked else _RIGHTS_ADVICE,
+        {"locked": checkup.locked},
     )
 
 

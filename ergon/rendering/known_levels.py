@@ -37,7 +37,8 @@ class KnownLevels:
             number
             for number, balance in enumerate(balances)
             if not any(
-                self._give(balance, keys[number], stop) for keys in self._keys[stretch_index:]
+                self._set_measure(balance, keys[number], stop)
+                for keys in self._keys[stretch_index:]
             )
         ]
 
@@ -79,7 +80,7 @@ class KnownLevels:
         known_states = [state for state in stored if state is not None]
         return known_states if len(known_states) == len(balance_numbers) else None
 
-    def _give(self, balance: Balance, key: str, stop_frame: int) -> bool:
+    def _set_measure(self, balance: Balance, key: str, stop_frame: int) -> bool:
         known_level = self._store.get(key)
         if known_level is None or len(known_level.sound) % balance.n_measures:
             return False

@@ -19,7 +19,7 @@ _NAMES = {0: "C", 4: "E", 7: "G"}  # names of the keys with a line, by their num
 _ALL_NAMES = 24  # keys, up to which E and G have lines too
 _LANES_IN_HEIGHT = 20  # lines of instruments without a pitch that would fill the picture
 _CHARACTER = 7.5  # pixels across
-_GAP = 1.0  # pixels between a note and the next: strokes that follow each other stay apart
+_NOTE_GAP = 1.0  # pixels between a note and the next: strokes that follow each other stay apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,7 @@ def _rectangle(note_bar: Bar, key_height: float, plot_frame: Frame, colour: str)
     thick = max(2.0, min(12.0, 0.8 * a_key))
     return (
         f"<rect x='{left_edge:.2f}' y='{plot_frame.down(key_height) - thick / 2:.2f}' "
-        f"width='{max(1.5, right_edge - left_edge - _GAP):.2f}' height='{thick:.2f}' "
+        f"width='{max(1.5, right_edge - left_edge - _NOTE_GAP):.2f}' height='{thick:.2f}' "
         f"fill='{colour}' fill-opacity='{0.35 + 0.65 * note_bar.strength:.2f}'>"
         f"<title>{escape(note_bar.name)}</title></rect>"
     )

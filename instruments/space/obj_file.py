@@ -28,7 +28,9 @@ _LINE_END = re.compile(r"\r\n|\r|\n")  # \x85 is a letter of older code pages
 _CORNER = re.compile(r"([+-]?[0-9]+)(/[+-]?[0-9]*){0,2}")
 # Keywords for curves, surfaces and other files, which would be missing from the mesh; what has any
 # other keyword (looks, names, groups, single points) says nothing of vertices and edges.
-_MISSED = frozenset(["curv", "curv2", "surf", "bzp", "bsp", "cdc", "cdp", "res", "call", "csh"])
+_GEOMETRY_KEYWORDS = frozenset(
+    ["curv", "curv2", "surf", "bzp", "bsp", "cdc", "cdp", "res", "call", "csh"]
+)
 
 
 def decoded(file_bytes: bytes, file_name: str, collector: Collector) -> str | None:
@@ -98,7 +100,7 @@ class Reader:
             self._vertex(words[1:])
         elif line_kind in ("f", "l"):
             self._edges_of(line_kind, words[1:])
-        elif line_kind in _MISSED:
+        elif line_kind in _GEOMETRY_KEYWORDS:
             raise MeshFileError(
                 f"{quote(line_kind)} is not read; a mesh has vertices (v), faces (f) and lines (l)"
             )

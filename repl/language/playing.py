@@ -160,8 +160,8 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
 
 
 # The options of `plays`, each with a line of help.
-_UNTYPED = (*_SCORE_ONLY, "at", play_words.NTH)
-OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in _UNTYPED}
+_SCORE_FIELDS = (*_SCORE_ONLY, "at", play_words.NTH)
+OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in _SCORE_FIELDS}
 PLAYING = v.Value("a gesture or a take", _read, _offers)
 
 

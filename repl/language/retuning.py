@@ -30,7 +30,7 @@ class Retune(Command):
 
 _WORD = re.compile(r"\S+")
 _EXAMPLES = {"edo": "19", "A4": "442Hz", "scale": "tune.scl", "keys": "tune.kbm", "root": "D4"}
-_NONE = "off"
+_OFF_WORD = "off"
 
 
 def _tunings(scope: Scope) -> dict[str, str]:
@@ -55,7 +55,7 @@ def _targets(context: v.CompletionContext) -> Iterator[v.Completion]:
 def _fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str, str]:
     """The fields of a tuning; none for `off`. Raises TextError."""
     placed_words = [(match.start(), match.group()) for match in _WORD.finditer(slot_text)]
-    if slot_text.strip() == _NONE:
+    if slot_text.strip() == _OFF_WORD:
         return {}
     for field_name, pattern in TUNING.lone.items():
         if len(placed_words) == 1 and (match := re.fullmatch(pattern, placed_words[0][1])):
@@ -94,7 +94,7 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
         if field_name not in context.before:
             yield v.Completion(field_name, field.doc)
     if not context.before:
-        yield v.Completion(_NONE, "the tuning of the score, or equal steps")
+        yield v.Completion(_OFF_WORD, "the tuning of the score, or equal steps")
 
 
 TARGET = v.Value("the tuning of an instrument, or of the score", _target, _targets)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 _BARS = 2
 _BEAT_LEAST, _BEAT_MOST = 4, 10  # characters of a beat
 _NAME_MOST, _WIDTH_MOST = 12, 100
-_CONTINUED = "\u2026"  # sign of an earlier gesture, and of strikes by chance
-_STRUCK = "x"  # sign of a strike without a note name
+_CONTINUED_SIGN = "\u2026"  # sign of an earlier gesture, and of strikes by chance
+_STRIKE_SIGN = "x"  # sign of a strike without a note name
 
 
 def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
@@ -59,7 +59,7 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
         if any(player == player_name for player, _ in playing) and not any(
             at == 0 for at, _ in bar_events
         ):
-            bar_events.insert(0, (0, _CONTINUED))
+            bar_events.insert(0, (0, _CONTINUED_SIGN))
         taken = {at for at, _ in bar_events}
         cells = sorted([*(dot for dot in dots if dot[0] not in taken), *bar_events])
         drawn_rows.append(player_name[: margin - 2].ljust(margin) + _row(n_columns, cells))
@@ -101,22 +101,22 @@ def _strokes(
         yield from ((beat, hit.what) for beat, _, hit in falling if first_beat <= beat < last_beat)
     elif strikes.passing is not None:
         yield from (
-            (beat, _STRUCK) for beat in strikes.rounds(tempo) if first_beat <= beat < last_beat
+            (beat, _STRIKE_SIGN) for beat in strikes.rounds(tempo) if first_beat <= beat < last_beat
         )
     elif strikes.pattern is not None:
         steps = strikes.steps(piece)
         for place_index in range(n_before(steps, first_beat), n_before(steps, last_beat)):
             note = steps.course.named(place_index)
             if note is not None:
-                yield steps[place_index], note if strikes.voices else _STRUCK
+                yield steps[place_index], note if strikes.voices else _STRIKE_SIGN
     elif strikes.rate is not None:
         begin, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
         if begin < last_beat and (stop is None or stop > first_beat):
-            yield max(begin, starts[0]), _CONTINUED
+            yield max(begin, starts[0]), _CONTINUED_SIGN
     else:
         beats = strikes.beats(tempo)
         places = range(n_before(beats, first_beat), n_before(beats, last_beat))
-        yield from ((beats[place], _STRUCK) for place in places)
+        yield from ((beats[place], _STRIKE_SIGN) for place in places)
 
 
 def _row(n_columns: int, cells: Sequence[tuple[int, str]]) -> str:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.session_log import SessionLog
     from ergon.repl.session.waiting_lines import WaitingLine
 
-_AHEAD = 1.0  # [s] before its beat a run is queued
+_QUEUE_LEAD = 1.0  # [s] before its beat a run is queued
 _PAUSE_MIN = 0.25  # [s] at least between two runs of a block
 
 
@@ -84,7 +84,9 @@ class BlockRuns:
         schedule = self._schedule
         tempo, clock = schedule.head.piece.tempo_map, schedule.running.clock
         soonest = schedule.soonest_frame() / schedule.rate + schedule.timing.lead
-        first, latest_beat = (clock.beat(tempo, seconds) for seconds in (soonest, soonest + _AHEAD))
+        first, latest_beat = (
+            clock.beat(tempo, seconds) for seconds in (soonest, soonest + _QUEUE_LEAD)
+        )
         after_beat = max(first - 2.0 * SAME, rule.begin)
         if (last_run := self._last_runs.get(block_name)) is not None:
             after_beat = max(

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 _BAR = Length(bars=1.0)
 _DRAWS_EVERY = 0.5  # [s] between two drawings of a key that is traced: one takes 15 ms
 _TRACE_HEIGHT = 6  # characters
-_TRIES = 3  # times that a line which acts now is made again before its answer
+_TRIES_MAX = 3  # times that a line which acts now is made again before its answer
 
 
 class Closable(Protocol):
@@ -201,7 +201,7 @@ class SessionCore:
             )
         self.log.note_thawed(draft.checked)
         self.attend()
-        for _ in range(_TRIES):  # a late line must be made again
+        for _ in range(_TRIES_MAX):  # a late line must be made again
             if not self._is_due(line_number) or not self.schedule.make_due():
                 break
             self.attend()

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.running import RunningVersion
 
 # A line joins those under way to its beat if this much time is left when all are made [s].
-_SPARE = 0.05
+_SPARE_SECONDS = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +144,7 @@ class Drafts:
             return None
         last_frame, ready_frame = (
             pending_changes[-1],
-            self._moments.tick_after(self._making_time.expected + _SPARE),
+            self._moments.tick_after(self._making_time.expected + _SPARE_SECONDS),
         )
         is_running = self._changes.running.clock.is_running
         if not last_frame.lines or not is_running or last_frame.frame < ready_frame:

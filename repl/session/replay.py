@@ -105,11 +105,11 @@ class ReplayedSession:
         self._engine.set_faders(fader_ratios(running))
         self._schedule = ReplayedSchedule(self._engine, running, real, 0)
         self._versions = _initial_versions(journal_content, version)
-        self._coming = deque(_changes(journal_content))
+        self._due_changes = deque(_changes(journal_content))
         self._note_next()
-        self._acts = deque(journal_content.acts)
-        self._read = journal_content.versions_from_files
-        self._done = journal_content.first
+        self._due_acts = deque(journal_content.acts)
+        self._file_versions = journal_content.versions_from_files
+        self._last_event = journal_content.first
         self._file = journal_content.first.file
         self.rate = running.stage.rate
         # A session that was killed may have recorded hands after its last line.
@@ -164,14 +164,14 @@ class ReplayedSession:
 
     def _frames_until_due(self, frames_max: int) -> Iterator[int]:
         """Numbers of frames until the next change or act, and `frames_max`."""
-        for due in (self._coming, self._acts):
+        for due in (self._due_changes, self._due_acts):
             if due:
                 yield max(1, due[0].frame - self._engine.frame)
         yield frames_max
 
     def _note_next(self) -> None:
         """Note the next change. The timeline ends where that of the session ended at a skip."""
-        schedule, coming = self._schedule, self._coming
+        schedule, coming = self._schedule, self._due_changes
         schedule.next_frame = coming[0].frame if coming else math.inf
         staged = next((change for change in coming if change.is_staged), None)
         schedule.makings.latest = math.inf
@@ -182,28 +182,30 @@ class ReplayedSession:
         """Hand the engine the changes and acts that take effect at this frame."""
         schedule = self._schedule
         schedule.take_events()
-        while self._coming and self._coming[0].frame <= self._engine.frame:
-            due_change = self._coming.popleft()
+        while self._due_changes and self._due_changes[0].frame <= self._engine.frame:
+            due_change = self._due_changes.popleft()
             self._note_next()
             if not due_change.commits:
-                with _as_journal_errors(self._done):
+                with _as_journal_errors(self._last_event):
                     schedule.skip(due_change.frame)
                 continue
             lines = [self._line(commit) for commit in due_change.commits]
             with _as_journal_errors(due_change.commits[0].line):
                 schedule.perform(lines, self._versions)
-            self._done = due_change.commits[-1].line
-        with _as_journal_errors(self._done):
+            self._last_event = due_change.commits[-1].line
+        with _as_journal_errors(self._last_event):
             schedule.extend()
-        while self._acts and self._acts[0].frame <= self._engine.frame:
-            self._do_act(self._acts.popleft())
+        while self._due_acts and self._due_acts[0].frame <= self._engine.frame:
+            self._do_act(self._due_acts.popleft())
 
     def _line(self, commit: JournalCommit) -> WaitingLine:
         """A line at the frame at which it took effect."""
         line_event, sets_running = commit.line, commit.line.fields.get("goes")
 
         def edit(version: Version, beat: float) -> Version:
-            return edit_of_line(line_event, self._versions, version, self._read)(version, beat)
+            return edit_of_line(line_event, self._versions, version, self._file_versions)(
+                version, beat
+            )
 
         return WaitingLine(
             line_event.get("number", int),

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 # Endless parts are put on the timeline this many seconds ahead, with a least and a greatest number
 # of bars; they are extended when half of these bars are over. A longer timeline would delay the
 # answer to a line; a shorter one could end while a long line is computed.
-_AHEAD, _FEWEST_BARS, _BARS_MAX = 16.0, 4, 32
+_AHEAD_SECONDS, _FEWEST_BARS, _BARS_MAX = 16.0, 4, 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,10 @@ def horizon(tempo: TempoMap, from_beat: float) -> tuple[float, int]:
     """The beat up to which endless parts are put on the timeline, seen from `from_beat`, and how
     many bars that is.
     """
-    first_bar, reached = tempo.bars.bar_beat(from_beat)[0], tempo.seconds(from_beat) + _AHEAD
+    first_bar, reached = (
+        tempo.bars.bar_beat(from_beat)[0],
+        tempo.seconds(from_beat) + _AHEAD_SECONDS,
+    )
     n_bars = _FEWEST_BARS
     while n_bars < _BARS_MAX and tempo.seconds(tempo.bars.start(first_bar + n_bars)) < reached:
         n_bars += _FEWEST_BARS

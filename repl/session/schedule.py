@@ -42,11 +42,11 @@ if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
 # A change is handed to the engine this long before the last moment at which it is in time [s].
-_AHEAD = 0.3
+_AHEAD_SECONDS = 0.3
 # A line that ends what plays passes one that is not made yet this long before it would be late [s].
-_PASSES = 0.05
+_PASS_SECONDS = 0.05
 # Lines among the last ones to take effect may still change places: those of a few changes.
-_UNSETTLED = 256
+_UNSETTLED_MAX = 256
 
 
 class Schedule:
@@ -245,7 +245,7 @@ class Schedule:
     def _first_due(self) -> tuple[WaitingLine, ...]:
         """The next lines that can be handed over, or are late; empty if there are none."""
         moments, lines_left = self.moments, self.waiting
-        until, soon_frame = moments.frame_after(_AHEAD), moments.frame_after(_PASSES)
+        until, soon_frame = moments.frame_after(_AHEAD_SECONDS), moments.frame_after(_PASS_SECONDS)
         while lines_left and lines_left[0].frame <= until:
             due_group = group_of(lines_left)
             due_kind, group_start = due_group[0].kind, due_group[0].frame
@@ -410,7 +410,7 @@ class Schedule:
         return True
 
     def _first_unmade(self) -> tuple[WaitingLine, ...]:
-        until = self.moments.frame_after(_AHEAD + self.making_time.expected)
+        until = self.moments.frame_after(_AHEAD_SECONDS + self.making_time.expected)
         unmade_group = staged_group_of(self.waiting)
         if not unmade_group or unmade_group[0].frame > until:
             return ()
@@ -447,7 +447,7 @@ class Schedule:
 
     def effect_order(self) -> dict[int, float]:
         """The place of the last lines in the order in which they take effect, by number."""
-        last_numbers = self.changes.done[-_UNSETTLED:]
+        last_numbers = self.changes.done[-_UNSETTLED_MAX:]
         numbers = [*last_numbers, *(waiting_line.number for waiting_line in self.waiting)]
         return {number: float(place) for place, number in enumerate(numbers)}
 

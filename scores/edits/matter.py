@@ -30,8 +30,13 @@ from ergon.scores.reading.key_tables import KEY
 from ergon.scores.reading.piece import Piece
 
 # Two equivalent pairs of fields: a CEL or a key has one of them.
-_TUNED, _PLAIN = ("f", "t60"), ("K", "Z")
-_OTHERS = {"K": _TUNED, "Z": _TUNED, "f": _PLAIN, "t60": _PLAIN}
+_TUNED_FIELDS, _STIFFNESS_FIELDS = ("f", "t60"), ("K", "Z")
+_REPLACED_FIELDS = {
+    "K": _TUNED_FIELDS,
+    "Z": _TUNED_FIELDS,
+    "f": _STIFFNESS_FIELDS,
+    "t60": _STIFFNESS_FIELDS,
+}
 TRANSPOSE = "transpose"  # the interval by which an instrument is moved
 _RETUNED = ("f", "t60", "M")  # fields beside `like` or `from` for a single generator
 _UNITS = {
@@ -388,11 +393,11 @@ def _changes(
     """The fields to write for a value, and those to remove because they contradict it."""
     current_values = _current_values(value_owner, piece)
     field_changes: dict[str, str | None] = {}
-    contrary_names = _OTHERS.get(field_name, ()) if value_owner.kind in ("", "CEL") else ()
+    contrary_names = _REPLACED_FIELDS.get(field_name, ()) if value_owner.kind in ("", "CEL") else ()
     if value_owner.followed.written(*contrary_names):
         twin = (
             _stiffness_and_viscosity(current_values)
-            if contrary_names == _TUNED
+            if contrary_names == _TUNED_FIELDS
             else _frequency_and_decay(current_values, target_path)
         )
         field_changes = dict.fromkeys(contrary_names)

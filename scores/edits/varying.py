@@ -18,7 +18,7 @@ from ergon.scores.reading.piece import Piece
 VARIANTS_MAX = 10_000
 SEED = "seed"
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_RANGE = re.compile(
+_RANGE_PATTERN = re.compile(
     rf"(?P<low>{_NUMBER})(?P<unit>(?:[^\d.:][^.:]*)?)\.\.(?P<high>{_NUMBER})(?P<unit2>(?:[^\d.:\s][^.:\s]*)?)"
     r"(?::(?P<count>\d+))?(?P<log>\s+log)?"
 )
@@ -115,7 +115,7 @@ def _with(score_texts: Texts, piece: Piece, target_path: str, value_text: str) -
 
 
 def _range(target_path: str, range_text: str) -> Iterator[str]:
-    range_match = _RANGE.fullmatch(range_text)
+    range_match = _RANGE_PATTERN.fullmatch(range_text)
     if range_match is None:
         raise EditError(f"{quote(f'{target_path}={range_text}')} is not a range, {_EXAMPLE}")
     unit_text, second_unit = range_match["unit"].strip(), range_match["unit2"].strip()

@@ -32,7 +32,7 @@ _CHANNELS = tuple(
 )
 _KEYWORDS = frozenset(["ROOT", "JOINT", "OFFSET", "CHANNELS", "MOTION"])
 _BRACE = re.compile(r"[{}]")
-_HIGH = 1e6  # largest length or angle in an intact file
+_VALUE_MAX = 1e6  # largest length or angle in an intact file
 
 
 @dataclass(slots=True)
@@ -83,7 +83,7 @@ class _Words:
                 read_value = float(read_word)
             except ValueError:
                 read_value = math.nan
-            if not abs(read_value) <= _HIGH:
+            if not abs(read_value) <= _VALUE_MAX:
                 raise self.wrong(f"{what} must be {count:,} numbers", line_number)
             read_numbers.append(read_value)
         return read_numbers

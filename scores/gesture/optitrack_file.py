@@ -13,7 +13,7 @@ from pathlib import Path
 from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unique_names
 from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened, opened_text
 
-_FIRST = b"Format Version,"
+_FIRST_BYTES = b"Format Version,"
 _METRES = {"meters": 1.0, "centimeters": 0.01, "millimeters": 1e-3}
 _RATES = ("Export Frame Rate", "Capture Frame Rate")
 _COUNTS = ("Total Exported Frames", "Total Frames in Take")
@@ -23,7 +23,7 @@ _HEADER_MAX = 16  # lines before the one that begins with Frame
 def is_optitrack(path: Path) -> bool:
     """Whether a file begins as files of Motive do. Raises TakeError, OSError."""
     with opened(path) as file:
-        return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(_FIRST)
+        return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(_FIRST_BYTES)
 
 
 @dataclass(frozen=True, slots=True)

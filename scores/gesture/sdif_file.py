@@ -33,7 +33,7 @@ _FRAME_MAX = 1 << 24  # bytes of a frame
 _TEXTS = (b"1NVT", b"1IDS")
 _TEXT_MAX = 1 << 20  # largest text of declarations
 _DECLARED = re.compile(r"1MTD\s+(\S{4})\s*\{([^{}]*)\}")
-_LISTED = 12
+_STREAMS_LISTED_MAX = 12
 _TOO_MANY = f"the file has more than {MAX_CHANNELS:,} columns in its matrices"
 
 _Key = tuple[bytes, int, int, int]  # matrix, stream, row, column; from 0
@@ -80,8 +80,8 @@ def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tup
     all_columns = columns(path)
     if channel_name is None and len(all_columns) == 1:
         (channel_name,) = all_columns
-    listed = ", ".join(list(all_columns)[:_LISTED])
-    if (n_unlisted := len(all_columns) - _LISTED) > 0:
+    listed = ", ".join(list(all_columns)[:_STREAMS_LISTED_MAX])
+    if (n_unlisted := len(all_columns) - _STREAMS_LISTED_MAX) > 0:
         listed += f" and {n_unlisted} more"
     if channel_name is None:
         raise TakeError(f"the file has several columns; write `channel` as one of {listed}", path)

@@ -14,7 +14,7 @@ from ergon.scores.pattern.order import Group, Leaf
 from ergon.scores.pattern.rhythm import EVEN, Euclid, swung
 from ergon.scores.pattern.turns import Occasion, Turn, due, iterations
 
-_ROUNDS = 1024  # kept for each line
+_ROUNDS_CACHED = 1024  # kept for each line
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,10 +85,10 @@ class PlaceSequence:
         """Take the pattern, and the draws of its line."""
         self.pattern = pattern
         self.draws = draws
-        self._round = lru_cache(_ROUNDS)(self._drawn)
-        self._names = lru_cache(_ROUNDS)(self._named)
+        self._round = lru_cache(_ROUNDS_CACHED)(self._drawn)
+        self._names = lru_cache(_ROUNDS_CACHED)(self._named)
         pattern_order = pattern.order
-        self._steps = lru_cache(_ROUNDS)(self._split)
+        self._steps = lru_cache(_ROUNDS_CACHED)(self._split)
         # By how many names each round begins later than the round before.
         self.later = sum(pattern_order.places // shares for shares in iterations(pattern.turns))
         self._steady = _split(_places(pattern_order, None, 0)) if pattern_order.is_steady else None

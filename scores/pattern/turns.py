@@ -20,8 +20,8 @@ _CLAUSE = re.compile(rf"\s*+(?:{ORDINAL.pattern})\s++do(?:\s++|$)")
 _NEXT = re.compile(rf"(?<=\s)every\s+(?={ORDINAL.pattern}(?:\s|$))")
 _OMIT_EMPTY = {"hash_omits_empty": True}
 # One transformation: from its word up to a comma or to the word of the next transformation.
-_WORDS = "|".join(ARGUMENTS)
-_TRANSFORM = re.compile(rf"[^\s,]+(?:\s+(?!(?:{_WORDS})(?:[\s,]|$))[^\s,]+)*")
+_RULE_WORDS = "|".join(ARGUMENTS)
+_TRANSFORM = re.compile(rf"[^\s,]+(?:\s+(?!(?:{_RULE_WORDS})(?:[\s,]|$))[^\s,]+)*")
 
 
 @dataclass(frozen=True, slots=True)

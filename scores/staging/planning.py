@@ -13,7 +13,7 @@ from ergon import _core
 from ergon.scores.reading.outputs import Accuracy, Method
 
 # Errors that are offered if a plan costs too much, the most exact first [dB].
-_LOOSER = (-80.0, -60.0, -40.0, -20.0)
+_LOOSER_ERRORS_DB = (-80.0, -60.0, -40.0, -20.0)
 # Shares of the work for trials: for the requested plan and, if its cost is bounded, for each looser
 # one. They add up to 1.
 _SHARE, _LOOSER_SHARE = 0.5, 0.125
@@ -26,7 +26,7 @@ _NO_TRIAL = "no trial"  # the reason of a record that holds no result of a trial
 # Methods of meshes, whose errors are known only from trials.
 _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq")
 # What has no error but for what is left out.
-_EXACT = ("modes", "complex modes", "oscillators", "unheard", "still")
+_EXACT_KINDS = ("modes", "complex modes", "oscillators", "unheard", "still")
 
 
 class Store(Protocol):
@@ -191,7 +191,7 @@ def make(
     cost_factor = 1.0 if is_free else correction
     if accuracy.cpu is None or (not is_free and cost_factor * cost(plan_made) <= accuracy.cpu):
         return Planned(plan_made, accuracy, plan_notes, planner.finish())
-    looser = {error: Accuracy(error=error) for error in _LOOSER}
+    looser = {error: Accuracy(error=error) for error in _LOOSER_ERRORS_DB}
     looser_plans = {
         error: planner.plan(looser_accuracy, _LOOSER_SHARE)
         for error, looser_accuracy in looser.items()
@@ -258,7 +258,7 @@ def plan_again(
 
 def needs_trial(row: _core.PlanRow) -> bool:
     """Whether the error of a row is known only from a trial."""
-    return row.what not in _EXACT and not row.reference
+    return row.what not in _EXACT_KINDS and not row.reference
 
 
 def draft_error(plan: _core.Plan) -> str:

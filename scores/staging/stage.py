@@ -28,15 +28,15 @@ from ergon.scores.staging.version_glides import Glide
 if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
-_WHEN_STIFF = (
+_STIFF_ADVICE = (
     "make its springs and contacts softer (a smaller K, or smaller constants of a law), strike or "
     "move it less hard, or write a higher `rates: {audio: …}`"
 )
-_BY_METHOD = (
+_STIFF_ADVICE_WITH_METHOD = (
     "make its springs and contacts softer (a smaller K, or smaller constants of a law), strike or "
     "move it less hard, write a higher `rates: {audio: …}`, or remove `method` from `accuracy`"
 )
-_LOOKED_AT = 5.0  # [s] of a tail `auto` that is analysed
+_TAIL_SECONDS_ANALYSED = 5.0  # [s] of a tail `auto` that is analysed
 
 
 @dataclass(slots=True)
@@ -92,7 +92,7 @@ class Stage:
         """
         if self.fades_from is None:
             return self.n_frames
-        return min(self.n_frames, self.fades_from + int(_LOOKED_AT * self.rate + 0.5))
+        return min(self.n_frames, self.fades_from + int(_TAIL_SECONDS_ANALYSED * self.rate + 0.5))
 
     @property
     def n_channels(self) -> int:
@@ -233,7 +233,7 @@ class Stage:
         """The help text for a part that is too stiff for its steps."""
         planned_for = self.planned_for
         is_chosen = planned_for is not None and planned_for.method is not None
-        return _BY_METHOD if is_chosen else _WHEN_STIFF
+        return _STIFF_ADVICE_WITH_METHOD if is_chosen else _STIFF_ADVICE
 
     def gains(self) -> list[Diagnostic]:
         """Modules that have generated energy so far, each at the place where it is written

@@ -27,7 +27,7 @@ from ergon.scores.staging.sweep_members import visits
 ALL_TIME = (-math.inf, math.inf)
 _first, _last = (lambda low, high: low), (lambda low, high: high)
 _STRIKE_STEPS = 2_000  # steps of work for a strike
-_ALONE = 1.0  # [s] for which a bow is drawn where nothing says how long a note is
+_BOW_SECONDS = 1.0  # [s] for which a bow is drawn where nothing says how long a note is
 
 # When a note begins and ends [s]; None where nothing says when it ends.
 Span = tuple[float, float | None]
@@ -244,7 +244,7 @@ class Striking:
     def _last_end(self, instant: float) -> float:
         """When strikes end whose last begins at an instant, both in s."""
         is_drawn = any(held_mats.is_drawn for held_mats in self._held_mats.values())
-        return instant + _ALONE if is_drawn else instant
+        return instant + _BOW_SECONDS if is_drawn else instant
 
     def _strike(self, mat: int, span: Span, member: int, number: int, count: int) -> None:
         """Strike a MAT with the impulse of stroke `number` of `count`."""
@@ -289,7 +289,7 @@ class Striking:
 
     def _draw(self, mat: int, span: Span, impulse: float) -> None:
         """Strike a MAT, and by the opposite impulse where the note ends."""
-        begin, end = span[0], span[0] + _ALONE if span[1] is None else span[1]
+        begin, end = span[0], span[0] + _BOW_SECONDS if span[1] is None else span[1]
         assert self.drawn is not None
         note = DrawnNote(self.strikes.name, self._places[mat], begin, end, impulse)
         self.drawn.play(note, mat, self.source, self.within)

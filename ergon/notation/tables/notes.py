@@ -53,7 +53,7 @@ _LETTERS = {"C": 0, "D": 2, "E": 4, "F": 5, "G": 7, "A": 9, "B": 11}
 _SIGNS = {"": 0, "#": 1, "♯": 1, "b": -1, "♭": -1}
 _SHARP = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 _FLAT = ("C", "Db", "D", "Eb", "E", "F", "Gb", "G", "Ab", "A", "Bb", "B")
-_USUAL = ("C", "C#", "D", "Eb", "E", "F", "F#", "G", "G#", "A", "Bb", "B")
+_NOTE_NAMES = ("C", "C#", "D", "Eb", "E", "F", "F#", "G", "G#", "A", "Bb", "B")
 _WORD = re.compile(r"\S+")
 _WITH_CENTS = re.compile(r"([A-G][^+\d-]*-?\d)(?:([+-][\d_]+)cents?)?")
 _EXAMPLE = "D3 F3 A3, C3..C5 pentatonic, C3 minor count 8 or A3.min7"
@@ -81,7 +81,7 @@ def nearest_note(frequency: float) -> tuple[str, float]:
     semitones = 69 + 12 * math.log2(frequency / 440)
     note_number = round(semitones)
     octave, step = divmod(note_number, 12)
-    return f"{_USUAL[step]}{octave - 1}", 100 * (semitones - note_number)
+    return f"{_NOTE_NAMES[step]}{octave - 1}", 100 * (semitones - note_number)
 
 
 def word_of(note_text: str) -> str | None:

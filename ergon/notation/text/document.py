@@ -17,14 +17,14 @@ from typing import Any
 import yaml
 
 from ergon.notation.text.errors import Collector, quote
-from ergon.notation.text.syntax import MAX_BYTES, MAX_LINES, explained, is_too_deep, level_opens
+from ergon.notation.text.syntax import MAX_BYTES, MAX_LINES, explained, index_of_level, is_too_deep
 from ergon.notation.text.values import Place
 
 MAX_DEPTH = 64  # nested deeper than any score a person writes; keeps later recursion safe
 TOO_DEEP = f"the nesting is deeper than {MAX_DEPTH} levels"
 MAX_NODES = 2_000_000  # nodes with aliases expanded; about 1 GB at the worst
 
-_NEAR = 4_096  # characters in which a row is counted each time
+_NEAR_CHARACTERS = 4_096  # characters in which a row is counted each time
 _STYLES = ("'", '"', "|", ">")
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -233,7 +233,7 @@ class Document:
 
     def line_of(self, character_index: int) -> tuple[int, int, int]:
         """The row of a character, from 0, with the first index and the end of its line."""
-        if self._starts or character_index > _NEAR or "\r" in self.text:
+        if self._starts or character_index > _NEAR_CHARACTERS or "\r" in self.text:
             row = self.row(character_index)
             return row, *self.line_span(row)
         # Near the beginning of a text that may be long, lines are not looked for to its end.
@@ -337,7 +337,7 @@ class _Composer:
             if not is_too_deep(error):
                 raise
             place = (_end(self.stack[-1].event), len(self.stack)) if self.stack else (0, 0)
-            index = level_opens(self.document.text, error, place, MAX_DEPTH + 1)
+            index = index_of_level(self.document.text, error, place, MAX_DEPTH + 1)
             raise _Refused("E105", TOO_DEEP, index) from None
 
     def composed(self) -> Node | None:

@@ -17,8 +17,8 @@ from ergon.notation.text.document import Document, Line, Node, Scalar, Sequence,
 from ergon.notation.text.errors import Collector
 
 # An item in braces, without quotes or comments.
-_PLAIN = r"[^][{}\"'#\n]*+"
-_REST = rf"{_PLAIN}(?:\[{_PLAIN}\]{_PLAIN})*+\}}"
+_PLAIN_TEXT = r"[^][{}\"'#\n]*+"
+_REST = rf"{_PLAIN_TEXT}(?:\[{_PLAIN_TEXT}\]{_PLAIN_TEXT})*+\}}"
 # Lines of one indentation, each an item or an entry; and items in one line. With fewer than 8,
 # nothing is gained. Both begin with a character that is quickly found.
 _ENTRY = r"[A-Za-z][\w-]*: "

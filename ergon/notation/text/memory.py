@@ -40,12 +40,12 @@ class Memory:
         self.is_loose = is_loose
         self.lock = threading.RLock()  # one reading at a time: all share the collector
         self._collector = Collector()
-        self._now: dict[Hashable, Any] = {}
-        self._before: dict[Hashable, Any] = {}
+        self._values_now: dict[Hashable, Any] = {}
+        self._values_before: dict[Hashable, Any] = {}
         self.last: tuple[Any, Any] | None = None  # what was read last as a whole, and what it is
         # For each section (file, name): the lines of its lists, by their texts.
         self.lines: dict[tuple[str, str], dict[str, Line]] = {}
-        self._held: dict[str, tuple[Any, Any]] = {}
+        self._held_values: dict[str, tuple[Any, Any]] = {}
         self._conditions: dict[str, Any] = {}
 
     def begin(self, *, is_whole: bool = True) -> Collector:
@@ -55,7 +55,7 @@ class Memory:
         not use are not forgotten.
         """
         if is_whole:
-            self._before, self._now = self._now, {}
+            self._values_before, self._values_now = self._values_now, {}
         self._collector.clear()
         return self._collector
 
@@ -67,14 +67,14 @@ class Memory:
         if self._conditions.get(file_name) == condition:
             return
         self._conditions[file_name] = condition
-        self._now, self._before, self._held, self.last = {}, {}, {}, None
+        self._values_now, self._values_before, self._held_values, self.last = {}, {}, {}, None
         for lines in self.lines.values():
             for line in lines.values():
                 line.values.clear()
 
     def held(self, name: str, condition: Any) -> Any:
         """The value held under a name; None if there is none, or if its condition differs."""
-        condition_and_value = self._held.get(name)
+        condition_and_value = self._held_values.get(name)
         return (
             condition_and_value[1]
             if condition_and_value is not None and condition_and_value[0] == condition
@@ -83,13 +83,13 @@ class Memory:
 
     def hold(self, name: str, condition: Any, value: Any) -> None:
         """Hold a value and its condition under a name, in place of the value before."""
-        self._held[name] = condition, value
+        self._held_values[name] = condition, value
 
     def held_for(self, name: str, *objects: Any) -> Any:
         """The value held under a name for the same objects; None if it is held for other
         objects.
         """
-        condition_and_value = self._held.get(name)
+        condition_and_value = self._held_values.get(name)
         if condition_and_value is None or len(condition_and_value[0]) != len(objects):
             return None
         return condition_and_value[1] if all(map(is_, condition_and_value[0], objects)) else None
@@ -99,13 +99,13 @@ class Memory:
         reported a mistake.
         """
         built: _Value
-        if key in self._now:
-            built = self._now[key]
-        elif key in self._before:
-            built = self._now[key] = self._before[key]
+        if key in self._values_now:
+            built = self._values_now[key]
+        elif key in self._values_before:
+            built = self._values_now[key] = self._values_before[key]
         else:
             n_reports = self._collector.n_reports
             built = make()
             if self._collector.n_reports == n_reports:
-                self._now[key] = built
+                self._values_now[key] = built
         return built

@@ -19,7 +19,7 @@ PURE_PARSER_LIMIT = 200_000  # characters: the pure parser's better message cost
 
 _INDENTED = "this line is indented differently from the lines that it belongs to"
 _INDENTED_BY_BLANK = re.compile(f"^ *{BLANK.pattern}", re.MULTILINE)
-_SHOWN_MAX = 4  # lines above whose indentation a line may have
+_INDENTATIONS_SHOWN_MAX = 4  # lines above whose indentation a line may have
 
 # libyaml and PyYAML say what the parser wanted; a composer needs what to do.
 _SENTENCES = (
@@ -57,7 +57,7 @@ def is_too_deep(error: Exception) -> bool:
     return "maximum nesting depth" in str(getattr(error, "problem", ""))
 
 
-def level_opens(
+def index_of_level(
     source_text: str, error: Exception, start_and_level: tuple[int, int], bracket_level: int
 ) -> int:
     """Index at which bracket level `bracket_level` opens before such an error; `start_and_level` is
@@ -121,7 +121,7 @@ def _indented(source_text: str, error_index: int) -> str:
                 )
             depth = spaces
             line_places.append(f"{spaces} ('{line_word.partition(':')[0][:20]}')")
-        if depth == 0 or len(line_places) == _SHOWN_MAX:
+        if depth == 0 or len(line_places) == _INDENTATIONS_SHOWN_MAX:
             break
     if not line_places:
         return _INDENTED

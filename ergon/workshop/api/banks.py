@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _HITS = ("BUT", "LNL", "BRISTLE", "DRY")
 _POINTS = 200  # struck or touched points of a bank, at most
-_LEAST = 1e-12  # share of the largest amplitude; less is rounding
+_AMPLITUDE_SHARE_MIN = 1e-12  # share of the largest amplitude; less is rounding
 _LEVEL = 0.1  # share of full scale at the reference level
 
 
@@ -137,7 +137,7 @@ def _path(
     from ergon.workshop.models.programs.bank import ModePath
 
     gain_sizes = np.abs(mode_gains)
-    audible = gain_sizes > _LEAST * gain_sizes.max(initial=0.0)
+    audible = gain_sizes > _AMPLITUDE_SHARE_MIN * gain_sizes.max(initial=0.0)
     if not audible.any():
         return []
     poles = part_modes.poles[swings][audible]

@@ -30,7 +30,9 @@ _DOUBLINGS = 2  # of the reference, beyond all that is charted
 _EXACT_PLAN = Setting(None, budget_db=-120.0)
 _YARDSTICK = 100  # masses of a string, for a second: some 10 ms
 _SCATTER = 1.1  # between two timings of the same work
-_SAME = 1e-10  # of the largest sample: so little differ sounds of one motion, in their last bits
+_SAME_SOUND_RATIO = (
+    1e-10  # of the largest sample: so little differ sounds of one motion, in their last bits
+)
 # What an energy error counts: all energy; what links made alone, where no ledger is kept.
 EnergyCount = Literal["", "all", "links"]
 Progress = Callable[[int], None]
@@ -375,7 +377,7 @@ def _with_ledger_of_ca(points: list[Point], sounds: Mapping[Setting, Floats]) ->
 
 def _is_same(y: Floats, x: Floats) -> bool:
     """Whether two sounds differ in last bits alone."""
-    return bool(np.abs(y - x).max(initial=0.0) <= _SAME * np.abs(x).max(initial=0.0))
+    return bool(np.abs(y - x).max(initial=0.0) <= _SAME_SOUND_RATIO * np.abs(x).max(initial=0.0))
 
 
 class Judge:

@@ -22,7 +22,7 @@ from ergon.workshop.lab.runs import Setting
 
 EXACT_DB = -180.0  # change by doubling in an exact method: rounding
 _DOUBLING_DB = 20.0 * log10(2.0)  # of an error of order 1
-_LOOKED_AT = 4  # changes that tell the order
+_CHANGES_FOR_ORDER = 4  # changes that tell the order
 _DOUBT_DB = 20.0  # the estimates themselves may be wrong by so much
 _ORDER_MIN = 0.5  # slower than that nothing is left out by extrapolating
 
@@ -59,13 +59,13 @@ class Reference:
 
     def _line(self) -> tuple[float | None, float]:
         """The order, and the last change [dB], from a straight line through the last changes."""
-        if len(self.changes) < 2 or min(self.changes[-_LOOKED_AT:]) < EXACT_DB:
+        if len(self.changes) < 2 or min(self.changes[-_CHANGES_FOR_ORDER:]) < EXACT_DB:
             return None, self.changes[-1]
         steepest = _DOUBLING_DB * (order_of(self.setting.method))
         lifted_changes = [self.changes[0]]
         for change in self.changes[1:]:
             lifted_changes.append(max(change, lifted_changes[-1] - steepest))
-        lifted_changes = lifted_changes[-_LOOKED_AT:]
+        lifted_changes = lifted_changes[-_CHANGES_FOR_ORDER:]
         fall, start = np.polyfit(np.arange(len(lifted_changes)), lifted_changes, 1)
         last_change = max(float(start + fall * (len(lifted_changes) - 1)), lifted_changes[-1])
         p = -float(fall) / _DOUBLING_DB

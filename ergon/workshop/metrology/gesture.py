@@ -22,10 +22,10 @@ _FRESH = 1  # bit in a recording's flags
 TICKS_MIN = 500
 LATE = 0.1  # largest share of late ticks whose forces can be found
 _OFF_GRID = 0.2  # deviation, in steps, above which there is no grid
-_JITTER = 5e-3  # replies nearer to their tick than this count as on it [ticks]
-_NEAR = 0.75  # largest distance of a reply from its tick [ticks]
-_MIXED = 0.01  # share of a tick with an unknown force that can be ignored
-_STILL = 50  # ticks of a still beginning by which the sensor's noise is known
+_JITTER_TICKS = 5e-3  # replies nearer to their tick than this count as on it [ticks]
+_REPLY_DISTANCE_MAX = 0.75  # largest distance of a reply from its tick [ticks]
+_UNKNOWN_SHARE_MAX = 0.01  # share of a tick with an unknown force that can be ignored
+_STILL_TICKS = 50  # ticks of a still beginning by which the sensor's noise is known
 
 
 class MeasurementError(ErgonError):
@@ -51,7 +51,7 @@ class Unknown:
         return 0.5 * (self.greatest - self.least)
 
 
-_NONE = Unknown(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+_NO_UNKNOWN = Unknown(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class Gesture:
     position: Floats
     counts: NDArray[np.bool_]
     rate: float
-    unknown: Unknown = _NONE
+    unknown: Unknown = _NO_UNKNOWN
     read: Floats | None = None
 
     def with_forces(self, forces: Floats) -> Gesture:
@@ -172,7 +172,7 @@ def gesture_from_rows(
         gesture_from_arrays(reply_forces, even_positions[last_read_tick], rate), counts=counts
     )
     tick_offsets = (exact - tick_numbers)[fresh]
-    if np.sqrt(np.mean(tick_offsets**2)) >= _JITTER:
+    if np.sqrt(np.mean(tick_offsets**2)) >= _JITTER_TICKS:
         tick_numbers = np.maximum.accumulate(exact)
         retimed = _retimed(retimed, tick_numbers, sent, np.asarray(key_positions), fresh)
     least, latest = sent.copy(), sent.copy()
@@ -206,7 +206,7 @@ def _retimed(
         gesture,
         force=_means(reply_ticks - 1.0, sent, tick_edges),
         position=x[nearest] + speed[nearest] * reply_offsets,
-        counts=gesture.counts & (np.abs(reply_offsets) < _NEAR),
+        counts=gesture.counts & (np.abs(reply_offsets) < _REPLY_DISTANCE_MAX),
         read=x,
     )
 
@@ -221,9 +221,9 @@ def _unknown(
     than lost, and all forces count as known.
     """
     shares = _means(begins, (~is_known).astype(float), np.arange(n + 1.0))
-    ticks = np.flatnonzero(shares > _MIXED)
+    ticks = np.flatnonzero(shares > _UNKNOWN_SHARE_MAX)
     if ticks.size > LATE * n:
-        return _NONE
+        return _NO_UNKNOWN
     last_known = np.maximum.accumulate(np.where(is_known, np.arange(is_known.size), 0))
     first_begin = last_known[np.maximum(np.searchsorted(begins, ticks, side="right") - 1, 0)]
     last_begin = np.minimum(np.searchsorted(begins, ticks + 1, side="left"), begins.size - 1)
@@ -323,7 +323,9 @@ def sensor_noise(gestures: Sequence[Gesture]) -> float | None:
     """
     # Second differences suppress slow creep; for white noise their variance is 6 times that of the
     # noise.
-    still_differences = [np.diff(g.position[: g.still], 2) for g in gestures if g.still >= _STILL]
+    still_differences = [
+        np.diff(g.position[: g.still], 2) for g in gestures if g.still >= _STILL_TICKS
+    ]
     if not still_differences:
         return None
     rounding = (sensor_step(gestures) or 0.0) / np.sqrt(12)

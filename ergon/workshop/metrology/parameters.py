@@ -32,7 +32,7 @@ INDEX = {name: index for index, name in enumerate(NAMES)}
 START = INDEX["start"]
 N_KEY, N_MODE = len(NAMES), len(MODE_NAMES)
 # Fitted on a linear scale, because they may be zero; [least, most].
-_PLAIN = {
+_PLAIN_PARAMETERS = {
     INDEX["stiffness"]: (0.0, np.inf),
     INDEX["damping"]: (0.0, np.inf),
     INDEX["weight"]: (-np.inf, np.inf),
@@ -67,7 +67,7 @@ def scale(parameter_row: Floats, fitted_columns: Sequence[int]) -> Floats:
     """Derivatives of the parameters with respect to the fitted variables, (columns,)."""
     return np.array(
         [
-            1.0 if index in _PLAIN or _is_mass(index) else parameter_row[index]
+            1.0 if index in _PLAIN_PARAMETERS or _is_mass(index) else parameter_row[index]
             for index in fitted_columns
         ]
     )
@@ -84,9 +84,9 @@ def step_parameters(parameter_row: Floats, fitted_columns: Sequence[int], step: 
     stepped_row = parameter_row.copy()
     for parameter_index, parameter_step in zip(fitted_columns, step, strict=True):
         value_before = parameter_row[parameter_index]
-        if parameter_index in _PLAIN:
+        if parameter_index in _PLAIN_PARAMETERS:
             stepped_row[parameter_index] = np.clip(
-                value_before + parameter_step, *_PLAIN[parameter_index]
+                value_before + parameter_step, *_PLAIN_PARAMETERS[parameter_index]
             )
         elif _is_mass(parameter_index):
             stepped_row[parameter_index] = np.clip(
@@ -106,7 +106,7 @@ def leads_beyond(row: Floats, columns: Sequence[int], step: Floats) -> NDArray[n
 
 
 def _is_beyond(row: Floats, index: int, parameter_step: float) -> bool:
-    least, greatest = _PLAIN.get(index, (0.0, _STIFFEST.get(index, np.inf)))
+    least, greatest = _PLAIN_PARAMETERS.get(index, (0.0, _STIFFEST.get(index, np.inf)))
     value = row[index]
     return bool(
         (value <= least and parameter_step < 0) or (value >= greatest and parameter_step > 0)
@@ -115,7 +115,7 @@ def _is_beyond(row: Floats, index: int, parameter_step: float) -> bool:
 
 def is_plain(index: int) -> bool:
     """Whether a parameter is fitted on a linear scale, and so may be zero."""
-    return index in _PLAIN
+    return index in _PLAIN_PARAMETERS
 
 
 def is_stiffest(row: Floats, index: int) -> bool:

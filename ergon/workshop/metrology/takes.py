@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 KINDS = ("strikes", "rain", "held-out")
 HELD_OUT = 8.0  # s
 _SHARES = {"strikes": 0.5, "rain": 0.8}  # of the force: what is quick
-_REACH, _TARGET = 0.4, 0.5  # of half the travel: enough, by the rough key too; what is aimed at
+_AMPLITUDE_SHARE, _TARGET_SHARE = (
+    0.4,
+    0.5,
+)  # of half the travel: enough, by the rough key too; what is aimed at
 _RUNG, _RUNGS_MAX = 1.0, 8  # s; until such a take is as strong as the key bears
 _FORCE_SHARE = 0.9  # of the force
 _FORCE_REDUCTION = 0.7  # after a safety stage held the axis at zero
@@ -96,9 +99,11 @@ def _bearable_force(
         if excited.end != "done" or excited.braked().any():
             return _FORCE_REDUCTION * push_force
         travel_share = float(np.abs(excited.positions() - guide.centre).max()) / guide.half
-        if travel_share >= _REACH or push_force >= force_limit:
+        if travel_share >= _AMPLITUDE_SHARE or push_force >= force_limit:
             break
-        push_force = min(force_limit, push_force * min(2.0, _TARGET / max(travel_share, 1e-6)))
+        push_force = min(
+            force_limit, push_force * min(2.0, _TARGET_SHARE / max(travel_share, 1e-6))
+        )
     return push_force
 
 
@@ -112,7 +117,7 @@ def _stream(
 ) -> Floats:
     """Forces of a take (n,) [N]."""
     n, chance, rough = round(take_seconds * TICK_RATE), np.random.default_rng(seed), ladder.rough
-    reach_metres = _REACH * ladder.guide.half
+    reach_metres = _AMPLITUDE_SHARE * ladder.guide.half
     guided = rough.copy()
     if ladder.needs_guide:
         stiffness, damping = ladder.guide.guide

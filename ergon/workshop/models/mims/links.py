@@ -18,7 +18,7 @@ from ergon.workshop.models.mims.writing import Writing
 from ergon.workshop.models.naming import metres
 from ergon.workshop.models.refused import REFUSED
 
-_NONE = Value("0", 0.0, 0.0, 0.0)
+_ZERO_VALUE = Value("0", 0.0, 0.0, 0.0)
 
 
 def link(writing: Writing, model_statement: Statement, listened: Mapping[int, str]) -> None:
@@ -35,7 +35,7 @@ def link(writing: Writing, model_statement: Statement, listened: Mapping[int, st
         name for name in ("K", "Z", "lim") if name in model_values and model_values[name].along
     ]
     for link_name in signed:
-        not_negative(model_values.get(link_name, _NONE), link_name, model_statement.line)
+        not_negative(model_values.get(link_name, _ZERO_VALUE), link_name, model_statement.line)
     if "scale" in model_values and model_values["scale"].least <= 0.0:
         raise ModelError(
             REFUSED["scale"].format(value=model_values["scale"].least), model_statement.line
@@ -117,7 +117,7 @@ def _fields(
     """The values of a link as fields: constants, and those that follow a signal."""
     written_fields, follows = [], []
     for field_letter, name in law.fields.items():
-        field_value = law_values.get(name, _NONE)
+        field_value = law_values.get(name, _ZERO_VALUE)
         if field_value.along:
             follows.append(f"{field_letter}: {following(writing, field_value)}")
         else:

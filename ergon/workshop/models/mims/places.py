@@ -20,7 +20,7 @@ from ergon.workshop.models.refused import REFUSED
 MASSES_MAX = 2_000_000
 ROWS_MAX = 2_000
 SIDE_MAX = 801  # masses of a PLATE
-_NEAR = 1e-9  # of a mass: what rounding leaves of 0.7·(N - 1)
+_PLACE_TOLERANCE = 1e-9  # of a mass: what rounding leaves of 0.7·(N - 1)
 
 
 @dataclass(slots=True)
@@ -136,7 +136,7 @@ class Macro:
                     f"a place on {quote(self.statement.name)} is {side_share:g}, below 0", line
                 )
             low_member, member_part = int(side_position), side_position - int(side_position)
-            if min(member_part, 1.0 - member_part) < _NEAR:
+            if min(member_part, 1.0 - member_part) < _PLACE_TOLERANCE:
                 positions.append([(round(side_position), 1.0)])
             else:
                 positions.append([(low_member, 1.0 - member_part), (low_member + 1, member_part)])

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from ergon.workshop.models.miphysics.reading import Network, Part
 
-_ROUNDS = 60  # largest number of fixed-point iterations; each adds some digits
+_ROUNDS_MAX = 60  # largest number of fixed-point iterations; each adds some digits
 Vector = tuple[float, float, float]
 
 
@@ -28,7 +28,7 @@ def speeds(network: Network, rate: float) -> dict[str, Vector]:
     first_steps = {mass.name: step(mass, rate) for mass in network.masses if mass.kind == "Mass3D"}
     zero_speed = (0.0, 0.0, 0.0)
     speed_by_mass = dict(first_steps)
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS_MAX):
         forces_by_mass = {
             name: [0.0, 0.0, -network.gravity * mass] for name, mass in masses.items()
         }

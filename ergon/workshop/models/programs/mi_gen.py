@@ -264,7 +264,7 @@ class _Writing:
             k, z = (law_fields["constants"].get(constant, 0.0) for constant in (linear, "z"))
             self._linear(name, end_names, k, z * per_step)
             return
-        link_word = _WORDS.get(law_texts)
+        link_word = _FIELD_WORDS.get(law_texts)
         if link_word is None or law_fields["points"]:
             refusal_text = f"{link.name}: its law is none of mi-gen's; docs/import.md has them"
             self.refuse(link.place, refusal_text)
@@ -352,7 +352,7 @@ class _Writing:
 _NEGATIVE = "a stiffness or a viscosity below 0"
 _LINEAR = {"k*d": "k", "lim*d": "lim", "": "k"}
 _DEFAULTS = {"smooth": 1.0}
-_PICKED = {
+_PICKED_FIELDS = {
     "nlContact": "K Q lim Z thresh",
     "nlSpring2": "K Q Z",
     "nlSpring3": "K Q Z",
@@ -362,14 +362,14 @@ _PICKED = {
     "nlPluck": "K scale",
     "damped nlPluck": "K scale Z",
 }
-_ORDER: Mapping[str, list[str]] = {word: text.split() for word, text in _PICKED.items()}
+_ORDER: Mapping[str, list[str]] = {word: text.split() for word, text in _PICKED_FIELDS.items()}
 
 
 def _bare(text: str | None) -> str:
     return _SPACES.sub("", text or "")
 
 
-_WORDS = {
+_FIELD_WORDS = {
     (_bare(LINKS["head"][word].law), _bare(LINKS["head"][word].damping)): word for word in _ORDER
 }
 

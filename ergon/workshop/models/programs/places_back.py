@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from ergon.workshop.models.programs.network import Body, Point
 
-_CLOSE = 1e-12  # tolerance of a share
+_SHARE_TOLERANCE = 1e-12  # tolerance of a share
 
 
 def place_of(
@@ -52,11 +52,11 @@ def place_of(
         for axis in (0, 1)
     ]
     if any(
-        abs(_share(row_and_column, means) - share) > _CLOSE
+        abs(_share(row_and_column, means) - share) > _SHARE_TOLERANCE
         for row_and_column, share in share_by_place.items()
     ):
         return []
-    if abs(sum(share_by_place.values()) - 1.0) > _CLOSE:
+    if abs(sum(share_by_place.values()) - 1.0) > _SHARE_TOLERANCE:
         return []
     return [
         mean / (side - 1) if side > 1 else 0.0

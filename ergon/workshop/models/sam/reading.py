@@ -16,7 +16,7 @@ from ergon.workshop.models.sam.words import CODE, LINKS, MASSES, OUTPUTS, REFUSE
 LINES_MAX = 200_000  # lines
 _CHARACTERS_MAX = 100_000  # longest line
 _LINE_END = re.compile(r"\r\n|\r|\n")
-_HEAD = re.compile(r"\s*([A-Za-z]\w*)\s*([(,:])")
+_STATEMENT_HEAD = re.compile(r"\s*([A-Za-z]\w*)\s*([(,:])")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 _LAYOUT = re.compile(r"#*\s*(pos\s+-?\d|v\d|$)")  # where a drawing has it; of which version it is
 _DRAWN = re.compile(r'#+\s*comment\("([^"]*)"')  # a text in the drawing
@@ -81,7 +81,7 @@ def parse(sheet_text: str) -> Sheet:
                 comments = []
             continue
         has_begun = True
-        head_match = _HEAD.match(code_text)
+        head_match = _STATEMENT_HEAD.match(code_text)
         if head_match and head_match[1] == CODE and head_match[2] == ":":
             sheet.code.append(Code(code_text[head_match.end() :], line_number, tuple(comments)))
             comments = []
@@ -127,7 +127,7 @@ def _comment_lines(comment: str) -> list[str]:
 def _statement(
     code_text: str, line_number: int, comments_before: tuple[str, ...], comment_after: str
 ) -> Statement:
-    head_match = _HEAD.match(code_text)
+    head_match = _STATEMENT_HEAD.match(code_text)
     statement_word = head_match[1] if head_match else code_text.split(None, 1)[0].strip(",;(")
     if statement_word in REFUSED:
         raise ModelError(f"{statement_word}: {REFUSED[statement_word]}", line_number)
