@@ -127,11 +127,11 @@ def from_file(
             "two"
         )
         bank_values.error("E111", message, conflicting[0])
-        return _without(bank_values)
+        return _without_frequencies(bank_values)
     table = read_document(file_name, bank_values.place_of("modes"))
     file_columns = None if table is None else _columns(table, bank_values, collector)
     if file_columns is None:
-        return _without(bank_values)
+        return _without_frequencies(bank_values)
     bank_fields = {field: value for field, value in bank_values.by_name.items() if field != "modes"}
     bank_nodes, modes_node = dict(bank_values.nodes), bank_values.nodes["modes"]
     for field, column in file_columns.items():
@@ -143,7 +143,7 @@ def from_file(
     return replace(bank_values, by_name=bank_fields, nodes=bank_nodes)
 
 
-def _without(values: Values) -> Values:
+def _without_frequencies(values: Values) -> Values:
     """The fields after an error: f counts as written, but has no value."""
     fields = {name: value for name, value in values.by_name.items() if name != "f"}
     return replace(values, by_name=fields, nodes={**values.nodes, "f": values.nodes["modes"]})
@@ -155,7 +155,7 @@ def _columns(
     """Fields from the columns of a table: f [Hz], t60 [s], and gain or places; None if errors were
     reported.
     """
-    bank_label, asked = bank_values.context.label("modes"), bank_values.place_of("modes")
+    bank_label, modes_place = bank_values.context.label("modes"), bank_values.place_of("modes")
     is_bank = "gain" in bank_values.record.by_name
     format = _BANK_ROW if is_bank else _places_row([DEFAULT_PLACE])
     mode_rows: list[tuple[float, ...]] = []
@@ -179,11 +179,11 @@ def _columns(
             mode_rows.append(mode_row)
         if len(mode_rows) > MAX_MODES:
             message = f"{bank_label}: the file has more than {MAX_MODES:,} modes"
-            collector.error("E105", message, asked)
+            collector.error("E105", message, modes_place)
             return None
     if not mode_rows and is_whole:
         message = f"{bank_label}: the file has no modes; write lines such as {format.example}"
-        collector.error("E106", message, asked)
+        collector.error("E106", message, modes_place)
     if not mode_rows or not is_whole:
         return None
     f, t60, *others = (Each(column) for column in zip(*mode_rows, strict=True))
@@ -295,7 +295,7 @@ BAND = band(LEVEL)
 
 
 def _wrong_name(place_names: Sequence[str]) -> str | None:
-    """Why names cannot be those of places; None if they can."""
+    """The reason why these names cannot be names of places; None if they can."""
     for place_name in place_names:
         if not NAME.fullmatch(place_name) or place_name in ("all", "last", "centre"):
             message = (
@@ -407,8 +407,8 @@ def retuned_modes(
         if field_name == "f":
             body_fields["f"] = Each(tune(mode_frequencies, member_value[0]))
             if isinstance(drawn := body_fields.get("band"), Band):
-                ends = tune((min(mode_frequencies), *drawn.f), member_value[0])[1:]
-                body_fields["band"] = replace(drawn, f=tuple(ends))
+                band_ends = tune((min(mode_frequencies), *drawn.f), member_value[0])[1:]
+                body_fields["band"] = replace(drawn, f=tuple(band_ends))
         elif field_name == "M":
             body_fields["M"] = member_value
         elif t60 := body_fields.get("t60"):

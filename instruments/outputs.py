@@ -112,10 +112,10 @@ class Outputs(Shape):
                     "E101", message, key_node.place, word=entry_word, names=tuple(_OUTPUT_SHAPES)
                 )
                 return MISSING
-        named = _NAMED_OUTPUTS.read(node, name, context)
-        if named is MISSING:
+        outputs_by_name = _NAMED_OUTPUTS.read(node, name, context)
+        if outputs_by_name is MISSING:
             return MISSING
-        return tuple(value for value in named.values() if value is not MISSING)
+        return tuple(value for value in outputs_by_name.values() if value is not MISSING)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""

@@ -1,4 +1,4 @@
-"""Files of other programs that are not read: what each is, and what to do with it instead.
+"""Files of other programs that ergon cannot read: the name of each form, and advice.
 
 A file is known by its first bytes where its form has such, else by the ending of its name.
 """
@@ -23,7 +23,7 @@ _PATCH = (
     "record what it plays, sound as WAV or FLAC and curves as CSV, or write its model as a score "
     "(`ergon new`)"
 )
-_MAX = (
+_MAX_PATCH = (
     "`ergon import` reads a MIMS or mi-gen model from its .mdl file, not from the patch around it; "
     f"else {_PATCH}"
 )
@@ -82,8 +82,8 @@ _KINDS = (
     _Kind("sound or film in the form ASF", _FILM,
           (".wma", ".wmv"), rb"0&\xb2u\x8ef\xcf\x11"),
     # Programs that make sound.
-    _Kind("a device of Max for Live", _MAX, (".amxd",), rb"ampf"),
-    _Kind("a patch of Max", _MAX, (".maxpat", ".maxhelp", ".gendsp", ".genexpr", ".mxt"),
+    _Kind("a device of Max for Live", _MAX_PATCH, (".amxd",), rb"ampf"),
+    _Kind("a patch of Max", _MAX_PATCH, (".maxpat", ".maxhelp", ".gendsp", ".genexpr", ".mxt"),
           rb'\s*\{\s*"patcher"\s*:|max v2;'),
     _Kind("a program of Csound", _PATCH, (".csd", ".orc", ".sco", ".udo"),
           anywhere=rb"<CsoundSynthesizer>"),
@@ -169,8 +169,9 @@ _BY_ENDING = {ending: kind for kind in _KINDS for ending in kind.endings}
 
 
 def foreign_form(head: bytes, path: PurePath | None = None) -> str | None:
-    """What a file that begins so is, if it is of another program and not read, with what to do; by
-    `path` also from the ending of its name.
+    """A sentence on the form of a file of another program, with advice; None if the form is not
+    known. The form is recognised by the first bytes and, if `path` is given, by the ending of
+    its name.
     """
     kind = next(_kinds(head, path), None)
     return None if kind is None else f"it is {kind.name}, which is not read; {kind.advice}"

@@ -54,12 +54,12 @@ def axis_between_ends(axis: Axis, low_end: float, high_end: float, travel: float
 
     Zero is midway.
     """
-    half = 0.5 * abs(travel)
+    half_travel = 0.5 * abs(travel)
     return Axis(
         axis.sign,
         0.5 * (low_end + high_end),
         travel / (high_end - low_end),
-        (-half, half),
+        (-half_travel, half_travel),
         axis.force_max,
     )
 
@@ -195,7 +195,8 @@ def find_direction(url: str, axis_number: int, axis_before: Axis | None = None) 
 
 
 def axes_as_known(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int, Axis]:
-    """Of the axes `axes_before`, pushed together by small forces, those that move as they should.
+    """Push the axes `axes_before` together by small forces; return those that move in the expected
+    direction.
 
     An axis without a calibration is then as the device describes it. Where several did not move,
     these are pushed together once more, for a busy machine may have passed over the push. Raises
@@ -208,8 +209,10 @@ def axes_as_known(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int,
         unmoved_axes = [number for number, sign in signs.items() if sign is None]
         if len(unmoved_axes) > 1:
             signs.update(zip(unmoved_axes, device.directions(unmoved_axes, 1e-3), strict=True))
-        moved = [number for number, sign in signs.items() if sign == 1.0]
-        return {number: axes_found.get(number) or uncalibrated_axis(device, 1) for number in moved}
+        moved_axes = [number for number, sign in signs.items() if sign == 1.0]
+        return {
+            number: axes_found.get(number) or uncalibrated_axis(device, 1) for number in moved_axes
+        }
     finally:
         device.close()
 
@@ -254,14 +257,14 @@ def _with_table(config_text: str, table_lines: list[str]) -> str:
     text_rows = config_text.splitlines(keepends=True)
     row_index = next((i for i, row in enumerate(text_rows) if row.strip() == table_lines[0]), None)
     if row_index is None:
-        gap = (
+        blank_line = (
             ""
             if not config_text
             else line_end
             if config_text.endswith("\n")
             else line_end + line_end
         )
-        return config_text + gap + table_text
+        return config_text + blank_line + table_text
     stop_index = row_index + 1
     while stop_index < len(text_rows) and not text_rows[stop_index].lstrip().startswith("["):
         stop_index += 1

@@ -48,7 +48,7 @@ def _link(command: Link, version: Version, beat: float) -> Texts:
 
 
 @edits_texts(Takes)
-def _takes(command: Takes, version: Version, beat: float) -> Texts:
+def _take_key(command: Takes, version: Version, beat: float) -> Texts:
     edited_texts, piece = version.texts, version.piece
     if command.key not in piece.keys:
         model_key = command.like or next(iter(piece.keys), None)
@@ -95,8 +95,8 @@ def _filter(command: Filter, version: Version, beat: float) -> Texts:
     edited_texts, piece = families.defined(version.texts, version.piece, [command.name])
     if not command.fields:
         return space.without_route_field(edited_texts, piece, command.name, command.kind)
-    plain = command.fields.get("")
-    text = edit.flow(dict(command.fields)) if plain is None else plain
+    filter_text = command.fields.get("")
+    text = edit.flow(dict(command.fields)) if filter_text is None else filter_text
     return space.set_route_fields(edited_texts, piece, command.name, {command.kind: text})
 
 

@@ -31,7 +31,7 @@ struct Limit {
 }
 
 impl Limit {
-    /// Why the work must end, of which a computation has `more` steps; None if it may go on.
+    /// Why the work must end, of which a computation has `next_steps` steps; None if it may go on.
     fn why(&self, next_steps: u64) -> Option<&'static str> {
         if self.is_cancelled.load(Ordering::Relaxed) {
             return Some("cancelled");
@@ -48,7 +48,7 @@ thread_local! {
     static LIMITS: RefCell<Vec<Arc<Limit>>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Why the work of a thread must end, of which a computation has `more` steps; None if it may go on.
+/// Why the work of a thread must end, of which a computation has `next_steps` steps; None if it may go on.
 fn stop_reason(limits: &[Arc<Limit>], next_steps: u64) -> Option<&'static str> {
     limits.iter().find_map(|limit| limit.why(next_steps))
 }

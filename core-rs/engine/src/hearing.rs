@@ -29,8 +29,8 @@ pub struct Audible {
 }
 
 impl Audible {
-    /// The error of a run against a finer one of the same length (n_frames · n_out), at `rate` [Hz], with partials up to
-    /// `upto` [Hz]. Both are compared from where the finer one begins to sound.
+    /// The error of a run against a finer one of the same length (n_frames · n_out), at `rate` [Hz], with partials up
+    /// to `upto` [Hz]. Both are compared from where the finer one begins to sound.
     pub(crate) fn new((run, finer): (&[f64], &[f64]), n_out: usize, rate: f64, upto: f64) -> Self {
         let n_outputs = n_out.max(1);
         (0..n_outputs).fold(Self::default(), |worst, output| {

@@ -138,8 +138,7 @@ impl Integrator {
     ///
     /// # Errors
     /// With the name of a module that the method cannot step: methods other than CA take continuous parameters and
-    /// plain
-    /// contacts only.
+    /// plain contacts only.
     pub(crate) fn new(network: &Network, rate: Rate, method: MeshMethod, substeps: u32) -> Result<Self, Error> {
         let rate = faster(rate, substeps)?;
         let network_mesh = Arc::new(Mesh::new(network, rate, method)?);

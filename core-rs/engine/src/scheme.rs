@@ -13,7 +13,7 @@ mod taps;
 pub use certify::{Certificate, Means, StabilityGuarantee};
 pub(crate) use certify::{LargestEigenvalue, Refusal, largest_eigenvalue, largest_eigenvalue_up_to};
 pub(crate) use link::tension_energy;
-pub(crate) use spring::{Pull, Spring};
+pub(crate) use spring::{ForceEnds, Spring};
 pub(crate) use taps::Tap;
 
 use std::sync::Arc;

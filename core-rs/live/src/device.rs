@@ -100,8 +100,8 @@ pub fn open_until(url: &Url, canceller: &WaitCanceller) -> Result<Box<dyn Device
     arm::with_arm(device, url)
 }
 
-/// Open the key that a stream of positions plays, in ticks of `period` [s]. It is opened `again` only while somebody
-/// plays it; a performance may begin without.
+/// Open the key that a stream of positions plays, in ticks of `period` [s]. With `is_retry` it is opened only while
+/// somebody plays it; a performance may begin without.
 ///
 /// # Errors
 /// [`DeviceError`] if nothing leads it, or nobody plays it now.

@@ -57,7 +57,7 @@ class Scalar(Node):
 
     @property
     def is_empty(self) -> bool:
-        """Nothing written after the colon."""
+        """Whether nothing is written after the colon."""
         return self.style is None and self.text in ("", "~", "null")
 
     def place_at(self, text_offset: int, text_length: int = 1) -> Place:
@@ -95,8 +95,10 @@ class Scalar(Node):
             if row_text:  # an empty row may be indented less
                 start, end = self.document.line_span(node_table.first_row + row_index)
                 indent = end - start - len(row_text)
-                agree = indent >= 0 and self.document.text.startswith(row_text, start + indent)
-                return indent if agree else -1
+                is_same_text = indent >= 0 and self.document.text.startswith(
+                    row_text, start + indent
+                )
+                return indent if is_same_text else -1
         return 0
 
     def _flow_index(self, text_offset: int) -> int | None:
@@ -305,7 +307,7 @@ def compose(source_text: str, file_name: str, collector: Collector, first_row: i
 
 
 @dataclass(slots=True)
-class _Open:
+class _OpenCollection:
     """A mapping or sequence whose end has not come yet."""
 
     event: yaml.CollectionStartEvent
@@ -326,7 +328,7 @@ class _Composer:
         self.document = document
         self.collector = collector
         self.anchors: dict[str, tuple[Node, int, int]] = {}
-        self.stack: list[_Open] = []
+        self.stack: list[_OpenCollection] = []
         self.root: Node | None = None
         self.total = 0
 
@@ -372,7 +374,7 @@ class _Composer:
         self.count(1, _start(event))
         if len(self.stack) >= MAX_DEPTH:
             raise _Refused("E105", TOO_DEEP, _start(event))
-        self.stack.append(_Open(event, []))
+        self.stack.append(_OpenCollection(event, []))
 
     def close(self, end: int) -> None:
         open_frame = self.stack.pop()

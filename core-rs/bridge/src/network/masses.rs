@@ -130,7 +130,7 @@ impl Network {
         let moving_shares = Shares::Moving {
             mats: mats.into(),
             columns,
-            along,
+            sides: along,
         };
         self.0.proxy(name, moving_shares).map_err(from_engine)
     }

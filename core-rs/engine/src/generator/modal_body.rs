@@ -160,8 +160,8 @@ fn diagonal(values: impl Iterator<Item = f64>, n: usize) -> Vec<f64> {
     diagonal_matrix
 }
 
-/// v of the reflection 1 - v·vᵀ that takes `vector` to a positive multiple of axis `first` and leaves the axes before it
-/// alone.
+/// v of the reflection 1 - v·vᵀ that takes `vector` to a positive multiple of axis `first` and leaves the axes before
+/// it alone.
 fn householder_vector(vector: &[f64], first: usize) -> Option<Vec<f64>> {
     let mut reflector: Vec<f64> = vector.to_vec();
     reflector[..first].fill(0.0);

@@ -60,7 +60,7 @@ impl Stiffening {
         }
     }
 
-    /// The largest elongation [m], either way, at which the stiffness has risen by no more than `rise` [N/m].
+    /// The largest elongation [m], either way, at which the stiffness has risen by no more than `stiffness_rise` [N/m].
     fn reach(&self, stiffness_rise: f64) -> f64 {
         match self {
             Self::Square(square_factor) => (stiffness_rise / square_factor).sqrt(),
@@ -93,7 +93,8 @@ pub(super) fn watches(runs: &[Run], mat_moves: impl Fn(usize) -> bool) -> Vec<Wa
     runs.iter().filter_map(watch_of_run).collect()
 }
 
-/// Set the reach of every run such that λ rises by no more than `rise`, and remove runs that never stiffen so much.
+/// Set the reach of every run such that λ rises by no more than `stiffness_rise`, and remove runs that never stiffen so
+/// much.
 pub(super) fn set_reaches(watches: &mut Vec<WatchedRun>, stiffness_rise: f64, inverse_masses: &[f64]) {
     let mut link_degree = vec![0.0; inverse_masses.len()];
     for watch in &*watches {
@@ -103,8 +104,8 @@ pub(super) fn set_reaches(watches: &mut Vec<WatchedRun>, stiffness_rise: f64, in
                 .for_each(|degree| *degree += 1.0);
         }
     }
-    // If the stiffening of each link is at most half of `rise`, divided by degree times 1/M at either end, no edge sum
-    // exceeds `rise`.
+    // If the stiffening of each link is at most half of `stiffness_rise`, divided by degree times 1/M at either end, no
+    // edge sum exceeds `stiffness_rise`.
     let edge_weight = |mat: usize| link_degree[mat] * inverse_masses[mat];
     for watch in &mut *watches {
         let end_weights = (0..watch.len).map(|i| edge_weight(watch.a + i).max(edge_weight(watch.b + i)));

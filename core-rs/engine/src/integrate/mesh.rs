@@ -10,8 +10,8 @@ use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::springs::Part;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
+use crate::scheme::{ForceEnds, Spring};
 use crate::scheme::{Kind, Run, Scheme};
-use crate::scheme::{Pull, Spring};
 use crate::units::Rate;
 
 /// A network in numbers scaled by the step.
@@ -93,7 +93,7 @@ impl Mesh {
                 q,
                 z,
                 rest: run.rest,
-                pull: Pull::Both(run.a, run.b),
+                force_ends: ForceEnds::Both(run.a, run.b),
             });
         }
         Ok(new_mesh)

@@ -26,7 +26,8 @@ const RETRY_STEPS: usize = 32;
 const SLACK: f64 = 1e-6;
 
 impl Island {
-    /// Whether it may coast: its masses are joined by contacts alone, its bodies are linear, and events alone act on it.
+    /// Whether it may coast: its masses are joined by contacts alone, its bodies are linear, and events alone act on
+    /// it.
     pub(super) fn may_coast(&self) -> bool {
         let (scheme, matter) = (&self.script.scheme, &self.state.matter);
         let only_contacts = scheme.runs.iter().all(|run| contact(run).is_some())

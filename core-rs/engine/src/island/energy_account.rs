@@ -54,9 +54,9 @@ impl Account {
         self.take_from_masses(work, 0.0);
     }
 
-    /// Add work that was taken from masses whose energy is `around` after it.
+    /// Add work that was taken from masses whose energy is `moving_energy` after it.
     ///
-    /// Work that is taken raises `held` and lowers `around`, so their sum never counts created energy.
+    /// Work that is taken raises `held` and lowers `moving_energy`, so their sum never counts created energy.
     pub(crate) fn take_from_masses(&mut self, work: f64, moving_energy: f64) {
         self.held += work;
         self.reference = self.reference.max(self.held + moving_energy);
@@ -72,7 +72,7 @@ impl Account {
         self.held < -REPORT_SHARE * self.reference
     }
 
-    /// The energy created so far, if `stored` is stored now and masses nearby have the energy `around`.
+    /// The energy created so far, if `stored` is stored now and masses nearby have the energy `moving_energy`.
     ///
     /// It is compared with the most energy since the account began, so that losses since then do not turn it into a
     /// fault.

@@ -1,5 +1,5 @@
-//! Steps in which no gesture, push or ergon acts, of an island whose links pull once a step: of all phases of a step only
-//! those are left that do something. The result is the same to the last bit as that of ordinary steps.
+//! Steps in which no gesture, push or ergon acts, of an island whose links pull once a step: of all phases of a step
+//! only those are left that do something. The result is the same to the last bit as that of ordinary steps.
 
 use super::coast::steps_to_event;
 use super::fault::Fault;

@@ -216,7 +216,7 @@ impl Ledger {
         self.hold
             .extend(targets.iter().map(|target| match scheme.w[target.mat] {
                 0.0 => -body.force[target.mat],
-                _ => kernel::needed(scheme, body, target.mat, target.x),
+                _ => kernel::force_to_reach(scheme, body, target.mat, target.x),
             }));
     }
 

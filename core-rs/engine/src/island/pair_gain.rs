@@ -120,7 +120,7 @@ impl PairGains {
         self.account.take(-work(&mut self.d, &mut self.force, motion_now));
     }
 
-    /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses.
+    /// The energy created by frame `n`, if that is worth reporting; `moving_energy` is the energy of all masses.
     pub(super) fn check(
         &mut self,
         body: &Body,

@@ -20,7 +20,7 @@ pub(crate) fn predict(scheme: &Scheme, body: &Body, i: usize) -> f64 {
 }
 
 /// Force that, added to the forces summed so far, brings a MAT to `x` [m] at the next frame [N].
-pub(crate) fn needed(scheme: &Scheme, body: &Body, i: usize, x: f64) -> f64 {
+pub(crate) fn force_to_reach(scheme: &Scheme, body: &Body, i: usize, x: f64) -> f64 {
     (x - predict(scheme, body, i)) / scheme.w[i]
 }
 

@@ -38,7 +38,7 @@ pub(crate) struct TangentScratch {
 
 impl Law {
     pub(crate) fn tangent_scratch(&self) -> TangentScratch {
-        let registers = |program: Option<&Program>| program.map(Program::few_registers);
+        let registers = |program: Option<&Program>| program.map(Program::short_registers);
         let elastic = match &self.elastic {
             Elastic::Expression { program, .. } => Some(program),
             Elastic::None | Elastic::Points(_) => None,
@@ -104,7 +104,7 @@ impl Law {
             Elastic::None => [[0.0; PLACES]; 2],
             Elastic::Expression { program, .. } => {
                 self.load(&mut registers[0].0, d.as_flattened());
-                halves(program.run_few(registers))
+                halves(program.run_short(registers))
             }
             Elastic::Points(points) => d.map(|d| d.map(|d| points.value(d / self.reach))),
         };
@@ -144,7 +144,7 @@ impl Law {
         for (register, points) in registers.iter_mut().zip(points) {
             self.load(&mut register.0, points.as_flattened());
         }
-        halves(damping.run_few(registers))
+        halves(damping.run_short(registers))
     }
 }
 

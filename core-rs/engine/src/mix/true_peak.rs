@@ -57,7 +57,7 @@ const ROW_SAMPLES: usize = TAPS - 1 + SPAN_FRAMES;
 pub struct TruePeak {
     peak: f64,
     /// Largest interpolated value where all samples are at most 1.
-    bound: f64,
+    interpolation_gain_max: f64,
     /// (n_channels)
     rows: Vec<[f64; ROW_SAMPLES]>,
 }
@@ -69,7 +69,7 @@ impl TruePeak {
         let sums = PHASES.map(|phase| phase.iter().map(|factor| factor.abs()).sum());
         Self {
             peak: 0.0,
-            bound: sums.into_iter().fold(0.0, f64::max),
+            interpolation_gain_max: sums.into_iter().fold(0.0, f64::max),
             rows: vec![[0.0; ROW_SAMPLES]; n_channels],
         }
     }
@@ -99,7 +99,7 @@ impl TruePeak {
                 let samples = &row[..TAPS - 1 + n_frames];
                 self.peak = self.peak.max(largest(&samples[TAPS - 1..]));
                 // Only near samples that are loud enough may there be a larger value.
-                if largest(samples) * self.bound > self.peak && samples.iter().all(|x| x.is_finite()) {
+                if largest(samples) * self.interpolation_gain_max > self.peak && samples.iter().all(|x| x.is_finite()) {
                     self.peak = self.peak.max(largest_between(row, n_frames));
                 }
                 row.copy_within(n_frames..n_frames + TAPS - 1, 0);

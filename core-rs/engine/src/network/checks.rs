@@ -35,7 +35,7 @@ impl Network {
         }
     }
 
-    /// Refuse the module if the network has no room for `more` modules.
+    /// Refuse the module if the network has no room for `n_new` modules.
     pub(super) fn check_capacity(&self, name: &str, n_new: usize) -> Result<(), Error> {
         if self.n_mat() + n_new > MODULES_MAX || self.n_lia + n_new > MODULES_MAX {
             return Err(self.refused(name, &format!("a network holds at most {MODULES_MAX} modules")));

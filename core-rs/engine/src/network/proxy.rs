@@ -26,7 +26,7 @@ pub enum Shares {
         /// Number of MATs in a row.
         columns: usize,
         /// Position across the rows, and within a row.
-        along: [SidePosition; 2],
+        sides: [SidePosition; 2],
     },
 }
 
@@ -81,7 +81,7 @@ impl Proxy {
             Shares::Moving {
                 mats,
                 columns,
-                along: [across_rows, within_row],
+                sides: [across_rows, within_row],
             } => {
                 let (row_index, row_share) = across_rows.locate(mats.len() / columns, &x);
                 let (column_index, column_share) = within_row.locate(*columns, &x);
@@ -125,7 +125,7 @@ impl Proxy {
     pub(crate) fn guides(&self) -> impl Iterator<Item = usize> + '_ {
         let along: &[SidePosition] = match &self.shares {
             Shares::Fixed(_) => &[],
-            Shares::Moving { along, .. } => along,
+            Shares::Moving { sides: along, .. } => along,
         };
         along.iter().filter_map(|along| match along {
             SidePosition::Fixed(_) => None,
@@ -151,7 +151,7 @@ impl Proxy {
     }
 
     /// The proxy in a network that numbers MATs differently; `None` if a MAT is missing there.
-    pub(super) fn moved_to(&self, new_index: impl Fn(usize) -> Option<usize>) -> Option<Self> {
+    pub(super) fn renumbered(&self, new_index: impl Fn(usize) -> Option<usize>) -> Option<Self> {
         let shares = match &self.shares {
             Shares::Fixed(shares) => {
                 let weights = shares.iter().map(|&(mat, share)| Some((new_index(mat)?, share)));
@@ -160,11 +160,11 @@ impl Proxy {
             Shares::Moving {
                 mats,
                 columns,
-                along: [across_rows, within_row],
+                sides: [across_rows, within_row],
             } => Shares::Moving {
                 mats: mats.iter().map(|&mat| new_index(mat)).collect::<Option<_>>()?,
                 columns: *columns,
-                along: [across_rows.renumbered(&new_index)?, within_row.renumbered(&new_index)?],
+                sides: [across_rows.renumbered(&new_index)?, within_row.renumbered(&new_index)?],
             },
         };
         Some(Self {
@@ -244,7 +244,11 @@ impl Network {
             Shares::Fixed(shares) => shares
                 .iter()
                 .try_for_each(|&(_, share)| self.check(name, &[("a share", share, Rule::Finite)])),
-            Shares::Moving { mats, columns, along } => {
+            Shares::Moving {
+                mats,
+                columns,
+                sides: along,
+            } => {
                 if *columns == 0 || !mats.len().is_multiple_of(*columns) {
                     return Err(self.refused(name, "its masses do not fill the last row"));
                 }

@@ -62,7 +62,7 @@ impl Network {
             subset.network.mats.weight = weights.collect();
         }
         let proxies = self.proxies.iter();
-        let proxies = proxies.filter_map(|proxy| proxy.moved_to(|mat| subset.mat(mat)));
+        let proxies = proxies.filter_map(|proxy| proxy.renumbered(|mat| subset.mat(mat)));
         subset.network.proxies = proxies.collect();
         let mass_followers = self.following_masses.iter();
         let mass_followers = mass_followers.filter_map(|mass| mass.moved_to(|mat| subset.mat(mat)));

@@ -59,7 +59,7 @@ pub(super) struct Workspace {
 }
 
 impl<'a> BodyCandidate<'a> {
-    /// Bodies of all units that are not the same on both sides, except those in `without`.
+    /// Bodies of all units that are not the same on both sides, except those in `taken_bodies`.
     fn all(
         side: &'a Side<'a>,
         [islands, banks]: [&[bool]; 2],

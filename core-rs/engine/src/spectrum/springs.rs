@@ -17,7 +17,7 @@ pub(crate) struct Springs {
 }
 
 impl Springs {
-    /// The matrix of the springs `each` on `n` points.
+    /// The matrix of some springs on `n` points.
     pub(crate) fn new(n: usize, springs: Vec<Spring>) -> Self {
         let pattern = Pattern::new(n, pairs(&springs));
         let values = values(&pattern, &springs);

@@ -101,7 +101,8 @@ impl InputReader {
     }
 }
 
-/// Open `channels` of the input that `spec` names, at `rate` [Hz], for a physics that takes `frames_at_once` frames at once.
+/// Open `channels` of the input that `spec` names, at `rate` [Hz], for a physics that takes `frames_at_once` frames at
+/// once.
 ///
 /// # Errors
 /// A sentence on why the input cannot be opened; nothing was started then.

@@ -69,7 +69,7 @@ impl FireFader {
             spec: spec(),
             lockstep: url.lockstep,
             canceller: canceller.clone(),
-            inbox: Inbox::new(),
+            inbox: Inbox::new_bytes(),
             last_reply: None,
             n_outstanding: 0,
             sent_at: Instant::now(),

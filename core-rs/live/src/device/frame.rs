@@ -146,7 +146,7 @@ impl Frame {
             patience,
             canceller: canceller.clone(),
             wide: url.wide,
-            inbox: Inbox::new(),
+            inbox: Inbox::new_bytes(),
             sent: Sent::default(),
             last: None,
             latest: 0,
@@ -257,7 +257,7 @@ fn request_info(
     canceller: &WaitCanceller,
 ) -> Result<Option<wire::DeviceInfo>, Gone> {
     let patience = Instant::now() + patience;
-    let mut inbox = Inbox::<512>::new();
+    let mut inbox = Inbox::<512>::new_bytes();
     let (mut read_bytes, mut packet_bytes, mut device_info) = ([0; 512], [0; wire::LONGEST], None);
     let mut seq = 0;
     while device_info.is_none() && canceller.may_wait(patience) {

@@ -12,8 +12,8 @@ use crate::lead::path::PathReader;
 use crate::lead::{self, Lead};
 use crate::safety::SafeForce;
 
-/// Distance of the ticks' clock from the wall's beyond which it is set anew [s], and the share of a smaller distance that
-/// is corrected in a tick.
+/// Distance of the ticks' clock from the wall's beyond which it is set anew [s], and the share of a smaller distance
+/// that is corrected in a tick.
 const CLOCK_OFF: f64 = 0.02;
 const CORRECTION: f64 = 0.01;
 

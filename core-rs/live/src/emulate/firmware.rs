@@ -85,7 +85,7 @@ impl Firmware {
         let mut firmware = Self {
             board,
             keys,
-            inbox: Inbox::new(),
+            inbox: Inbox::new_bytes(),
             force: [0.0; MAX_AXES],
             noise_offsets: [0.0; MAX_AXES],
             random: Chance::new(i128::from(board.seed), "emulate", "noise", 0, 0),

@@ -184,8 +184,8 @@ impl FingerMotion {
     }
 
     /// One step of the key alone: half of the way, the change of speed in the middle of the step, and the other half. A
-    /// damper acts on the mean of the speeds before and after. Forces and the pointer's speed are constant within a step,
-    /// so the result is of second order.
+    /// damper acts on the mean of the speeds before and after. Forces and the pointer's speed are constant within a
+    /// step, so the result is of second order.
     fn move_free_key(&mut self, force: f64, h: f64) {
         let HeldKey { mass, damping, .. } = self.key;
         self.x[1] += 0.5 * h * self.v[1];

@@ -159,7 +159,7 @@ impl Keyboard {
             config: self.config,
             index,
             gone,
-            dropped: lost_devices,
+            lost_devices,
             commands,
         };
         let thread = std::thread::Builder::new()
@@ -321,7 +321,7 @@ struct ReconnectLoop {
     identity: Option<String>,
     index: usize,
     gone: Arc<AtomicBool>,
-    dropped: Consumer<Box<Guarded>>,
+    lost_devices: Consumer<Box<Guarded>>,
     commands: Arc<Mutex<Producer<Command>>>,
 }
 
@@ -334,7 +334,7 @@ impl ReconnectLoop {
             let is_detached = self.gone.load(Ordering::Acquire);
             // The lost device is dropped here, before its port is opened again: it sends its last zeros and closes the
             // port.
-            while let Ok(lost_device) = self.dropped.pop() {
+            while let Ok(lost_device) = self.lost_devices.pop() {
                 device_memory = Some(lost_device.memory());
             }
             if !is_detached || Instant::now() < next_attempt {

@@ -132,8 +132,8 @@ impl Pipeline {
             force = self.max_force.copysign(force);
         }
         force = axis_state.heat.pass(force, continuous, self.is_hot, counts);
-        axis_state.ramp.rise(period, limits.ramp_time);
-        force = axis_state.ramp.pass(force, &mut counts.ramped);
+        axis_state.ramp.advance(period, limits.ramp_time);
+        force = axis_state.ramp.apply(force, &mut counts.ramped);
         if axis_state.velocity.abs() > limits.velocity_max {
             let trip_count = &mut counts.trips_speed;
             axis_state.trip.start(Reason::Speed, limits.trip_time, trip_count);

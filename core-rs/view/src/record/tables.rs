@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use ergon_engine::network::Network;
-use ergon_engine::simulation::{How, Look, Oscillation, Point};
+use ergon_engine::simulation::{Look, Oscillation, Point, PointMotion};
 
 use super::{Run, Setup, chunks};
 use crate::motion::PAYLOAD_MAX;
@@ -24,7 +24,7 @@ pub(super) fn put_all(out: &mut Vec<u8>, network: &Network, (look, setup): (&Loo
 
 fn points(look: &Look, setup: &Setup) -> Bytes {
     let oscillation_of = |point: &Point| match point.how {
-        How::Free(free) => free,
+        PointMotion::Free(free) => free,
         _ => Oscillation { omega: 0.0, sigma: 0.0 },
     };
     let (mut table_bytes, look_points) = (Bytes::default(), &look.points);

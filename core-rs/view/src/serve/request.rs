@@ -33,8 +33,8 @@ pub(super) enum RequestError {
 }
 
 /// Reads the head of a request within a time.
-pub(super) fn read(mut stream: &TcpStream, within: Duration) -> Result<Request, RequestError> {
-    let deadline = Instant::now() + within;
+pub(super) fn read(mut stream: &TcpStream, time_limit: Duration) -> Result<Request, RequestError> {
+    let deadline = Instant::now() + time_limit;
     let mut head_bytes = [0; HEAD_BYTES_MAX];
     let mut bytes_read = 0;
     loop {

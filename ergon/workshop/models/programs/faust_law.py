@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from ergon.workshop.models.naming import Names
-from ergon.workshop.models.programs.network import Law
+from ergon.workshop.models.programs.elements import Law
 
 HELPERS = {
     "square": "square(x) = x*x;",

@@ -11,7 +11,8 @@ from ergon.workshop.models.exact_numbers import nudge_to_goal
 from ergon.workshop.models.mims.laws import LINKS
 from ergon.workshop.models.naming import Names
 from ergon.workshop.models.page import RATE
-from ergon.workshop.models.programs.network import Body, Link, MixedOutput, Point, Stepped, refusal
+from ergon.workshop.models.programs.elements import Body, Link, MixedOutput, Point, Stepped
+from ergon.workshop.models.programs.network import refusal
 from ergon.workshop.models.programs.places_back import place_of
 
 NETWORK_MAX = 20_000  # points

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from ergon.workshop.models.programs.network import Body, Point
+from ergon.workshop.models.programs.elements import Body, Point
 
 _SHARE_TOLERANCE = 1e-12  # tolerance of a share
 

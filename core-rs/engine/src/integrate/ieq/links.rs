@@ -5,8 +5,8 @@ use super::super::passes;
 use super::loops::{add_at_ends, advance_psi_run, springs};
 use crate::maths::{copysign, sqrt};
 use crate::network::{Error, Network};
+use crate::scheme::{ForceEnds, Spring};
 use crate::scheme::{Kind, Run, largest_eigenvalue};
-use crate::scheme::{Pull, Spring};
 
 /// The links, springs first, others after them.
 #[derive(Clone, Debug)]
@@ -109,7 +109,7 @@ impl Links {
             q: 0.0,
             z: 0.0,
             rest: run.rest,
-            pull: Pull::Both(run.a, run.b),
+            force_ends: ForceEnds::Both(run.a, run.b),
         });
         Self {
             runs: mesh.springs.iter().copied().chain(other_springs).collect(),

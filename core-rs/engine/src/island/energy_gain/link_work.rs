@@ -88,8 +88,8 @@ impl Watched {
         }
     }
 
-    /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses, `put_in` what
-    /// hands put in.
+    /// The energy created by frame `n`, if that is worth reporting; `moving_energy` is the energy of all masses,
+    /// `hand_work` what hands put in.
     pub(super) fn check(
         &mut self,
         link_work: &mut LinkWork,
@@ -187,7 +187,8 @@ impl LinkWork {
         self.force = link_force;
     }
 
-    /// The energy created so far, by frame `n`; `around` is the energy of all masses, `put_in` what hands put in.
+    /// The energy created so far, by frame `n`; `moving_energy` is the energy of all masses, `hand_work` what hands put
+    /// in.
     pub(super) fn gain(&self, link: &Watched, body: &Body, (moving_energy, hand_work): (f64, f64), n: u64) -> Gain {
         let mut account = self.account;
         if !link.is_whole {

@@ -93,7 +93,7 @@ impl Fine {
             crowded,
             joints,
             path_responses,
-            jumps,
+            velocity_steps: jumps,
             impulse_products,
             start_responses,
             free_path_products,

@@ -162,7 +162,7 @@ fn tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
     ModeTables { n, motions, rates }
 }
 
-/// Displacement `t` [s] after a start with 1 m (`which` = 0), or with 1 m a frame.
+/// Displacement `t` [s] after a start with 1 m (`coordinate` = 0), or with 1 m a frame.
 fn unit_motion(cell: &Cell, t: f64, coordinate: usize, step: f64) -> f64 {
     if coordinate == 0 {
         cell.released(t)

@@ -385,7 +385,7 @@ impl Fine {
         const KICK_ROUNDS: usize = 4;
         let [e, v] = self.elongation(script, law_link, instant);
         let (first_joint, second_joint) = script.ends[law_link];
-        let pair_jump = script.jump(first_joint, second_joint);
+        let pair_jump = script.velocity_step(first_joint, second_joint);
         let (law_now, time_step) = (self.law(script, laws, gates, (law, instant.s)), script.rate.step());
         let mut impulse = 0.0;
         for _ in 0..KICK_ROUNDS {

@@ -187,7 +187,8 @@ impl Fine {
             let [_, v] = self.elongation(script, link, &start_instant);
             let friction = self.friction(frame, (slide_index, 0.0));
             let (first_joint, second_joint) = script.ends[link];
-            let velocity_taken = friction.level(0.0) * script.jump(first_joint, second_joint) * script.rate.step();
+            let velocity_taken =
+                friction.level(0.0) * script.velocity_step(first_joint, second_joint) * script.rate.step();
             let still_share = if self.rests[link] {
                 STILL_SHARE_HELD
             } else {

@@ -138,7 +138,7 @@ impl RunningModal {
     /// Write the positions of a port in this frame, at each instant (n), if nothing more pushes it [m].
     pub(crate) fn port_positions(&mut self, port: usize, positions: &mut [f64]) {
         self.discard_ahead();
-        self.quiet = 0;
+        self.quiet_frames = 0;
         positions.fill(self.script.plan.ports[port].rest);
         let Some(between) = &self.between else { return };
         for ((motion, table), rows) in self.motions.iter().zip(&between.interpolation).zip(&self.script.rows) {
@@ -150,7 +150,7 @@ impl RunningModal {
     /// Take impulses [N·s] on a port at the instants of this frame (n).
     pub(crate) fn take_impulses(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
         self.discard_ahead();
-        self.quiet = 0;
+        self.quiet_frames = 0;
         let Some(between) = &self.between else { return };
         let is_complex = self.script.plan.answers.is_some();
         for (group, table) in between.kick[if is_complex { port } else { 0 }].iter().enumerate() {
@@ -158,7 +158,7 @@ impl RunningModal {
             // The responses of complex modes already contain these shares.
             let port_share = if is_complex { &UNIT_LANES } else { &group_rows[port] };
             let mode_lanes = [&mut self.motions[group].now, &mut self.pending[group]];
-            let seen_ahead = (&mut self.seen[self.present + 1..], SEEN_FRAMES);
+            let seen_ahead = (&mut self.row_history[self.present + 1..], SEEN_FRAMES);
             ports::kick(impulses, table, port_share, mode_lanes, group_rows, seen_ahead);
         }
         self.has_pending = true;

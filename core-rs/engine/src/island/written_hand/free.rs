@@ -244,7 +244,7 @@ impl FreeKey {
     pub(crate) fn force_to_reach(&self, motion: &FreeMotion, x: f64, targets: &[Target], buffers: &mut Buffers) -> f64 {
         let (scheme, struck_mat, body) = (&*self.scheme, self.struck, &motion.body);
         if scheme.exact.is_empty() {
-            return kernel::needed(scheme, body, struck_mat, x);
+            return kernel::force_to_reach(scheme, body, struck_mat, x);
         }
         // The force of exact contacts depends on where the ergon takes the MAT, so they are solved for that position.
         let coast_body = &mut buffers.coast.body;
@@ -258,7 +258,7 @@ impl FreeKey {
             previous: 0.0,
         });
         kernel::contacts(scheme, &[], &buffers.targets, coast_body);
-        let force = kernel::needed(scheme, coast_body, struck_mat, x);
+        let force = kernel::force_to_reach(scheme, coast_body, struck_mat, x);
         if !scheme.has_dry() {
             return force;
         }

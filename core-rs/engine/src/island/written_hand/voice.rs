@@ -77,7 +77,7 @@ struct Running {
     cursor: usize,
     source: usize,
     joining: Option<Joining>,
-    /// The strike of the present throw or grain is done until this frame, at which the key is to be at `aim` [m].
+    /// The strike of the present throw or grain is done until this frame, at which the key is to be at `target` [m].
     struck_until: u64,
     target: f64,
 }

@@ -74,8 +74,8 @@ impl Neighbours {
         &mut self.may_touch_wall
     }
 
-    /// Calls `each` for every pair that touches or attracts at positions `x`, with the MATs of the pair along the first
-    /// axis, its distance − rest [m], and its direction. Returns false if there are too many pairs.
+    /// Calls `visit` for every pair that touches or attracts at positions `x`, with the MATs of the pair along the
+    /// first axis, its distance − rest [m], and its direction. Returns false if there are too many pairs.
     pub(crate) fn touching(
         &mut self,
         run: &PairRun,

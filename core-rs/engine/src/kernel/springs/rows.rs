@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use crate::scheme::{Pull, Spring};
+use crate::scheme::{ForceEnds, Spring};
 
 /// Zeros before and behind the forces of each run. A row reads at most so far beyond them, and no vector is longer.
 pub(super) const PAD: usize = 8;
@@ -162,10 +162,10 @@ struct Pulls {
 impl Pulls {
     fn new(springs: &[Spring], mat_count: usize) -> Self {
         let end_mats = |run: &Spring| {
-            let [first_a, first_b] = match run.pull {
-                Pull::Both(a, b) => [Some(a), Some(b)],
-                Pull::A(a) => [Some(a), None],
-                Pull::B(b) => [None, Some(b)],
+            let [first_a, first_b] = match run.force_ends {
+                ForceEnds::Both(a, b) => [Some(a), Some(b)],
+                ForceEnds::A(a) => [Some(a), None],
+                ForceEnds::B(b) => [None, Some(b)],
             };
             [first_a, first_b].map(|first| first.map_or(0..0, |first| first..first + run.len))
         };

@@ -2,7 +2,7 @@
 
 use super::super::tree::{Binary, Unary, choose, integer_power};
 use super::lanes::for_each_of;
-use super::{FIRST, SHORT_LANES, ShortVector, Step};
+use super::{FIRST_STEP_REGISTER, SHORT_LANES, ShortVector, Step};
 use crate::maths::lanes;
 use crate::maths::wide::half_wide;
 
@@ -13,7 +13,7 @@ half_wide! {
     pub(super) fn run(steps: &[Step], registers: &mut [ShortVector]) {
         for (i, step) in steps.iter().enumerate() {
             let of = |register: usize| registers[register].0;
-            registers[FIRST + i].0 = match *step {
+            registers[FIRST_STEP_REGISTER + i].0 = match *step {
                 Step::Constant(_) => continue, // is in place
                 Step::Adjustable(_, value) => [value; SHORT_LANES],
                 Step::Unary(operation, a) => unary(operation, of(a)),

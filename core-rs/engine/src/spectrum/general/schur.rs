@@ -6,7 +6,7 @@ use crate::maths::{copysign, sqrt};
 /// Largest number of QR rounds for one eigenvalue or pair; two to four are usual.
 const ROUNDS: usize = 60;
 
-/// Bring `h` (n, n) to real Schur form, and apply the same rotations to `turned` (n, n). Returns the eigenvalues, or
+/// Bring `h` (n, n) to real Schur form, and apply the same rotations to `rotation` (n, n). Returns the eigenvalues, or
 /// `None` if the iteration does not converge.
 pub(super) fn iterate(h: &mut [f64], n: usize, rotation: &mut [f64]) -> Option<Vec<(f64, f64)>> {
     let mut eigenvalues = vec![(0.0, 0.0); n];

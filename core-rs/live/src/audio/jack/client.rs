@@ -63,7 +63,7 @@ impl Connection for OpenClient {
 /// A client, closed when dropped, or when another one is opened after the server has ended.
 pub(super) struct Client {
     opened: Arc<OpenClient>,
-    opened_at: u32,
+    opening_rate: u32,
 }
 
 /// A port of a client; valid while the client is open.
@@ -174,7 +174,10 @@ impl Client {
             })
         })?;
         let opened_at = opened.events.rate.load(Ordering::Acquire);
-        let client = Self { opened, opened_at };
+        let client = Self {
+            opened,
+            opening_rate: opened_at,
+        };
         client.register_callbacks();
         Ok(client)
     }
@@ -204,7 +207,7 @@ impl Client {
 
     /// Whether the server still runs, at the rate that it had.
     pub(super) fn is_alive(&self) -> bool {
-        !self.opened.is_gone() && self.rate() == self.opened_at
+        !self.opened.is_gone() && self.rate() == self.opening_rate
     }
 
     pub(super) fn rate(&self) -> u32 {

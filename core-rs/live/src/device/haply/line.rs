@@ -151,7 +151,7 @@ impl Line {
         }
     }
 
-    /// Hand all messages that are there to `each`; fails once the other end is gone and all its messages are read.
+    /// Hand all messages that are there to `visit`; fails once the other end is gone and all its messages are read.
     pub(super) fn take(&mut self, mut visit: impl FnMut(&Bytes)) -> Result<(), Gone> {
         loop {
             let bytes_read = match self.stream.read(&mut self.bytes[self.len..]) {

@@ -41,7 +41,7 @@ impl Player {
         // If no clock sets the pace, wait for the disk.
         let wait_start = Instant::now();
         let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
-        while !self.paced && !row_sink.has_room() && wait_start.elapsed() < RING_TIMEOUT && !stop_requested() {
+        while !self.has_pace && !row_sink.has_room() && wait_start.elapsed() < RING_TIMEOUT && !stop_requested() {
             self.clock.wait_while_full();
         }
         if !self.hand_samples.is_empty() {

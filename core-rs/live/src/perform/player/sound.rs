@@ -34,7 +34,10 @@ impl Player {
                 let wait_start = Instant::now();
                 let is_there = |frozen_stems: &Frozen| frozen_stems.is_ready(self.frame, frame_count);
                 let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
-                while !self.paced && !is_there(frozen_stems) && wait_start.elapsed() < RING_TIMEOUT && !stop_requested()
+                while !self.has_pace
+                    && !is_there(frozen_stems)
+                    && wait_start.elapsed() < RING_TIMEOUT
+                    && !stop_requested()
                 {
                     self.clock.wait_while_full();
                 }

@@ -45,7 +45,7 @@ impl Ages {
 
     /// Whether forces fade in after a stale one.
     pub(in crate::safety) fn is_fading(&self) -> bool {
-        !self.fade.is_whole()
+        !self.fade.is_full()
     }
 
     /// Let later forces fade in from zero.
@@ -77,7 +77,7 @@ impl Ages {
         if is_stale {
             self.restart();
         } else {
-            self.fade.rise(period, fade);
+            self.fade.advance(period, fade);
         }
         is_stale
     }
@@ -95,6 +95,6 @@ impl Ages {
     }
 
     pub(in crate::safety) fn apply_fade(&self, force: f64, count: &mut u64) -> f64 {
-        self.fade.pass(force, count)
+        self.fade.apply(force, count)
     }
 }

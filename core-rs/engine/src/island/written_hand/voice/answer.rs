@@ -118,13 +118,13 @@ impl Voice {
             .min(path_distance.abs());
         let aim_position =
             self.free.body.x[mat_index] + (asked_next - asked_here) + maths::copysign(closing_step, path_distance);
-        kernel::needed(scheme, &self.free.body, mat_index, aim_position).clamp(-force_limit, force_limit)
+        kernel::force_to_reach(scheme, &self.free.body, mat_index, aim_position).clamp(-force_limit, force_limit)
     }
 
     /// Read back the ergon that holds a tracked key, once all other forces of the frame are known.
     pub(crate) fn settle(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
         if let Some(tracked) = self.tracked.take() {
-            let force = kernel::needed(scene.scheme, scene.body, script.struck, tracked.x);
+            let force = kernel::force_to_reach(scene.scheme, scene.body, script.struck, tracked.x);
             let blow = Blow {
                 frame: n,
                 mat: script.struck,
@@ -147,7 +147,7 @@ impl Voice {
         let free_key = &script.free;
         match (*request, scene.gestures[running.gesture].gesture.manner.touch) {
             (Ask::Pass(x), Touch::Open) => free_key.force_to_reach(&self.free, x, &self.targets, &mut self.buffers),
-            (Ask::Pass(x), Touch::Tracked) => kernel::needed(scene.scheme, scene.body, script.struck, x),
+            (Ask::Pass(x), Touch::Tracked) => kernel::force_to_reach(scene.scheme, scene.body, script.struck, x),
             (Ask::Aim { to, x }, touch) => {
                 if touch == Touch::Tracked {
                     // Aim from the position of the scene's key, with its loads.
