@@ -150,21 +150,15 @@ def _string(string_values: Values, matter: Material) -> dict[str, Any]:
     string_pitch, tension = string_fields.get("f", 0.0), string_fields.get("tension", 0.0)
     young = matter.young if bent is None else 0.0
     stiff = pi * pi * young * pi * diameter * diameter * diameter * diameter / 64.0  # π²·E·I
-    bending_factor = 1.0 + (bent or 0.0)
+    ratio = 1.0 + (bent or 0.0)  # square of the pitch over that without stiffness
     if unknown == "tension":
         tension = (
-            4.0
-            * string_length
-            * string_length
-            * line_density
-            * string_pitch
-            * string_pitch
-            / bending_factor
+            4.0 * string_length * string_length * line_density * string_pitch * string_pitch / ratio
             - stiff / (string_length * string_length)
         )
         _root(tension)
     elif unknown == "length":
-        rise = 4.0 * line_density * string_pitch * string_pitch / bending_factor
+        rise = 4.0 * line_density * string_pitch * string_pitch / ratio
         string_length = _root(
             (tension + sqrt(tension * tension + 4.0 * rise * stiff)) / (2.0 * rise)
         )
@@ -177,7 +171,7 @@ def _string(string_values: Values, matter: Material) -> dict[str, Any]:
             * string_pitch
             * string_length
             * string_length
-            / bending_factor
+            / ratio
         )
         square = b * b - 4.0 * a * tension
         diameter = sqrt(2.0 * tension / (b + _root(square)))

@@ -124,13 +124,7 @@ impl Island {
     #[cold]
     pub(super) fn fault(&mut self) -> Result<(), Fault> {
         let fault_step = self.state.frame;
-        while let Some((module_name, part)) = self
-            .state
-            .matter
-            .bodies
-            .iter()
-            .find_map(inside::RunningBody::unbounded_mat)
-        {
+        while let Some((module_name, part)) = self.state.matter.bodies.iter().find_map(inside::RunningBody::diverged) {
             if self.script.on_fault == OnFault::Stop {
                 return Err(self.fault_of(module_name, part, None));
             }
@@ -220,7 +214,7 @@ impl Island {
             let mut bodies_staying = 0;
             let body_places: Vec<Option<usize>> = (state.matter.bodies.iter())
                 .map(|body| {
-                    let stays = !body.is_in_muted(&is_muted, part);
+                    let stays = !body.is_among(&is_muted, part);
                     bodies_staying += usize::from(stays);
                     stays.then(|| bodies_staying - 1)
                 })
@@ -230,17 +224,12 @@ impl Island {
                 is_link_cut[link] = true;
             }
         }
-        for body in state
-            .matter
-            .bodies
-            .iter()
-            .filter(|body| body.is_in_muted(&is_muted, part))
-        {
+        for body in state.matter.bodies.iter().filter(|body| body.is_among(&is_muted, part)) {
             for output in body.outputs() {
                 state.watch.mutes.outputs[output as usize].get_or_insert(n);
             }
         }
-        state.matter.bodies.retain(|body| !body.is_in_muted(&is_muted, part));
+        state.matter.bodies.retain(|body| !body.is_among(&is_muted, part));
         let ends_on_part = |port: &PortBinding| is_muted[port.port] || is_muted[port.key];
         for port in script.port_bindings.iter().filter(|port| ends_on_part(port)) {
             state.matter.body.d[port.port] = 0.0;

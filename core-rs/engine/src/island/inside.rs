@@ -229,10 +229,10 @@ impl RunningBody {
     }
 
     /// Whether one of its ports is among the marked MATs (n_mat), or one of its own MATs is in a part.
-    pub(crate) fn is_in_muted(&self, mats: &[bool], part: usize) -> bool {
+    pub(crate) fn is_among(&self, mats: &[bool], part: usize) -> bool {
         match self {
             Self::Modal(modal) => modal.touches(mats),
-            Self::Mesh(mesh) => mesh.is_in_muted(mats, part),
+            Self::Mesh(mesh) => mesh.is_among(mats, part),
             Self::Slow(slow) => slow.is_in_part(part),
         }
     }
@@ -247,11 +247,11 @@ impl RunningBody {
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.
-    pub(crate) fn unbounded_mat(&self) -> Option<(String, usize)> {
+    pub(crate) fn diverged(&self) -> Option<(String, usize)> {
         match self {
             Self::Modal(_) => None,
-            Self::Mesh(mesh) => mesh.unbounded_mat(),
-            Self::Slow(slow) => slow.unbounded_mat(),
+            Self::Mesh(mesh) => mesh.diverged(),
+            Self::Slow(slow) => slow.diverged(),
         }
     }
 

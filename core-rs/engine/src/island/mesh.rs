@@ -314,7 +314,7 @@ impl RunningMesh {
     }
 
     /// Whether a port is among some MATs (n_mat), or any of its own in a part.
-    pub(crate) fn is_in_muted(&self, mats: &[bool], part: usize) -> bool {
+    pub(crate) fn is_among(&self, mats: &[bool], part: usize) -> bool {
         let mat_part = &self.plan.network.mats().part;
         self.plan.ports.iter().any(|&(_, mat)| mats[mat]) || mat_part.iter().any(|&mat_part| mat_part as usize == part)
     }
@@ -325,7 +325,7 @@ impl RunningMesh {
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.
-    pub(crate) fn unbounded_mat(&self) -> Option<(String, usize)> {
+    pub(crate) fn diverged(&self) -> Option<(String, usize)> {
         let x = self.integrator.positions();
         let diverged_mat = x.iter().position(|&x| !crate::kernel::is_bounded(x))?;
         let network = &self.plan.network;

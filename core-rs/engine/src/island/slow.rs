@@ -518,7 +518,7 @@ impl RunningSlow {
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.
-    pub(crate) fn unbounded_mat(&self) -> Option<(String, usize)> {
+    pub(crate) fn diverged(&self) -> Option<(String, usize)> {
         let mat_index = self.x.iter().position(|&x| !is_bounded(x))?;
         let mat_name = self.plan.network.mat_name(self.plan.free[mat_index]);
         Some((mat_name, self.plan.part))

@@ -128,7 +128,7 @@ impl Relay {
         let (recorder, hub) = (&mut reader.recorder, self.server.hub());
         let picture = reader.pictures.read();
         let seconds = recorder.seconds(picture.glance.frame);
-        let instant = times_heard.heard_at(picture.glance.frame, picture.dropped, self.server.now());
+        let instant = times_heard.sounding_at(picture.glance.frame, picture.dropped, self.server.now());
         recorder.add_squared_levels(&picture.squares, picture.n_heard);
         for strike in &picture.strikes[..picture.n_strikes] {
             let strike_seconds = recorder.seconds(strike.frame);
