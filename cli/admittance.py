@@ -20,7 +20,7 @@ from .console import Console, plural
 from .outcome import Refused
 from .tables import table as columns
 
-_SHOWN = 12  # peaks in the terminal
+_PEAKS_SHOWN_MAX = 12  # peaks in the terminal
 _ARGUMENTS = {"forced": "FROM", "observed": "TO"}
 
 
@@ -120,7 +120,7 @@ def _peaks(admittance: Admittance, point_index: int) -> str:
         admittance.phases[point_index],
     )
     all_peaks = admittance.peaks(point_index)
-    peaks = sorted(all_peaks[:_SHOWN].tolist())
+    peaks = sorted(all_peaks[:_PEAKS_SHOWN_MAX].tolist())
     range_text = f"{f[0]:g} to {f[-1]:g} Hz, {len(f):,} frequencies"
     if not admittance.values[point_index].any():
         return f"{heading}: no force from there reaches this point, so it does not move\n"
@@ -130,15 +130,17 @@ def _peaks(admittance: Admittance, point_index: int) -> str:
         )
         return f"{heading}: no peak from {range_text}: {level_range}\n"
     peak_count = (
-        f"the highest {_SHOWN} of {len(all_peaks):,} peaks" if all_peaks[_SHOWN:].size else ""
+        f"the highest {_PEAKS_SHOWN_MAX} of {len(all_peaks):,} peaks"
+        if all_peaks[_PEAKS_SHOWN_MAX:].size
+        else ""
     )
     table_rows = [("", "note", "cents", "frequency", "level", "phase")]
     for peak_number, i in enumerate(peaks, 1):
         note_name, cents = nearest_note(float(f[i]))
         level = "no bound" if math.isinf(levels_db[i]) else f"{levels_db[i]:.1f} dB"
-        turned = "" if math.isinf(levels_db[i]) else f"{round(phases[i]):+d}°"
+        phase_text = "" if math.isinf(levels_db[i]) else f"{round(phases[i]):+d}°"
         table_rows.append(
-            (str(peak_number), note_name, f"{cents:+.1f}", f"{f[i]:.2f} Hz", level, turned)
+            (str(peak_number), note_name, f"{cents:+.1f}", f"{f[i]:.2f} Hz", level, phase_text)
         )
     return (
         f"{heading}: {peak_count or 'peaks'} from {range_text}\n{columns(table_rows, right=True)}"

@@ -18,7 +18,7 @@ from .units import seconds
 if TYPE_CHECKING:
     from ergon.workshop.bells.bell import Bell
 
-_SHOWN = 40  # modes shown in the table
+_MODES_SHOWN_MAX = 40  # modes shown in the table
 
 
 @click.command()
@@ -75,7 +75,7 @@ def _lines(bell: Bell) -> str:
     import numpy as np
 
     table_rows = [("", "frequency", "+-", "T60", "+-", *bell.places, "energy")]
-    order = np.argsort(-bell.energy)[:_SHOWN]
+    order = np.argsort(-bell.energy)[:_MODES_SHOWN_MAX]
     for i in sorted(order):
         deviation = bell.deviation
         levels_db = 20.0 * np.log10(np.maximum(np.abs(bell.levels[i] * bell.listened[i]), 1e-10))
@@ -91,8 +91,8 @@ def _lines(bell: Bell) -> str:
             )
         )
     table_lines = table(table_rows, right=True).splitlines()
-    if len(bell.f) > _SHOWN:
-        table_lines.append(f"and {plural(len(bell.f) - _SHOWN, 'mode')} that are softer")
+    if len(bell.f) > _MODES_SHOWN_MAX:
+        table_lines.append(f"and {plural(len(bell.f) - _MODES_SHOWN_MAX, 'mode')} that are softer")
     for stroke in bell.strokes:
         residual_db = 10.0 * np.log10(max(1.0 - stroke.explained, 1e-12))
         contact = f", contact {1e3 * stroke.contact:.2g} ms" if stroke.contact else ""

@@ -28,8 +28,8 @@ def compile_score(
 ) -> None:
     """Print the stream of ergons as CSV or JSON lines.
 
-    One row an ergon: when, what it strikes, from which side, its mass, speed and impulse, and the
-    place in the score that it comes from. --json gives JSON lines instead of CSV.
+    Each row describes one ergon: its instant, the module that it strikes, the side, its mass, speed
+    and impulse, and its place in the score. --json gives JSON lines instead of CSV.
     """
     from ergon.exchange.safe import open_for_writing
     from ergon.exchange.stream import Form, Names, header

@@ -13,7 +13,7 @@ from .bundled import bundled
 from .console import Console
 from .outcome import Refused
 
-_FIRST = "one-gesture"  # the score that plays if none is named
+_DEFAULT_SCORE = "one-gesture"  # the score that plays if none is named
 _PLAYERS = ("pw-play", "paplay", "aplay")  # PipeWire, PulseAudio, bare ALSA: the nearest first
 
 
@@ -71,7 +71,7 @@ def _chosen(scores: dict[str, Path], score_name: str | None) -> Path:
     if not scores:
         raise Refused("this installation has no scores; install ergon again")
     if score_name is None:
-        return scores.get(_FIRST) or next(iter(scores.values()))
+        return scores.get(_DEFAULT_SCORE) or next(iter(scores.values()))
     if score_name not in scores:
         close = nearest(score_name, scores)
         hint = f"; did you mean '{close}'?" if close else ""

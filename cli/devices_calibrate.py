@@ -63,7 +63,7 @@ def calibrate(
     axis: int | None,
     seconds: float,
     travel: float | None,
-    turned: bool,
+    is_reversed: bool,
     force_max: float | None,
 ) -> None:
     """Find the direction and the ends of an axis, and keep them.
@@ -98,7 +98,7 @@ def calibrate(
         raise Refused(f"{axis_key(url, axis_index)}: {error}") from None
     finally:
         open_device.close()
-    calibrated = _with_options(calibrated, turned, force_max)
+    calibrated = _with_options(calibrated, is_reversed, force_max)
     try:
         path = store_axis(url, axis_index, calibrated)
     except BoardError as error:
@@ -130,10 +130,10 @@ def _axis_with_ends(
     )
 
 
-def _with_options(measured_axis: Axis, turned: bool, force_max: float | None) -> Axis:
+def _with_options(measured_axis: Axis, is_reversed: bool, force_max: float | None) -> Axis:
     from dataclasses import replace
 
-    if turned:
+    if is_reversed:
         low, high = measured_axis.range
         measured_axis = replace(measured_axis, gain=-measured_axis.gain, range=(-high, -low))
     if force_max is not None:

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.scores.staging.stage import Stage
 
-_DRUMS, _FIRST_DRUM = 9, 36  # channel from 0, and key of the first one
+_DRUMS, _FIRST_DRUM_KEY = 9, 36  # channel from 0, and key of the first one
 _CHANNELS = [channel for channel in range(16) if channel != _DRUMS]
 _CHANNELS_MAX = 1024
-_AFTER = 3600.0  # [s] of the tempo map that are written beyond the end of a piece
+_TEMPO_AFTER_END_MAX = 3600.0  # [s] of the tempo map that are written beyond the end of a piece
 
 
 def export_daw(
@@ -68,14 +68,16 @@ def export_daw(
         verb = "are" if is_rendered else "is"
         console.warn(f"{error}; {left_out} {verb} left out, and the other files are written")
     completed = None
-    # What is small is on the disk before the sound, and gets its names after it: all or nothing.
-    with file_group(force=file_options.force, inputs=loaded.inputs) as small:
+    # The small files are written before the sound and renamed after it, so that either all files or
+    # none appear.
+    with file_group(force=file_options.force, inputs=loaded.inputs) as small_files:
         for path, content in file_bytes.items():
-            small.write(path, content)
+            small_files.write(path, content)
         project_file = None
         if prepared is not None and tempo_path in file_bytes:
-            # Its stems and its length are known after the sound, but its room is taken before.
-            project_file = small.open(project_path, binary=True)
+            # The project needs the stems and the length, which are known only after the sound. Its
+            # disk space is reserved before.
+            project_file = small_files.open(project_path, binary=True)
             project_file.write(b" " * _project_room(clock, stage))
             project_file.flush()
         if prepared is not None:
@@ -103,7 +105,9 @@ def _clock(
     tempo = piece.tempo_map
     ramps = [tempo.after(beat, entry.over) for beat, entry in tempo.placed if entry.over]
     last_beat = max([tempo.beats(end_seconds), *ramps, *(beat for beat, _ in tempo.placed)])
-    length_beats = min(last_beat, tempo.beats(end_seconds + _AFTER))  # a ramp may last for years
+    length_beats = min(
+        last_beat, tempo.beats(end_seconds + _TEMPO_AFTER_END_MAX)
+    )  # a ramp may last for years
     meters = [Meter(beat, meter.beats, meter.unit) for beat, _, meter in tempo.bars.changes()]
     marks = [Marker(name, beats) for name, beats in score.marks_of(piece)]
     return tempo.seconds, length_beats, meters, marks
@@ -152,7 +156,7 @@ def _note_tracks(stage: Stage) -> list[NoteTrack]:
     drums: dict[str, int] = {}  # MIDI key of each instrument without a pitch
     for struck_note in struck_notes(stage):
         if struck_note.pitch is None:
-            midi_key = drums.setdefault(struck_note.instrument, _FIRST_DRUM + len(drums))
+            midi_key = drums.setdefault(struck_note.instrument, _FIRST_DRUM_KEY + len(drums))
         else:
             midi_key = round(69.0 + 12.0 * log2(struck_note.pitch / 440.0))
         notes_by_instrument.setdefault(struck_note.instrument, []).append(

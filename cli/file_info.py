@@ -18,11 +18,13 @@ from .outcome import Refused
 _BYTES_MAX = 64 << 20
 _LAYOUT = re.compile(rb"^(speakers[ \t]*:|-[ \t]*\{?[ \t]*channel[ \t]*:)", re.MULTILINE)
 _MUSICXML = re.compile(rb"<score-(?:partwise|timewise)\b")
-_OURS = re.compile(rb"^ergon[ \t]*:", re.MULTILINE)
+_ERGON_LINE = re.compile(rb"^ergon[ \t]*:", re.MULTILINE)
 
 
 class Content(NamedTuple):
-    """What a file holds: its form, what was read of it with units, and what was passed over."""
+    """The content of a file: its form, the figures that were read from it, and the parts that
+    were passed over.
+    """
 
     form: str
     read: Mapping[str, object]
@@ -30,7 +32,7 @@ class Content(NamedTuple):
 
 
 def content(console: Console, path: Path) -> bool:
-    """Say what a file holds, if it has one of these forms; False for another."""
+    """Print the content of a file that has one of these forms; return False for other files."""
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         return False
@@ -51,13 +53,13 @@ def content(console: Console, path: Path) -> bool:
 
 
 def is_score(path: Path) -> bool:
-    """Whether a file is named as a score is, or has the first line of one."""
+    """Whether a file has the name or the first line of a score."""
     is_named_so = path.suffix.lower() in (".yaml", ".yml")
-    return is_named_so or _OURS.search(_data(path)) is not None
+    return is_named_so or _ERGON_LINE.search(_read_bytes(path)) is not None
 
 
 def unknown(path: Path) -> str:
-    """A sentence for a file of none of the forms that are read, and a list of these."""
+    """The error message for a file of an unknown form, with a list of the known forms."""
     from ergon.scores.gesture.midi_file import SUFFIXES as MIDI
     from ergon.scores.gesture.take_file import SUFFIXES as TAKES
 
@@ -81,7 +83,7 @@ def unknown(path: Path) -> str:
     return f"{path} is nothing that ergon reads; `ergon info` reads {listed}"
 
 
-def _data(path: Path) -> bytes:
+def _read_bytes(path: Path) -> bytes:
     file_bytes = read_bounded(path, _BYTES_MAX)
     if len(file_bytes) > _BYTES_MAX:
         raise Refused(f"{path} is larger than {_BYTES_MAX >> 20} MB")
@@ -98,7 +100,7 @@ def _obj(path: Path) -> Content:
     from ergon.notation.text.values import Place
 
     collector = Collector()
-    obj_text = decoded(_data(path), str(path), collector)
+    obj_text = decoded(_read_bytes(path), str(path), collector)
     mesh = None
     if obj_text is not None:
         reader = Reader(Document(str(path), obj_text, None), "the mesh", collector)
@@ -109,12 +111,12 @@ def _obj(path: Path) -> Content:
     kinds = Counter(words[0] for words in lines if not words[0].startswith("#"))
     other_kinds = [kind for kind in kinds if kind not in ("v", "f", "l")]
     passed_over = [f"{plural(kinds[kind], 'line')} of {kind}" for kind in sorted(other_kinds)]
-    if n_more := sum(words[0] == "v" and len(words) > 4 for words in lines):
-        passed_over.append(f"colours or weights in {plural(n_more, 'line')} of v")
-    return Content("mesh (Wavefront OBJ)", _counts(mesh), passed_over)
+    if n_coloured_points := sum(words[0] == "v" and len(words) > 4 for words in lines):
+        passed_over.append(f"colours or weights in {plural(n_coloured_points, 'line')} of v")
+    return Content("mesh (Wavefront OBJ)", _mesh_figures(mesh), passed_over)
 
 
-def _counts(mesh: object) -> dict[str, object]:
+def _mesh_figures(mesh: object) -> dict[str, object]:
     mesh_points, mesh_edges, faces = (getattr(mesh, name) for name in ("points", "edges", "faces"))
     axes = zip(*mesh_points, strict=True)
     size_text = " × ".join(f"{max(axis) - min(axis):.4g}" for axis in axes)
@@ -129,7 +131,7 @@ def _counts(mesh: object) -> dict[str, object]:
 
 
 def _n_bodies(n: int, edges: object) -> int:
-    """How many parts no edge joins."""
+    """The number of connected components."""
     parents = list(range(n))
 
     def top(point_index: int) -> int:
@@ -151,7 +153,7 @@ def _gltf(path: Path) -> Content:
     from ergon.instruments.space import gltf_file
     from ergon.instruments.space.mesh import MeshFileError
 
-    file_bytes, is_binary = _data(path), path.suffix.lower() == ".glb"
+    file_bytes, is_binary = _read_bytes(path), path.suffix.lower() == ".glb"
     try:
         mesh = gltf_file.read_binary(file_bytes) if is_binary else gltf_file.read(file_bytes)
     except (MeshFileError, UnicodeDecodeError) as error:
@@ -164,7 +166,7 @@ def _gltf(path: Path) -> Content:
         if gltf_root.get(name)
     ]
     passed_over += [f"extension {name}" for name in gltf_root.get("extensionsUsed", [])]
-    return Content("mesh (glTF 2)", _counts(mesh), passed_over)
+    return Content("mesh (glTF 2)", _mesh_figures(mesh), passed_over)
 
 
 # --- tunings ------------------------------------------------------------------------------------
@@ -173,7 +175,7 @@ def _gltf(path: Path) -> Content:
 def _scala(path: Path) -> Content:
     from ergon.notation.tables.scala import ScalaError, decoded, parse_key_map, parse_scale
 
-    scala_text = decoded(_data(path))
+    scala_text = decoded(_read_bytes(path))
     comments = sum(line.startswith("!") for line in scala_text.splitlines())
     passed_over = [plural(comments, "comment")] if comments else []
     try:
@@ -208,12 +210,12 @@ def _sofa(path: Path) -> Content:
     except sofa.SofaError as error:
         raise Refused(str(error)) from None
     n, _, taps = sofa_header.responses.shape
-    longest = float(sofa_header.delays.max() - sofa_header.delays.min()) * 1e3
+    delay_spread_ms = float(sofa_header.delays.max() - sofa_header.delays.min()) * 1e3
     figures_read = {
         "directions": n,
         "samples of each response": taps,
         "rate": f"{sofa_header.rate:g} Hz",
-        "delays": f"up to {longest:.3g} ms apart",
+        "delays": f"up to {delay_spread_ms:.3g} ms apart",
     }
     return Content(
         "head (SOFA)", figures_read, ["distances, and places of the listener and the ears"]
@@ -222,7 +224,7 @@ def _sofa(path: Path) -> Content:
 
 def _xml(path: Path) -> Content | None:
     """A score of MusicXML, loudspeakers, or a model of another program."""
-    return _musicxml(path) if _MUSICXML.search(_data(path)) else _layout(path)
+    return _musicxml(path) if _MUSICXML.search(_read_bytes(path)) else _layout(path)
 
 
 def _musicxml(path: Path) -> Content:
@@ -234,7 +236,7 @@ def _musicxml(path: Path) -> Content:
 def _layout(path: Path) -> Content | None:
     from ergon.exchange.layout_files import FORMS, LayoutFileError
 
-    file_bytes = _data(path)
+    file_bytes = _read_bytes(path)
     if path.suffix.lower() == ".json" and b"LoudspeakerLayout" not in file_bytes:
         return None
     endings = {form.ending: form for form in FORMS.values()}
@@ -252,10 +254,10 @@ def _layout(path: Path) -> Content | None:
 
 def _yaml(path: Path) -> Content | None:
     """Loudspeakers, of ergon or of the EBU ADM renderer; None for a score."""
-    file_bytes = _data(path)
+    file_bytes = _read_bytes(path)
     if not _LAYOUT.search(file_bytes):
         return None
-    if not _OURS.search(file_bytes):
+    if not _ERGON_LINE.search(file_bytes):
         return _layout(path)
     from ergon.api.layouts import read_layout
 
@@ -281,7 +283,7 @@ def _model(path: Path) -> Content | None:
     from ergon.workshop.api.model import import_model, is_model
 
     is_named_so = path.suffix.lower() in (".mdl", ".dsp", ".pd")
-    if not is_named_so and not is_model(_data(path).decode("utf-8", "replace")):
+    if not is_named_so and not is_model(_read_bytes(path).decode("utf-8", "replace")):
         return None
     model = import_model(path)
     figures_read = {"statements": model.n_statements, "to use it": f"ergon import {path}"}
@@ -296,12 +298,12 @@ def _gms(path: Path) -> Content:
     from ergon.exchange.iff import NotIffError, chunks
 
     try:
-        walked = chunks(_data(path))
+        iff_chunks = chunks(_read_bytes(path))
     except NotIffError as error:
         raise Refused(f"{path}: {error}") from None
     figures_read = {
         f"{chunk.depth}.{number} {chunk.name} {chunk.group}".rstrip(): plural(chunk.size, "byte")
-        for number, chunk in enumerate(walked, 1)
+        for number, chunk in enumerate(iff_chunks, 1)
     }
     unknown_reason = (
         "what the bytes in these chunks mean: ACROE's public description has no table of them"

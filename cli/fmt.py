@@ -76,7 +76,7 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
             f"{path}: this is not a score, because no line of it begins with `ergon:`; nothing was "
             "changed"
         )
-    different: bool = formatted_text != text_before
+    is_changed: bool = formatted_text != text_before
     if diff:
         diff_lines = difflib.unified_diff(
             text_before.splitlines(keepends=True),
@@ -87,15 +87,15 @@ def _format(console: Console, path: str, only_check: bool, diff: bool) -> bool:
         _print("".join(diff_lines))
     elif path == "-" and not only_check:
         _print(formatted_text)
-    elif different and not only_check:
+    elif is_changed and not only_check:
         # The composer asks for this, and the score stays the composer's own file.
         with open_for_writing(path, binary=False, force=True, replaceable=False) as file:
             file.write(formatted_text.encode())
     if console.json:
-        console.record("fmt", file=path, changed=different)
-    elif different and not diff and path != "-":
+        console.record("fmt", file=path, changed=is_changed)
+    elif is_changed and not diff and path != "-":
         console.say(f"{path}: " + ("would change" if only_check else "laid out"))
-    return different
+    return is_changed
 
 
 def _print(shown_text: str) -> None:

@@ -94,8 +94,12 @@ def option_instead(option_name: str, known_options: Iterable[str]) -> str | None
     command has no such option.
     """
     advice = OPTIONS_INSTEAD.get(option_name)
-    meant = advice.split()[0] if advice is not None else ""
-    return advice if not meant.startswith("-") or meant in set(known_options) else None
+    advised_option = advice.split()[0] if advice is not None else ""
+    return (
+        advice
+        if not advised_option.startswith("-") or advised_option in set(known_options)
+        else None
+    )
 
 
 def instead(command_words: list[str]) -> str | None:

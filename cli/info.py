@@ -71,8 +71,8 @@ def info(console: Console, file: str, source: str | None, trust: bool) -> None:
         from .motion_info import motion
 
         motion(console, path)
-    elif (foreign := foreign_file(path)) is not None:
-        raise Refused(f"{file}: {foreign}")
+    elif (foreign_kind := foreign_file(path)) is not None:
+        raise Refused(f"{file}: {foreign_kind}")
     elif content(console, path):
         return
     elif file == score.STDIN or is_score(path):

@@ -33,9 +33,9 @@ def import_layout(
 ) -> None:
     """Make a layout of a file of another program.
 
-    FILE is one of the IEM AllRADecoder (JSON), the EBU ADM renderer (YAML) or SpatGRIS (XML). Where
-    loudspeakers are is kept, and their outputs; gains, filters and imaginary ones are not. Direct
-    outs and low-frequency effects are left out and named.
+    FILE is one of the IEM AllRADecoder (JSON), the EBU ADM renderer (YAML) or SpatGRIS (XML). The
+    positions and outputs of loudspeakers are kept; gains, filters and imaginary loudspeakers are
+    not. Direct outs and low-frequency effects are left out and named.
     """
     from ergon.common.regular import read_bounded
     from ergon.exchange.layout_files import FILE_BYTES_MAX, FORMS, LayoutFileError, as_yaml

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ergon.instruments.model import Layout
 
-_GAP = 0.25  # [s] of silence after each burst
+_SILENCE_SECONDS = 0.25  # [s] of silence after each burst
 
 
 @click.command()
@@ -91,7 +91,11 @@ def _write(
     from ergon.exchange.safe import open_for_writing
     from ergon.exchange.wave_header import Stamp, WaveFormat
 
-    n_speakers, n_channels, gap = len(layout.speakers), layout.n_channels, int(_GAP * rate)
+    n_speakers, n_channels, gap = (
+        len(layout.speakers),
+        layout.n_channels,
+        int(_SILENCE_SECONDS * rate),
+    )
     n_each = len(noise_frames) + gap
     format = WaveFormat(rate, n_channels, 24)
     title = f"noise, {layout.title or layout.path.stem}"
@@ -125,7 +129,7 @@ def _play(
         azimuth, elevation, _ = angles(place)
         console.say(f"{channel_index + 1}: azimuth {azimuth:.0f}°, elevation {elevation:.0f}°")
         played_frames = np.zeros(
-            (len(noise_frames) + int(_GAP * rate), layout.n_channels), np.float32
+            (len(noise_frames) + int(_SILENCE_SECONDS * rate), layout.n_channels), np.float32
         )
         played_frames[: len(noise_frames), channel_index] = noise_frames
         try:

@@ -10,11 +10,11 @@ import click
 
 from . import examples, habits, renamed
 
-# name → (module, attribute, one line of help), or the help alone where all three names are one. The
-# help is in the table so that `--help` imports no command.
+# name → (module, attribute, one line of help), or the help alone if module and attribute have the
+# same name as the command. The help is in the table so that `--help` imports no command.
 Table = Mapping[str, str | tuple[str, str, str]]
 ROOT = "ergon"  # the name of the group of all commands
-_ALL = "`ergon help` lists all commands"
+_HELP_ADVICE = "`ergon help` lists all commands"
 
 
 def row(table: Table, name: str) -> tuple[str, str, str]:
@@ -91,8 +91,10 @@ class LazyGroup(click.Group):
         resolved, command, command_words = super().resolve_command(ctx, args)
         if command is not None and not isinstance(command, click.Group):
             names = (word for option in command.params for word in option.opts)
-            if meant := habits.single_dash(command_words, names):
-                raise click.UsageError(f"{meant[1:]} is written with two dashes: {meant}", ctx)
+            if option_meant := habits.single_dash(command_words, names):
+                raise click.UsageError(
+                    f"{option_meant[1:]} is written with two dashes: {option_meant}", ctx
+                )
             command_words = renamed.respelt(self.path_of(command_name), command_words)
         return resolved, command, command_words
 
@@ -106,7 +108,7 @@ class LazyGroup(click.Group):
                 f"{command_words[0]} follows a command, such as: ergon check piece.yaml "
                 f"{command_words[0]}"
             )
-        return f"{error.format_message()} {_ALL}."
+        return f"{error.format_message()} {_HELP_ADVICE}."
 
     def _unknown(self, args: list[str]) -> str:
         from ergon.notation.text.spelling import nearest
@@ -123,13 +125,16 @@ class LazyGroup(click.Group):
             return f"{error_sentence} Use: {typed}"
         if not is_root and self.invoke_without_command and command_name in habits.LISTING:
             return f"{error_sentence} Use: {ROOT} {self.name}"
-        if close := nearest(command_name, self.table):
-            return f"{error_sentence} Did you mean '{close}'?"
+        if suggestion := nearest(command_name, self.table):
+            return f"{error_sentence} Did you mean '{suggestion}'?"
         if not is_root:
             return f"{error_sentence} `ergon {self.name} -h` lists the commands."
         if manual.matches(command_name, manual.pages()):
-            return f"{error_sentence} `ergon help {command_name}` opens a page about it; {_ALL}."
-        return f"{error_sentence} {_ALL}."
+            return (
+                f"{error_sentence} `ergon help {command_name}` opens a page about it; "
+                f"{_HELP_ADVICE}."
+            )
+        return f"{error_sentence} {_HELP_ADVICE}."
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands in `--help`, from the table alone."""

@@ -52,7 +52,7 @@ def matches(topic: str, pages_by_topic: dict[str, Page]) -> list[tuple[Page, str
     """
     asked_stems = _stems(topic)
     synonym = next(
-        (meant for word, meant in _SYNONYMS.items() if _stems(word) == asked_stems), None
+        (synonym for word, synonym in _SYNONYMS.items() if _stems(word) == asked_stems), None
     )
     stems = _stems(synonym) if synonym else asked_stems
     if not stems:

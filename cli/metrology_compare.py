@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ergon.workshop.metrology.comparison import Difference, Gain
 
 _BYTES_MAX = 1 << 20  # largest calibration file
-_FAR = 3.0  # standard deviations: a larger difference is not chance
+_DEVIATIONS_MAX = 3.0  # standard deviations: a larger difference is not chance
 
 
 def calibration(calibration_path: str) -> Calibration:
@@ -98,14 +98,15 @@ def _row(difference: Difference) -> str:
         f"{'none':>12}" if x is None else f"{x * scale:12.5g}"
         for x in (difference.first, difference.other)
     )
-    apart = (
+    interval_text = (
         ""
         if difference.first is None or difference.other is None
         else f"{(difference.other - difference.first) * scale:.4g}"
     )
     deviations_text = "" if difference.deviations is None else f"{difference.deviations:.3g}"
     return (
-        f"{label + ' [' + figure_unit + ']':16}{a}{b}{apart:>14}{deviations_text:>12}".rstrip()
+        f"{label + ' [' + figure_unit + ']':16}{a}{b}{interval_text:>14}"
+        f"{deviations_text:>12}".rstrip()
         + "\n"
     )
 
@@ -117,7 +118,9 @@ def _judge(console: Console, compared: list[Difference], squared: float, n: int)
         for difference in compared
         if difference.deviations is not None
     ]
-    deviating = sorted((pair for pair in deviations if pair[0] > _FAR), key=lambda pair: -pair[0])
+    deviating = sorted(
+        (pair for pair in deviations if pair[0] > _DEVIATIONS_MAX), key=lambda pair: -pair[0]
+    )
     without_deviation = [
         _called(difference)
         for difference in compared
@@ -127,9 +130,9 @@ def _judge(console: Console, compared: list[Difference], squared: float, n: int)
         listing = ", ".join(
             f"{_called(difference)} by {sigma:.3g}" for sigma, difference in deviating
         )
-        console.say(f"more than {_FAR:g} standard deviations apart: {listing}")
+        console.say(f"more than {_DEVIATIONS_MAX:g} standard deviations apart: {listing}")
     elif deviations:
-        console.say(f"no figure differs by more than {_FAR:g} standard deviations")
+        console.say(f"no figure differs by more than {_DEVIATIONS_MAX:g} standard deviations")
     if without_deviation:
         console.say(f"only one has {', '.join(without_deviation)}")
     if n:

@@ -66,18 +66,20 @@ def fit(
     from ergon.exchange.safe import check_target
 
     paths = [Path(take) for take in takes]
-    apart = None if held_out is None else Path(held_out)
-    judged = [] if apart is None else [apart]
+    held_out_path = None if held_out is None else Path(held_out)
+    held_out_paths = [] if held_out_path is None else [held_out_path]
     if output is not None:
-        check_target(Path(output), force=force, inputs=(*paths, *judged))
-        check_target(Path(output).with_suffix(".svg"), force=force, inputs=(*paths, *judged))
+        check_target(Path(output), force=force, inputs=(*paths, *held_out_paths))
+        check_target(
+            Path(output).with_suffix(".svg"), force=force, inputs=(*paths, *held_out_paths)
+        )
     gestures = [gesture(console, path, hand, force_step) for path in paths]
-    judge = None if apart is None else gesture(console, apart, hand, force_step)
-    everything = gestures if judge is None else [*gestures, judge]
-    if len({gesture.rate for gesture in everything}) > 1:
+    judge = None if held_out_path is None else gesture(console, held_out_path, hand, force_step)
+    all_gestures = gestures if judge is None else [*gestures, judge]
+    if len({gesture.rate for gesture in all_gestures}) > 1:
         raise Refused("the takes are of different rates; measure by takes of one rate")
     target = None if output is None else Path(output)
-    report(console, gestures, judge, [*paths, *judged], target, force=force, dry=dry)
+    report(console, gestures, judge, [*paths, *held_out_paths], target, force=force, dry=dry)
 
 
 def report(
@@ -127,10 +129,10 @@ def _cause(gestures: list[Gesture]) -> str:
     from ergon.workshop.metrology.gesture import LATE
 
     n = sum(gesture.counts.size for gesture in gestures)
-    late = n - sum(int(gesture.counts.sum()) for gesture in gestures)
-    if late > LATE * n:
+    n_late_ticks = n - sum(int(gesture.counts.sum()) for gesture in gestures)
+    if n_late_ticks > LATE * n:
         return (
-            f"{late:,} of {n:,} positions were lost or came late; "
+            f"{n_late_ticks:,} of {n:,} positions were lost or came late; "
             "measure where the machine and the line keep time"
         )
     return "something acts on this key that the model lacks"
@@ -191,11 +193,11 @@ def _say(console: Console, stage: Stage, position_step: float | None) -> None:
         verdict = "taken away" if stage.is_accepted else "stays"
     elif not stage.is_accepted:
         verdict += ", not kept"
-    stopping_reason, off = (
+    stopping_reason, exit_advice = (
         f"{x * 1e6:7.4g} um" + ("" if position_step is None else f"{x / position_step:9.3g}")
         for x in (fit.rms, stage.replay)
     )
-    console.data(f"{stage_name:14}{stopping_reason}{off}{fit.bic:12,.0f}   {verdict}\n")
+    console.data(f"{stage_name:14}{stopping_reason}{exit_advice}{fit.bic:12,.0f}   {verdict}\n")
 
 
 def _numbers(stage: Stage) -> dict[str, dict[str, float]]:

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
     from ergon.workshop.metrology.gesture import Floats
 
-_LEAST = 2.0  # s of a gesture
-_STILL = 1e-6  # m: less is no movement yet
+_GESTURE_SECONDS_MIN = 2.0  # s of a gesture
+_MOVEMENT_MIN = 1e-6  # m: less is no movement yet
 
 chosen = options.several(
     click.option(
@@ -54,11 +54,11 @@ def path(console: Console, score: str | None, key_name: str | None) -> Floats | 
             continue
         with scores.staging(lambda: loaded, console):
             path = standin(piece, player, tick_frames, Collector())
-        moving = np.flatnonzero(np.abs(path - path[0]) > _STILL)
+        moving = np.flatnonzero(np.abs(path - path[0]) > _MOVEMENT_MIN)
         if moving.size:
             path = path[max(0, int(moving[0]) - 1) :]
             t = np.arange(len(path)) * (tick_frames / piece.rate)
-            path_seconds = min(HELD_OUT, max(float(t[-1]), _LEAST))
+            path_seconds = min(HELD_OUT, max(float(t[-1]), _GESTURE_SECONDS_MIN))
             # Resampled to the ticks of a measurement; after its end the path keeps its last
             # position.
             return np.interp(np.arange(round(path_seconds * TICK_RATE)) / TICK_RATE, t, path)

@@ -33,13 +33,16 @@ def midi(console: Console, path: Path) -> None:
     duration = file.seconds(file.length)
     tempos = [(quarter, _MINUTE / micros) for quarter, micros in file.tempos if micros]
     meters = [(quarter, f"{count}/{2**power}") for quarter, count, power in file.meters]
-    everything = dict.fromkeys(("has_pedal", "has_tempo", "has_meter", "has_wheel"), True)
-    left_out = [*passed_over(file, **everything, follows=lambda move: move.kind in FOLLOWED)]
+    all_features = dict.fromkeys(("has_pedal", "has_tempo", "has_meter", "has_wheel"), True)
+    left_out = [*passed_over(file, **all_features, follows=lambda move: move.kind in FOLLOWED)]
     if n_unread_bytes := file.n_bytes_after + file.n_bytes_unread:
         left_out.append(plural(n_unread_bytes, "byte") + " after the end of tracks")
     if file.n_missing:
         left_out.append(plural(file.n_missing, "track") + " that the head states, and that lack")
-    left_out += [f"{n} × {what}" if n > 1 else what for what, n in sorted(file.odd.items())]
+    left_out += [
+        f"{n} × {message_kind}" if n > 1 else message_kind
+        for message_kind, n in sorted(file.odd.items())
+    ]
     played = [*_understood(file)]
     if console.json:
         console.record(

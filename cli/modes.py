@@ -95,8 +95,8 @@ def _shapes(part_modes: Sequence[PartModes], shape_name: str) -> str:
         drawn = []
         for shape, mode_labels in zip(modes_of_part.shapes, mode_words(modes_of_part), strict=True):
             # With uneven damping, masses do not swing in phase: this is the instant of most motion.
-            turned = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
-            drawn.append(Shape(mode_labels, x, y, turned.real.tolist()))
+            rotated_shape = shape * np.exp(-0.5j * np.angle(np.sum(shape**2)))
+            drawn.append(Shape(mode_labels, x, y, rotated_shape.real.tolist()))
         if modes_of_part.masses:
             shape_tables.append((modes_of_part.part, drawn))
     return shapes(shape_tables, title=f"Shapes of the modes of {shape_name}")

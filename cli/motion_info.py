@@ -34,7 +34,7 @@ def read(path: Path) -> Motion:
 
 
 def motion(console: Console, path: Path) -> None:
-    """Say what a motion file holds, and whether it is whole."""
+    """Print the contents of a motion file, and whether it is complete."""
     from ergon.exchange.motion import read_manifest
     from ergon.exchange.motion_space import NotMotionError, points_of_parts
 
@@ -100,7 +100,7 @@ def motion(console: Console, path: Path) -> None:
 
 
 def _bound(manifest: dict[str, Any]) -> str | None:
-    """How far displacements may be off, in words, where the manifest says so."""
+    """The error bounds of the displacements in words; None if the manifest has none."""
     bound = manifest.get("bound")
     if not isinstance(bound, dict):
         return None

@@ -40,9 +40,9 @@ def new(console: Console, words: tuple[str, ...], template: str) -> None:
         raise Refused(f"a name is one word; write ergon new {'-'.join(words)}")
     folder = Path(words[0])
     if not _NAME.fullmatch(folder.name):
-        meant = f"; write ergon new {folder.stem}" if _NAME.fullmatch(folder.stem) else ""
+        name_advice = f"; write ergon new {folder.stem}" if _NAME.fullmatch(folder.stem) else ""
         raise Refused(
-            f"'{folder.name}' cannot name a piece; a name has letters, digits, - and _{meant}"
+            f"'{folder.name}' cannot name a piece; a name has letters, digits, - and _{name_advice}"
         )
     folder_files = contents(template, folder.name)
     with new_folder(folder) as new_path:

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from ergon.live.perform import PlaybackConfig
     from ergon.scores.staging.stage import Stage
 
-_LOOK = 0.1  # [s] between two looks: a hand is shown ten times a second
+_REFRESH_SECONDS = 0.1  # [s] between two looks: a hand is shown ten times a second
 _SAY = 2.0  # [s] between two lines under --plain
-_AFTER = 10.0  # [s] that the sound in the ring buffer may take to be heard
+_DRAIN_SECONDS_MAX = 10.0  # [s] that the sound in the ring buffer may take to be heard
 
 
 class ShownPerformance:
@@ -72,7 +72,7 @@ class ShownPerformance:
                 osc.begin(performance, self._stage, config.gain, config.start)
             if granted := self._granted():
                 self._console.detail(f"physics: {granted}")
-            while not performance.wait(_LOOK):
+            while not performance.wait(_REFRESH_SECONDS):
                 self._show()
             self._show(last=True)
             status, sound_input = performance.status(), performance.sound_input()
@@ -87,7 +87,7 @@ class ShownPerformance:
             self._summarise()
             raise
         try:
-            self._tell(performance.close(_AFTER))
+            self._tell(performance.close(_DRAIN_SECONDS_MAX))
         except _core.EngineError as error:
             raise Refused(str(error)) from None
         self._finish(status, sound_input)
@@ -186,10 +186,14 @@ class ShownPerformance:
         from ergon.live.trouble import gap_count as gaps_of
 
         self._clear()
-        late, played_seconds, n_gaps = status.late, status.frame / self._stage.rate, gaps_of(status)
+        late_ticks, played_seconds, n_gaps = (
+            status.late,
+            status.frame / self._stage.rate,
+            gaps_of(status),
+        )
         record_fields = {
             "frames": status.frame,
-            "late_ticks": late,
+            "late_ticks": late_ticks,
             "ticks": status.ticks,
             "underruns": n_gaps,
             "dropped": status.dropped,
@@ -204,7 +208,7 @@ class ShownPerformance:
         else:
             gaps = f", {n_gaps} gaps" if n_gaps else ""
             self._console.say(
-                f"played {played_seconds:.1f} s; {late} of {status.ticks} ticks late{gaps}"
+                f"played {played_seconds:.1f} s; {late_ticks} of {status.ticks} ticks late{gaps}"
             )
         self._summarise()
         if sound_input.missing or sound_input.discarded:
@@ -234,5 +238,5 @@ class ShownPerformance:
                 f"{missed:.3f} s of frozen parts were read too late, and were silent"
             )
         is_short = status.dropped or status.missed or sound_input.gaps
-        if self._strict and (late or n_gaps or is_short):
-            raise Late(f"{late} late ticks, {n_gaps} gaps in the sound (--strict)")
+        if self._strict and (late_ticks or n_gaps or is_short):
+            raise Late(f"{late_ticks} late ticks, {n_gaps} gaps in the sound (--strict)")

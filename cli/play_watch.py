@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ergon.api.options import PlayOptions
     from ergon.repl.session_protocol import SessionProtocol
 
-_LOOK = 0.1  # [s] between two looks for messages
+_POLL_SECONDS = 0.1  # [s] between two looks for messages
 # Options that a session does not have: it has no end, and makes its own plan.
 _EXCLUDED = ("until", "loop", "method", "error", "cents", "plan", "draft", "seed", "see")
 
@@ -71,5 +71,5 @@ def follow(
 
 def _looks() -> Iterator[None]:
     while True:
-        time.sleep(_LOOK)
+        time.sleep(_POLL_SECONDS)
         yield

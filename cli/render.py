@@ -65,8 +65,10 @@ def render(
     file_options = FileOptions(**arguments)
     if len(score_paths) > 1:
         if watch or freeze is not None or output == "-":
-            which = "--watch" if watch else "--freeze" if freeze is not None else "-o -"
-            raise Refused(f"{which} is for one score")
+            conflicting_option = (
+                "--watch" if watch else "--freeze" if freeze is not None else "-o -"
+            )
+            raise Refused(f"{conflicting_option} is for one score")
         _render_several(console, score_paths, output, file_options, dry, strict)
         return
     (score_path,) = score_paths

@@ -115,13 +115,13 @@ def until_interrupted() -> None:
     the wait begins, or in another thread. The byte that Python writes for each signal is never
     missed.
     """
-    ours, pythons = socket.socketpair()
-    with ours, pythons:
+    signal_socket, pythons = socket.socketpair()
+    with signal_socket, pythons:
         pythons.setblocking(False)
         wakeup_before = signal.set_wakeup_fd(pythons.fileno(), warn_on_full_buffer=False)
         try:
             while True:
-                ours.recv(1)
+                signal_socket.recv(1)
         finally:
             signal.set_wakeup_fd(wakeup_before)
 

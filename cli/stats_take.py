@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ergon.api.take_stats import ForceStats, HandStats
     from ergon.scores.gesture.movement import MovementStats
 
-_LISTED = 12  # instants of strikes that are listed
+_STRIKES_LISTED_MAX = 12  # instants of strikes that are listed
 
 
 def print_hand_stats(console: Console, path: str, hands: tuple[str, ...], cutoff: str) -> None:
@@ -71,12 +71,12 @@ def _movement_lines(movement: MovementStats) -> Iterator[str]:
         f"{movement.acceleration_rms:.3g} m/s²"
     )
     yield f"  spectrum      of the velocity: {movement.centre:.3g} Hz, ±{movement.bandwidth:.3g} Hz"
-    turned = f"  reversals     {len(movement.reversals):,}"
+    reversals_text = f"  reversals     {len(movement.reversals):,}"
     if len(movement.strikes):
-        instants = ", ".join(f"{t:.3f}" for t in movement.strikes[:_LISTED])
-        ellipsis = ", …" if len(movement.strikes) > _LISTED else ""
-        turned += f"; {plural(len(movement.strikes), 'strike')}, at {instants}{ellipsis} s"
-    yield turned
+        instants = ", ".join(f"{t:.3f}" for t in movement.strikes[:_STRIKES_LISTED_MAX])
+        ellipsis = ", …" if len(movement.strikes) > _STRIKES_LISTED_MAX else ""
+        reversals_text += f"; {plural(len(movement.strikes), 'strike')}, at {instants}{ellipsis} s"
+    yield reversals_text
     if movement.smoothness is not None:
         yield (
             f"  smoothness    {movement.smoothness:.3f} (spectral arc length, median of its "

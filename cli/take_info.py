@@ -35,8 +35,8 @@ def info(console: Console, file: str) -> None:
 
     path = Path(file)
     if path.suffix.lower() not in (SUFFIX, *SUFFIXES):
-        if (foreign := foreign_file(path)) is not None:
-            raise Refused(f"{file}: {foreign}")
+        if (foreign_kind := foreign_file(path)) is not None:
+            raise Refused(f"{file}: {foreign_kind}")
         *other_suffixes, last_suffix = (SUFFIX, *SUFFIXES)
         raise Refused(f"{file}: a take is a {', '.join(other_suffixes)} or {last_suffix} file")
     take(console, path)
@@ -176,14 +176,15 @@ def _missing(table: Table, column: Column) -> str:
     if table.has_hidden:
         frames = plural(column.n_missing, "frame")
         return f"; not seen in {frames}, first in frame {column.first_missing:,}"
-    where = (
+    place_text = (
         f"sample {column.first_missing:,}"
         if column.line_missing is None
         else f"line {column.line_missing:,}"
     )
     verb = "is" if column.n_missing == 1 else "are"
     return (
-        f"; {plural(column.n_missing, 'value')} {verb} not finite, first in {where}: a take of it "
+        f"; {plural(column.n_missing, 'value')} {verb} not finite, first in {place_text}: a take "
+        "of it "
         "is refused"
     )
 

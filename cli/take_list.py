@@ -14,7 +14,7 @@ from .outcome import Outcome, Refused
 from .recording import NAMES_MAX, SUFFIX, read_quietly
 from .units import seconds
 
-_USUAL = "takes"
+_DEFAULT_FOLDER = "takes"
 
 
 @click.command("list")
@@ -23,9 +23,9 @@ _USUAL = "takes"
 def list_takes(console: Console, folder: str | None) -> None:
     """List the recordings in a folder and what they hold.
 
-    Without FOLDER those of ./takes, or of this folder where there is no ./takes.
+    Without FOLDER, list ./takes, or the current folder if ./takes does not exist.
     """
-    take_folder = Path(folder) if folder is not None else Path(_USUAL)
+    take_folder = Path(folder) if folder is not None else Path(_DEFAULT_FOLDER)
     if folder is None and not take_folder.is_dir():
         take_folder = Path()
     if not take_folder.is_dir():

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.live.led_hands import LedHands
 
-_LOOK = 0.1  # [s]
+_POLL_SECONDS = 0.1  # [s]
 _HAND = "hand"
 
 
@@ -82,7 +82,7 @@ def record(
 
 def _until_over(console: Console, performance: _core.Performance) -> None:
     reported = False
-    while not performance.wait(_LOOK):
+    while not performance.wait(_POLL_SECONDS):
         recording_trouble = performance.recording_trouble()
         if recording_trouble and not reported:
             console.warn(f"the recording cannot be written: {recording_trouble}")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 SETTLE = 50  # [ms] of quiet; editors write, rename and touch in bursts
 _BURST = 1600  # [ms] after which a burst without an end counts as a change
-_LOOK = 1000  # [ms] between extra looks, for changes between two waits
+_POLL_MILLISECONDS = 1000  # [ms] between extra looks, for changes between two waits
 
 
 def changes(watched_files: set[Path]) -> Iterator[None]:
@@ -32,7 +32,7 @@ def changes(watched_files: set[Path]) -> Iterator[None]:
             watch_filter=None,
             debounce=_BURST,
             step=SETTLE,
-            rust_timeout=_LOOK,
+            rust_timeout=_POLL_MILLISECONDS,
             yield_on_timeout=True,
             recursive=False,
             raise_interrupt=True,

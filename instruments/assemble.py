@@ -78,9 +78,11 @@ class Assembly:
                         add = KINDS[part_module.kind].add
                         first_mat = add(self.network, part_module.name, seen_fields, self.seed)
                     else:
-                        who = ".".join((name, part_module.name))
+                        module_label = ".".join((name, part_module.name))
                         labels = part_module.kind, part_module.name, seen_fields
-                        first_mat = add_points(self.network, *labels, self._chance(who), who)
+                        first_mat = add_points(
+                            self.network, *labels, self._chance(module_label), module_label
+                        )
                         mat_count = member_count(part_module.kind, seen_fields)
                         firsts = along(first_mat, mat_count, space.axes)
                         self.points[name, part_module.name] = firsts
@@ -136,10 +138,10 @@ class Assembly:
             if self.refused and not self._are_there(following.targets(part_module)):
                 continue
             if part_module.kind == "MAS":
-                for _, by in following.values(part_module, self.mat):
+                for _, follow_values in following.values(part_module, self.mat):
                     with self._collecting_refusals():
                         mat = self.mats[part_name, part_module.name]
-                        self.network.follow_mass(part_module.name, mat, by)
+                        self.network.follow_mass(part_module.name, mat, follow_values)
             if part_module.kind not in LINKS:
                 continue
             ends = part_module.ends
@@ -163,10 +165,12 @@ class Assembly:
             self.links[part, module.name] = range(link_index, self.network.n_lia)
             return link_index
         ends = self._end(part, a), self._end(part, b)
-        if by := following.values(module, self.mat):
+        if follow_values := following.values(module, self.mat):
             law_fields = picked(module.fields, "law", "damping", "constants", "rest")
             law_fields = {"law": None, "damping": None} | law_fields
-            link_index = self.network.following_lnl(module.name, *ends, follows=by, **law_fields)
+            link_index = self.network.following_lnl(
+                module.name, *ends, follows=follow_values, **law_fields
+            )
         else:
             add = KINDS[module.kind].add
             fields = _seen(module.fields, reach)
@@ -322,7 +326,7 @@ def _seen(module_fields: _Fields, lever_ratio: float) -> _Fields:
 def _stretched(field_value: Any, lever_ratio: float, lever_power: int) -> Any:
     """A value, or those of a generator's members, times `lever_ratio` to the power 1, -1 or -2."""
     if isinstance(field_value, tuple):
-        return tuple(_stretched(each, lever_ratio, lever_power) for each in field_value)
+        return tuple(_stretched(member, lever_ratio, lever_power) for member in field_value)
     if isinstance(field_value, Start):
         return replace(field_value, value=_stretched(field_value.value, lever_ratio, lever_power))
     return (

@@ -145,8 +145,8 @@ class DrawnActs:
         brings = None if led.link not in self._links else self._written[self._links[led.link]]
         if brings is None:
             message = f"{act_label}: no act brings a link {quote(led.link)}; write it in `with`"
-            near = nearest(led.link, self._links)
-            body.error("E301", message, word, suggestion=near)
+            suggestion = nearest(led.link, self._links)
+            body.error("E301", message, word, suggestion=suggestion)
             return False
         link_values = brings["with"][led.link]
         link_fields = (
@@ -209,8 +209,8 @@ def _mass_name(link: str, word: str) -> str:
 def _mass(link: Module, constant_word: str) -> Iterator[Module]:
     """A mass that a constant follows, in its oil."""
     mass_name, link_place = _mass_name(link.name, constant_word), link.place
-    still = {"X0": 0.0, "V0": 0.0, "follows": ()}
-    yield Module(mass_name, "MAS", {"M": _MASSES[constant_word], **still}, link_place)
+    rest_fields = {"X0": 0.0, "V0": 0.0, "follows": ()}
+    yield Module(mass_name, "MAS", {"M": _MASSES[constant_word], **rest_fields}, link_place)
     yield Module(f"{mass_name}-ground", "SOL", {"X0": 0.0}, link_place)
     between = Name(f"{mass_name}-ground", link_place), Name(mass_name, link_place)
     yield Module(f"{mass_name}-oil", "FRO", {"between": between, "Z": _OIL}, link_place)

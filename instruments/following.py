@@ -65,7 +65,11 @@ def followings(part_module: Module) -> Mapping[str, Following]:
 
 def targets(module: Module) -> Iterator[Target]:
     """The MATs that parameters of a module follow."""
-    return (one.of for one in followings(module).values() if isinstance(one.of, Target))
+    return (
+        following.of
+        for following in followings(module).values()
+        if isinstance(following.of, Target)
+    )
 
 
 def check_mass(mass_values: Values) -> None:

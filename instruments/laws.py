@@ -17,7 +17,7 @@ from ergon.notation.text.values import Place
 
 _WORDS = re.compile(r"[^\W\d]\w*")
 # Words of a law that are not constants.
-_KNOWN = {"d", "v", "where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh", "noise"}
+_KNOWN_WORDS = {"d", "v", "where", "abs", "min", "max", "sqrt", "sign", "exp", "tanh", "noise"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,11 +70,12 @@ def resolved(
             law_fields["damping"] = named.damping
     written_constants = law_fields["constants"]
     follows = following.followings(law_module)
-    starts = {name: own.start for name, own in follows.items()}
+    starts = {name: follow_rule.start for name, follow_rule in follows.items()}
     law_fields["constants"] = {**constants, **written_constants, **starts}
     interval = law_fields.pop("interval", None)
     used_words = (
-        set(_WORDS.findall(f"{law_fields['law'] or ''} {law_fields['damping'] or ''}")) - _KNOWN
+        set(_WORDS.findall(f"{law_fields['law'] or ''} {law_fields['damping'] or ''}"))
+        - _KNOWN_WORDS
     )
     fields_of_kind = [w for w in law_module.fields if w not in ("constants", "interval")]
     for field_name in (*written_constants, *follows):

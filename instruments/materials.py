@@ -101,14 +101,14 @@ MATERIALS: Mapping[str, Material] = {
 def _material(material_values: Values) -> Any:
     if any(name not in material_values.by_name for name in material_values.nodes):
         return MISSING  # reported
-    like = material_values["like"]
+    base_material = material_values["like"]
     material_parameters = {
         name: value for name, value in material_values.by_name.items() if name != "like"
     }
-    if like is not None:
+    if base_material is not None:
         if "young" in material_parameters:  # a material without a grain
             material_parameters.setdefault("across", None)
-        return replace(MATERIALS[like], **material_parameters)
+        return replace(MATERIALS[base_material], **material_parameters)
     missing = [
         name for name in ("density", "young", "poisson", "loss") if name not in material_parameters
     ]

@@ -19,7 +19,7 @@ from ergon.notation.tables.fields import Values
 # Fields that describe material and size; the other fields are computed from them.
 MATTER = ("material", "length", "diameter", "thickness", "tension")
 AUDIBLE_TOP = 5_000.0  # [Hz] bodies get enough masses for modes up to here
-_HELD = 2_000.0  # [Hz] of a body's second decay; at least four times its pitch
+_SECOND_DECAY_HERTZ = 2_000.0  # [Hz] of a body's second decay; at least four times its pitch
 _AIR_DENSITY, _AIR_VISCOSITY = 1.204, 1.81e-5  # [kg/m³], [Pa·s] at 20 °C
 _STRING_MASSES, _MASSES = (40, 300), (150, 500)  # (least, most) masses by default
 _RINGS = (3, 60)  # (least, most) rings of a disc
@@ -51,13 +51,15 @@ def from_material(body_kind: str, body_values: Values, *, quietly: bool = False)
         resolved = resolve(body_values, body_values.by_name["material"])
     except _Refused as refused:
         if not quietly:
-            where = body_values.context.label(refused.field)
-            body_values.error(refused.code, f"{where}: {refused.message}", refused.field)
+            field_label = body_values.context.label(refused.field)
+            body_values.error(refused.code, f"{field_label}: {refused.message}", refused.field)
         return None
     material_node = body_values.nodes["material"]
-    gone = (*MATTER, "masses") if body_kind == "PLATE" else MATTER
-    module_fields = {name: value for name, value in body_values.by_name.items() if name not in gone}
-    nodes = {name: node for name, node in body_values.nodes.items() if name not in gone}
+    dropped_fields = (*MATTER, "masses") if body_kind == "PLATE" else MATTER
+    module_fields = {
+        name: value for name, value in body_values.by_name.items() if name not in dropped_fields
+    }
+    nodes = {name: node for name, node in body_values.nodes.items() if name not in dropped_fields}
     resolved = {name: value for name, value in resolved.items() if value is not None}
     nodes |= {name: nodes.get(name, material_node) for name in resolved}
     return replace(body_values, by_name={**module_fields, **resolved}, nodes=nodes)
@@ -81,7 +83,9 @@ def _needs_material(kind: str, body_values: Values) -> None:
 
 def _is_size(value: Any) -> bool:
     """Whether a radius or two sides are lengths in metres, not numbers of masses."""
-    return any(isinstance(one, float) for one in (value if isinstance(value, tuple) else (value,)))
+    return any(
+        isinstance(number, float) for number in (value if isinstance(value, tuple) else (value,))
+    )
 
 
 def _open(module_values: Values, field_names: tuple[str, ...], what_noun: str) -> str:
@@ -146,21 +150,29 @@ def _string(string_values: Values, matter: Material) -> dict[str, Any]:
     string_pitch, tension = string_fields.get("f", 0.0), string_fields.get("tension", 0.0)
     young = matter.young if bent is None else 0.0
     stiff = pi * pi * young * pi * diameter * diameter * diameter * diameter / 64.0  # π²·E·I
-    more = 1.0 + (bent or 0.0)
+    ratio = 1.0 + (bent or 0.0)  # square of the pitch over that without stiffness
     if unknown == "tension":
         tension = (
-            4.0 * string_length * string_length * line_density * string_pitch * string_pitch / more
+            4.0 * string_length * string_length * line_density * string_pitch * string_pitch / ratio
             - stiff / (string_length * string_length)
         )
         _root(tension)
     elif unknown == "length":
-        rise = 4.0 * line_density * string_pitch * string_pitch / more
+        rise = 4.0 * line_density * string_pitch * string_pitch / ratio
         string_length = _root(
             (tension + sqrt(tension * tension + 4.0 * rise * stiff)) / (2.0 * rise)
         )
     elif unknown == "diameter":
         a = pi * pi * pi * young / (64.0 * string_length * string_length)
-        b = matter.density * pi * string_pitch * string_pitch * string_length * string_length / more
+        b = (
+            matter.density
+            * pi
+            * string_pitch
+            * string_pitch
+            * string_length
+            * string_length
+            / ratio
+        )
         square = b * b - 4.0 * a * tension
         diameter = sqrt(2.0 * tension / (b + _root(square)))
         line_density = matter.density * pi * diameter * diameter / 4.0
@@ -219,7 +231,7 @@ def _decays(lowest_frequency: float, loss: Any) -> Any:
     """T60 at the lowest mode and at a higher frequency, with a ratio that dampers of a row or mesh
     can have.
     """
-    high_frequency = max(_HELD, 4.0 * lowest_frequency)
+    high_frequency = max(_SECOND_DECAY_HERTZ, 4.0 * lowest_frequency)
     if loss(lowest_frequency) <= 0.0:
         return None
     low_t60, high_t60 = (
@@ -241,11 +253,18 @@ def _plate(plate_values: Values, matter: Material) -> dict[str, Any]:
     _plate_form(plate_values, "disc" if is_disc else "rectangle")
     is_membrane = _is_membrane(plate_values)
     rim = "fixed" if is_membrane else plate_values["rim"]
-    wide, plate_height = (2.0 * plate_fields["radius"],) * 2 if is_disc else plate_fields["sides"]
-    area = pi * wide * plate_height / 4.0 if is_disc else wide * plate_height
+    plate_width, plate_height = (
+        (2.0 * plate_fields["radius"],) * 2 if is_disc else plate_fields["sides"]
+    )
+    area = pi * plate_width * plate_height / 4.0 if is_disc else plate_width * plate_height
     if "M" in plate_fields and "thickness" not in plate_fields:
         mesh, mass_share = _mesh(
-            is_disc, rim, wide, plate_height, plate_fields.get("masses", _MASSES[0]), is_membrane
+            is_disc,
+            rim,
+            plate_width,
+            plate_height,
+            plate_fields.get("masses", _MASSES[0]),
+            is_membrane,
         )
         plate_fields["thickness"] = plate_fields["M"] / (mass_share * area * matter.density)
         plate_values = replace(plate_values, by_name=plate_fields)
@@ -258,7 +277,7 @@ def _plate(plate_values: Values, matter: Material) -> dict[str, Any]:
     wave = 2.0 * pi * lowest_frequency
     if is_membrane:
         shape_factor = (
-            _DISC_MEMBRANE / plate_fields["radius"] if is_disc else _held(wide, plate_height)
+            _DISC_MEMBRANE / plate_fields["radius"] if is_disc else _held(plate_width, plate_height)
         )
         if unknown == "tension":
             tension = thickness * matter.density * (wave / shape_factor) * (wave / shape_factor)
@@ -273,7 +292,7 @@ def _plate(plate_values: Values, matter: Material) -> dict[str, Any]:
         shape_factor = (
             _disc(rim, poisson, plate_fields["radius"])
             if is_disc
-            else _rectangle(rim, poisson, wide, plate_height)
+            else _rectangle(rim, poisson, plate_width, plate_height)
         )
         flexural_speed = sqrt(young / (12.0 * matter.density * (1.0 - poisson * poisson)))  # [m/s]
         thickness = thickness or wave / (shape_factor * flexural_speed)
@@ -282,7 +301,7 @@ def _plate(plate_values: Values, matter: Material) -> dict[str, Any]:
         )
         need = (1.9 if rim == "free" else 1.2) * area * AUDIBLE_TOP / (flexural_speed * thickness)
     masses = plate_fields.get("masses") or min(max(_MASSES[0], ceil(need)), _MASSES[1])
-    mesh, mass_share = _mesh(is_disc, rim, wide, plate_height, masses, is_membrane)
+    mesh, mass_share = _mesh(is_disc, rim, plate_width, plate_height, masses, is_membrane)
     mass = thickness * matter.density * area * mass_share
     resolved = {**mesh, "rim": rim, "M": plate_fields.get("M", mass), "f": lowest_frequency}
     if not is_membrane:
@@ -319,7 +338,7 @@ def _plate_form(plate_values: Values, plate_shape: str) -> None:
 
 
 def _mesh(
-    is_disc: bool, rim: str, wide: float, plate_height: float, masses: int, is_membrane: bool
+    is_disc: bool, rim: str, plate_width: float, plate_height: float, masses: int, is_membrane: bool
 ) -> tuple[dict[str, Any], float]:
     """The fields of a mesh of about `masses` masses, and the share of the material's mass in
     them.
@@ -332,23 +351,24 @@ def _mesh(
         mass_share = inner * inner if rim == "fixed" else 1.0
         return {"shape": "disc", "radius": ring_count}, mass_share
     # The number of gaps between masses, including those to a fixed rim.
-    more = 1 if rim == "fixed" else -1
+    rim_rings = 1 if rim == "fixed" else -1
     least_side, rings_max = (
-        _SIDES[0] + more,
-        (_SIDES[1] if not is_membrane else 4 * _SIDES[1]) + more,
+        _SIDES[0] + rim_rings,
+        (_SIDES[1] if not is_membrane else 4 * _SIDES[1]) + rim_rings,
     )
-    short, long = min(wide, plate_height), max(wide, plate_height)
-    side_ratio = long / short
-    first = max(least_side, round(sqrt(masses / side_ratio)) + more)
+    short_side, long_side = min(plate_width, plate_height), max(plate_width, plate_height)
+    side_ratio = long_side / short_side
+    first = max(least_side, round(sqrt(masses / side_ratio)) + rim_rings)
     gaps = [n for n in range(first, first + 4) if n * side_ratio <= rings_max]
     if not gaps:
         message = (
-            f"its sides are {side_ratio:.3g} to 1, more than a mesh of at most {rings_max - more} "
+            f"its sides are {side_ratio:.3g} to 1, more than a mesh of at most "
+            f"{rings_max - rim_rings} "
         )
         raise _Refused("E202", message + "masses a side can have; make it squarer", "sides")
     best = min(gaps, key=lambda n: abs(round(n * side_ratio) / (n * side_ratio) - 1.0))
-    counts = best - more, round(best * side_ratio) - more
-    sides = counts if wide < plate_height else counts[::-1]
+    counts = best - rim_rings, round(best * side_ratio) - rim_rings
+    sides = counts if plate_width < plate_height else counts[::-1]
     mass_share = (
         counts[0] * counts[1] / (best * round(best * side_ratio)) if rim == "fixed" else 1.0
     )
@@ -389,18 +409,21 @@ def _disc(rim: str, poisson: float, radius: float) -> float:
     return _polynomial(_DISC[rim], poisson) / (radius * radius)
 
 
-def _held(wide: float, high: float) -> float:
-    return pi * sqrt(1.0 / (wide * wide) + 1.0 / (high * high))
+def _held(plate_width: float, high: float) -> float:
+    return pi * sqrt(1.0 / (plate_width * plate_width) + 1.0 / (high * high))
 
 
-def _rectangle(rim: str, poisson: float, wide: float, plate_height: float) -> float:
+def _rectangle(rim: str, poisson: float, plate_width: float, plate_height: float) -> float:
     """ω·√(ρ·h/D) of a rectangle [1/m²]; with a free rim its lowest mode bends along its length, or
     twists.
     """
     if rim == "fixed":
-        wave = _held(wide, plate_height)
+        wave = _held(plate_width, plate_height)
         return wave * wave
-    long, side_ratio = max(wide, plate_height), min(wide, plate_height) / max(wide, plate_height)
+    long_side, side_ratio = (
+        max(plate_width, plate_height),
+        min(plate_width, plate_height) / max(plate_width, plate_height),
+    )
     bent, twisted = (
         _polynomial(tuple(_polynomial(row, poisson) for row in table), side_ratio)
         for table in (_BENT, _TWISTED)
@@ -408,4 +431,4 @@ def _rectangle(rim: str, poisson: float, wide: float, plate_height: float) -> fl
     bent *= sqrt(1.0 - poisson * poisson)
     twisted *= sqrt(1.0 - poisson) / side_ratio
     lowest = twisted if side_ratio > 0.8 else bent if side_ratio < 0.45 else min(bent, twisted)
-    return lowest / (long * long)
+    return lowest / (long_side * long_side)

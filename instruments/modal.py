@@ -38,8 +38,8 @@ class EachShape(Either):
         return Each(value) if is_list else value
 
 
-def _each(one: Text, scalar: Text | None) -> EachShape:
-    return EachShape(scalar, None, ListOf(one, 1, MAX_MODES))
+def _each(member: Text, scalar: Text | None) -> EachShape:
+    return EachShape(scalar, None, ListOf(member, 1, MAX_MODES))
 
 
 BANK_PITCHES = _each(k.PITCH, k.PITCHES)
@@ -66,17 +66,18 @@ def listed(bank_values: Values) -> Values | None:
                 )
                 return None
         return bank_values
-    if wrong := bank_values.written("count", "spread"):
+    if foreign_field := bank_values.written("count", "spread"):
         message = (
-            f"{bank_values.context.label(wrong[0])}: its modes are listed one by one; remove it"
+            f"{bank_values.context.label(foreign_field[0])}: its modes are listed one by one; "
+            "remove it"
         )
-        bank_values.error("E111", message, wrong[0])
+        bank_values.error("E111", message, foreign_field[0])
         return None
     if isinstance(t60, tuple) and not isinstance(t60, Each) and t60[0] == t60[1]:
         t60 = Each(t60[:1] * len(mode_frequencies))
     mode_gains = Each((1.0,) * len(mode_frequencies)) if mode_gains is None else mode_gains
     for field_name, field_value in (("t60", t60), ("gain", mode_gains)):
-        if field_name == "gain" and any(one <= 0.0 for one in mode_gains):
+        if field_name == "gain" and any(mode_gain <= 0.0 for mode_gain in mode_gains):
             message = (
                 f"{bank_values.context.label(field_name)}: a mode of gain 0 does not move; remove "
                 "the mode"
@@ -126,11 +127,11 @@ def from_file(
             "two"
         )
         bank_values.error("E111", message, conflicting[0])
-        return _without(bank_values)
+        return _without_frequencies(bank_values)
     table = read_document(file_name, bank_values.place_of("modes"))
     file_columns = None if table is None else _columns(table, bank_values, collector)
     if file_columns is None:
-        return _without(bank_values)
+        return _without_frequencies(bank_values)
     bank_fields = {field: value for field, value in bank_values.by_name.items() if field != "modes"}
     bank_nodes, modes_node = dict(bank_values.nodes), bank_values.nodes["modes"]
     for field, column in file_columns.items():
@@ -142,7 +143,7 @@ def from_file(
     return replace(bank_values, by_name=bank_fields, nodes=bank_nodes)
 
 
-def _without(values: Values) -> Values:
+def _without_frequencies(values: Values) -> Values:
     """The fields after an error: f counts as written, but has no value."""
     fields = {name: value for name, value in values.by_name.items() if name != "f"}
     return replace(values, by_name=fields, nodes={**values.nodes, "f": values.nodes["modes"]})
@@ -154,7 +155,7 @@ def _columns(
     """Fields from the columns of a table: f [Hz], t60 [s], and gain or places; None if errors were
     reported.
     """
-    bank_label, asked = bank_values.context.label("modes"), bank_values.place_of("modes")
+    bank_label, modes_place = bank_values.context.label("modes"), bank_values.place_of("modes")
     is_bank = "gain" in bank_values.record.by_name
     format = _BANK_ROW if is_bank else _places_row([DEFAULT_PLACE])
     mode_rows: list[tuple[float, ...]] = []
@@ -167,8 +168,8 @@ def _columns(
             place_names = [cell.strip() for cell in table_line.split(",")][2:]
             if is_bank or not place_names:
                 continue
-            if (wrong := _wrong_name(place_names)) is not None:
-                collector.error("E110", f"{bank_label}: {wrong}", line_place)
+            if (wrong_name := _wrong_name(place_names)) is not None:
+                collector.error("E110", f"{bank_label}: {wrong_name}", line_place)
                 return None
             format = _places_row(place_names)
             continue
@@ -178,11 +179,11 @@ def _columns(
             mode_rows.append(mode_row)
         if len(mode_rows) > MAX_MODES:
             message = f"{bank_label}: the file has more than {MAX_MODES:,} modes"
-            collector.error("E105", message, asked)
+            collector.error("E105", message, modes_place)
             return None
     if not mode_rows and is_whole:
         message = f"{bank_label}: the file has no modes; write lines such as {format.example}"
-        collector.error("E106", message, asked)
+        collector.error("E106", message, modes_place)
     if not mode_rows or not is_whole:
         return None
     f, t60, *others = (Each(column) for column in zip(*mode_rows, strict=True))
@@ -294,7 +295,7 @@ BAND = band(LEVEL)
 
 
 def _wrong_name(place_names: Sequence[str]) -> str | None:
-    """Why names cannot be those of places; None if they can."""
+    """The reason why these names cannot be names of places; None if they can."""
     for place_name in place_names:
         if not NAME.fullmatch(place_name) or place_name in ("all", "last", "centre"):
             message = (
@@ -331,9 +332,11 @@ def placed(modes_values: Values) -> Values | None:
         modes_fields["places"] = mode_places = {DEFAULT_PLACE: (1.0,) * len(mode_frequencies)}
         modes_nodes["places"] = modes_nodes["f"]
     place_names = list(mode_places)
-    if (wrong := _wrong_name(place_names)) is not None or not place_names:
-        wrong = wrong or "name a place at least, such as rim: [1, 0.5]"
-        modes_values.error("E110", f"{modes_values.context.label('places')}: {wrong}", "places")
+    if (wrong_name := _wrong_name(place_names)) is not None or not place_names:
+        wrong_name = wrong_name or "name a place at least, such as rim: [1, 0.5]"
+        modes_values.error(
+            "E110", f"{modes_values.context.label('places')}: {wrong_name}", "places"
+        )
         return None
     lists = {"t60": t60, **{f"place {quote(name)}": levels for name, levels in mode_places.items()}}
     for list_name, mode_levels in lists.items():
@@ -369,8 +372,10 @@ def placed(modes_values: Values) -> Values | None:
 
 def _wrong_band(drawn: Band, place_names: Sequence[str], listed_modes: int) -> str | None:
     """Why a band cannot be added to modes that are listed; None if it can."""
-    if strange := sorted(set(drawn.levels) - set(place_names)):
-        return f"there is no place {quote(strange[0])}; its places are {', '.join(place_names)}"
+    if unknown_places := sorted(set(drawn.levels) - set(place_names)):
+        return (
+            f"there is no place {quote(unknown_places[0])}; its places are {', '.join(place_names)}"
+        )
     if listed_modes + drawn.count > _core.MAX_MODAL:
         return (
             f"there are {listed_modes + drawn.count} modes with it; the most is {_core.MAX_MODAL}"
@@ -402,8 +407,8 @@ def retuned_modes(
         if field_name == "f":
             body_fields["f"] = Each(tune(mode_frequencies, member_value[0]))
             if isinstance(drawn := body_fields.get("band"), Band):
-                ends = tune((min(mode_frequencies), *drawn.f), member_value[0])[1:]
-                body_fields["band"] = replace(drawn, f=tuple(ends))
+                band_ends = tune((min(mode_frequencies), *drawn.f), member_value[0])[1:]
+                body_fields["band"] = replace(drawn, f=tuple(band_ends))
         elif field_name == "M":
             body_fields["M"] = member_value
         elif t60 := body_fields.get("t60"):
@@ -412,9 +417,9 @@ def retuned_modes(
                 if len(t60) == len(mode_frequencies)
                 else t60[0]
             )
-            body_fields["t60"] = Each(member_value[0] * (one / lowest) for one in t60)
+            body_fields["t60"] = Each(member_value[0] * (mode_t60 / lowest) for mode_t60 in t60)
             if isinstance(drawn := body_fields.get("band"), Band):
-                low, high = (member_value[0] * (one / lowest) for one in drawn.t60)
+                low, high = (member_value[0] * (mode_t60 / lowest) for mode_t60 in drawn.t60)
                 body_fields["band"] = replace(drawn, t60=(low, high))
         else:
             body_fields["t60"] = Each(member_value[:1])

@@ -13,8 +13,8 @@ from ergon.notation.tables.compound import ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record, Values
 from ergon.notation.tables.shapes import MISSING, Shape
 
-_SCATTER = 0.5  # octaves that a decay lies above or below the line at most
-_WEAKEST = 0.5  # smallest drawn level over the written one
+_SCATTER_OCTAVES = 0.5  # octaves that a decay lies above or below the line at most
+_LEVEL_RATIO_MIN = 0.5  # smallest drawn level over the written one
 _DIGITS = 6
 
 
@@ -36,10 +36,11 @@ class Band:
         """Frequencies, decays, and the levels at each of the places.
 
         The band is cut into `count` steps of one ratio, and a mode lies anywhere in its step. Its
-        decay lies about the line between both ends, evenly within half an octave up and down.
-        A level is drawn between half of what is written and that. At the first place all are
-        positive, at the second every second one is not, at the third every second pair is not: so
-        that places hardly move together at the first instant, as on a body that is large.
+        decay lies about the line between both ends, evenly within half an octave up and down. A
+        level is drawn between half the written level and the written level. Its sign alternates
+        with the mode at the second place, with pairs of modes at the third, and so on, and is
+        positive at the first. So the places hardly move together at the first instant, as on a
+        large body.
         """
         chance = random.Random(self.seed)  # draws are music and need no secure source
         drawn_frequencies, t60 = [], []
@@ -47,10 +48,10 @@ class Band:
         for i in range(self.count):
             share_below = (i + chance.random()) / self.count
             drawn_frequencies.append(_between(self.f, share_below))
-            scatter = _core.pow(2.0, _SCATTER * (2.0 * chance.random() - 1.0))
+            scatter = _core.pow(2.0, _SCATTER_OCTAVES * (2.0 * chance.random() - 1.0))
             t60.append(_rounded(_between(self.t60, 1.0 - share_below) * scatter))
             for number, place_name in enumerate(names):
-                share = _WEAKEST + (1.0 - _WEAKEST) * chance.random()
+                share = _LEVEL_RATIO_MIN + (1.0 - _LEVEL_RATIO_MIN) * chance.random()
                 sign = -1.0 if number and (i >> (number - 1)) % 2 else 1.0
                 levels_by_place[place_name].append(
                     _rounded(self.levels.get(place_name, 0.0) * share * sign)

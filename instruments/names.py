@@ -80,8 +80,8 @@ class PartNames:
         If one is not found, that is reported once, and there are none.
         """
         name_targets = []
-        for each in self.members(name):
-            named_target = self.target(each, wanted, who)
+        for member_target in self.members(name):
+            named_target = self.target(member_target, wanted, who)
             if named_target is None:
                 return []
             name_targets.append(named_target)
@@ -356,21 +356,22 @@ class PartNames:
             except TextError as error:
                 problem = error.message
         is_point = wanted in ("point", "points")
-        bare = str(name) if axis is None else str(name).rpartition(".")[0]
+        body_path = str(name) if axis is None else str(name).rpartition(".")[0]
         axis_names = AXES[: owner.axes]
         if problem:
             pass
         elif is_point and axis is not None:
-            problem = f"{quote(name)} is one axis of a point; write the point: {bare}"
+            problem = f"{quote(name)} is one axis of a point; write the point: {body_path}"
         elif not is_point and axis is None:
-            examples = ", ".join(f"{bare}.{one}" for one in axis_names)
+            examples = ", ".join(f"{body_path}.{axis_name}" for axis_name in axis_names)
             problem = f"{quote(name)} is a point in space; write one of its axes: {examples}"
         elif axis is not None and axis >= owner.axes:
             problem = f"{owner.name} has the axes {' and '.join(axis_names)}"
         elif axis is not None and body_module and axis == owner.axes - 1:
-            home = ".".join(filter(None, (body_module.part, body_module.module)))
+            full_path = ".".join(filter(None, (body_module.part, body_module.module)))
             problem = (
-                f"{quote(name)} moves with a mass of {home}; write that mass, such as {home}.0"
+                f"{quote(name)} moves with a mass of {full_path}; write that mass, such as "
+                f"{full_path}.0"
             )
         elif range_size > 1 and wanted in ("mat", "point"):
             problem = f"one is expected here, but {range_size:,} are named"
@@ -496,9 +497,9 @@ class PartNames:
                 if module.kind == "MODES":
                     member_kind, examples = (
                         "places",
-                        tuple(one for one, _ in module.fields["places"])[:4],
+                        tuple(place_name for place_name, _ in module.fields["places"])[:4],
                     )
-                words = ", ".join(f"{called}.{one}" for one in examples)
+                words = ", ".join(f"{called}.{example}" for example in examples)
                 problem = f"{called} has {count:,} {member_kind}; write one of them: {words}"
         elif count == 1 and module.kind in (*LINKS, "MAS", "SOL", "CEL", "PROXY"):
             problem = f"{called} is one {module.kind}; it has no members"
@@ -538,7 +539,10 @@ class PartNames:
         known_names += list(self.parts)
         if "." in path and (head := path.rpartition(".")[0]) in self.parts:
             written = name.written.rpartition(".")[0] if name.written != name else head
-            known_names = [f"{written}.{own}" for own in _inside(self.parts[head].modules.values())]
+            known_names = [
+                f"{written}.{module_name}"
+                for module_name in _inside(self.parts[head].modules.values())
+            ]
         near_names = [
             known for known in known_names if known
         ]  # a lone generator's module has no name

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 Row = tuple[str, int, int, int]  # operation, operands: 0 is d, 1 is v, 2 + i what row i gives
-_FIRST = 2
+_FIRST_REGISTER = 2
 _LANES = 64  # the core's NATIVE_LANES
 _OPERATIONS = {
     "copy": "{0}",
@@ -68,7 +68,7 @@ class _Writer:
     def __post_init__(self) -> None:
         for row in self.rows:
             # The result of a function can be read only in a later loop.
-            before = [at - _FIRST for at in _operands(row) if at >= _FIRST]
+            before = [at - _FIRST_REGISTER for at in _operands(row) if at >= _FIRST_REGISTER]
             after = (self.stage[i] + (self.rows[i][0] in _FUNCTIONS) for i in before)
             self.stage.append(max(after, default=0))
 
@@ -103,18 +103,18 @@ class _Writer:
                     loaded.add(operand)
             operand_names = [self._name(operand, link) for operand in _operands(law_row)]
             if law_row[0] == "whole_power":
-                yield from _integer_power(f"r{_FIRST + i}", operand_names[0], law_row[2])
+                yield from _integer_power(f"r{_FIRST_REGISTER + i}", operand_names[0], law_row[2])
             else:
-                yield f"r{_FIRST + i} = {_OPERATIONS[law_row[0]].format(*operand_names)}"
+                yield f"r{_FIRST_REGISTER + i} = {_OPERATIONS[law_row[0]].format(*operand_names)}"
         for operand in sorted(self._shared(stage)):
             yield f"room[{_place(operand)} + i] = {self._name(operand, link)}"
         if self.stage[-1] == stage:
-            yield f"out[{link}] = r{_FIRST + len(self.rows) - 1}"
+            yield f"out[{link}] = r{_FIRST_REGISTER + len(self.rows) - 1}"
 
     def _calls(self, stage: int) -> Iterator[str]:
         for i, (operation_name, a, b, _) in enumerate(self.rows):
             if self.stage[i] == stage and operation_name in _FUNCTIONS:
-                places = ", ".join(str(_place(at)) for at in (a, b, _FIRST + i))
+                places = ", ".join(str(_place(at)) for at in (a, b, _FIRST_REGISTER + i))
                 yield f"{operation_name}(room, {places}, m)"
 
     def _shared(self, stage: int) -> set[int]:
@@ -128,25 +128,27 @@ class _Writer:
                 if not self._is_computed(operand):
                     is_read = is_call and self.stage[i] == stage
                 else:
-                    is_local = self.stage[operand - _FIRST] == stage and not self._is_call(operand)
+                    is_local = self.stage[operand - _FIRST_REGISTER] == stage and not self._is_call(
+                        operand
+                    )
                     is_read = is_local and (is_call or self.stage[i] > stage)
                 if is_read:
                     operands.add(operand)
         return operands
 
     def _is_computed(self, at: int) -> bool:
-        return at >= _FIRST and self.rows[at - _FIRST][0] != "constant"
+        return at >= _FIRST_REGISTER and self.rows[at - _FIRST_REGISTER][0] != "constant"
 
     def _is_call(self, at: int) -> bool:
-        return self.rows[at - _FIRST][0] in _FUNCTIONS
+        return self.rows[at - _FIRST_REGISTER][0] in _FUNCTIONS
 
     def _comes_from_room(self, at: int, stage: int) -> bool:
-        return self._is_call(at) or self.stage[at - _FIRST] < stage
+        return self._is_call(at) or self.stage[at - _FIRST_REGISTER] < stage
 
     def _name(self, operand: int, link: str) -> str:
-        if operand < _FIRST:
+        if operand < _FIRST_REGISTER:
             return f"{'dv'[operand]}[{link}]"
-        row = self.rows[operand - _FIRST]
+        row = self.rows[operand - _FIRST_REGISTER]
         return f"c{row[1]}" if row[0] == "constant" else f"r{operand}"
 
 

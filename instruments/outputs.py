@@ -30,29 +30,29 @@ class Listening:
     is_distance: bool
 
 
-_LISTENED = ListOf(
+_LISTENED_MODULES = ListOf(
     Reference("a module, or several in brackets", ("modules",)), least=1, single=True
 )
 _SOF = Record(
     "SOF",
     "a link by its kind, or the forces of a bank's members at their nearest loudspeakers",
     (Field("nearest", k.PATH, "a layout of loudspeakers"),),
-    kinds={kind: _LISTENED for kind in tables("si")},
+    kinds={kind: _LISTENED_MODULES for kind in tables("si")},
 )
 DISTANCE = Record(
     "distance",
     "the distance of two points in space, of which the position, speed or acceleration is heard",
-    (Field("between", ListOf(_LISTENED.item, 2, 2), "two points in space", required=True),),
+    (Field("between", ListOf(_LISTENED_MODULES.item, 2, 2), "two points in space", required=True),),
 )
 
 
 def _names(kind: OutputKind) -> Shape:
     if kind.is_energy:
-        return _LISTENED
-    return Either(_LISTENED.item, DISTANCE if kind.is_movement else _SOF, _LISTENED)
+        return _LISTENED_MODULES
+    return Either(_LISTENED_MODULES.item, DISTANCE if kind.is_movement else _SOF, _LISTENED_MODULES)
 
 
-_LISTENERS = {name: _names(kind) for name, kind in OUTPUTS.items()}
+_OUTPUT_SHAPES = {name: _names(kind) for name, kind in OUTPUTS.items()}
 
 
 def _listening(output_values: Values) -> Any:
@@ -80,10 +80,12 @@ def _listening(output_values: Values) -> Any:
     )
 
 
-_LISTENER = Record("output", "one output", (), _listening, kinds=_LISTENERS, kind_required=True)
+_SINGLE_OUTPUT = Record(
+    "output", "one output", (), _listening, kinds=_OUTPUT_SHAPES, kind_required=True
+)
 
 
-_NAMED = NamesOf(_LISTENER, "output", has_loops=True)
+_NAMED_OUTPUTS = NamesOf(_SINGLE_OUTPUT, "output", has_loops=True)
 
 
 @dataclass(frozen=True)
@@ -93,38 +95,42 @@ class Outputs(Shape):
     def read(self, node: Node, name: str, context: Context) -> Any:
         """Read a node."""
         if not isinstance(node, document.Mapping):
-            lone = node.text.strip() if isinstance(node, document.Scalar) else ""
-            suggestion = f"{{SOX: {lone}}}" if NAME.fullmatch(lone) else None
+            scalar_text = node.text.strip() if isinstance(node, document.Scalar) else ""
+            suggestion = f"{{SOX: {scalar_text}}}" if NAME.fullmatch(scalar_text) else None
             return wrong_shape(self, node, name, context, suggestion=suggestion)
-        if self.chosen(node) is _LISTENER:
-            bare = Context(context.collector, f"out of {context.owner}", "", node.place)
-            value = _LISTENER.read(node, name, bare)
+        if self.chosen(node) is _SINGLE_OUTPUT:
+            scalar_context = Context(context.collector, f"out of {context.owner}", "", node.place)
+            value = _SINGLE_OUTPUT.read(node, name, scalar_context)
             return MISSING if value is MISSING else (value,)
         for entry_word, (key_node, child) in node.entries.items():
-            is_close = entry_word.isupper() or near_word(entry_word.upper(), _LISTENERS) is not None
+            is_close = (
+                entry_word.isupper() or near_word(entry_word.upper(), _OUTPUT_SHAPES) is not None
+            )
             if not isinstance(child, document.Mapping) and is_close:
                 message = f"unknown output {quote(entry_word)} of {context.owner}"
                 context.error(
-                    "E101", message, key_node.place, word=entry_word, names=tuple(_LISTENERS)
+                    "E101", message, key_node.place, word=entry_word, names=tuple(_OUTPUT_SHAPES)
                 )
                 return MISSING
-        named = _NAMED.read(node, name, context)
-        if named is MISSING:
+        outputs_by_name = _NAMED_OUTPUTS.read(node, name, context)
+        if outputs_by_name is MISSING:
             return MISSING
-        return tuple(value for value in named.values() if value is not MISSING)
+        return tuple(value for value in outputs_by_name.values() if value is not MISSING)
 
     def schema(self) -> dict[str, Any]:
         """As JSON Schema."""
-        listener_schema = _LISTENER.schema()
+        listener_schema = _SINGLE_OUTPUT.schema()
         return {**listener_schema, "additionalProperties": listener_schema}
 
     def words(self) -> str:
         """In words."""
         example = {"mats": "m", "links": "b"}
-        each = (f"{{{name}: {example[kind.sources]}}}, " for name, kind in OUTPUTS.items())
-        return f"{''.join(each)}or names, each with such a one"
+        output_examples = (
+            f"{{{name}: {example[kind.sources]}}}, " for name, kind in OUTPUTS.items()
+        )
+        return f"{''.join(output_examples)}or names, each with one of these"
 
     def chosen(self, node: Node) -> Shape:
         """The table of one output, or that of named outputs."""
         words = node.entries if isinstance(node, document.Mapping) else {}
-        return _LISTENER if any(word in _LISTENERS for word in words) else _NAMED
+        return _SINGLE_OUTPUT if any(word in _OUTPUT_SHAPES for word in words) else _NAMED_OUTPUTS

@@ -76,8 +76,8 @@ def acts(
         struck_places, reach = struck_act
         brought = drawn.modules(act_body, modules_of)
         holds = tuple(
-            Hold((Name(mass, act_body.place),), each)
-            for mass, each in pressing
+            Hold((Name(mass, act_body.place),), press_field)
+            for mass, press_field in pressing
             if (mass,) != struck_places
         )
         written_acts.append(

@@ -92,18 +92,22 @@ def add(
         held = members_of(proxy_fields["rim"])[0]
         mat_rows = [[held, *row, held] for row in mat_rows]
         if len(mat_rows) > 1:
-            around = [held] * len(mat_rows[0])
-            mat_rows = [around, *mat_rows, around]
+            mesh_mats = [held] * len(mat_rows[0])
+            mat_rows = [mesh_mats, *mat_rows, mesh_mats]
     if proxy_fields["follows"]:
         guides = [members_of(target)[0] for target in proxy_fields["follows"]]
         lengths = (_each(proxy_fields[name], len(guides)) for name in ("offset", "span"))
-        along = list(zip(guides, *lengths, strict=True))
+        side_positions = list(zip(guides, *lengths, strict=True))
     else:
-        along = [(None, at, 1.0) for at in proxy_fields["at"]]
-    still = (None, 0.0, 1.0)
-    mat_pair = along[0], along[-1]
-    if len(along) == 1:
-        mat_pair = (still, along[0]) if len(mat_rows) == 1 else (along[0], still)
+        side_positions = [(None, at, 1.0) for at in proxy_fields["at"]]
+    first_place = (None, 0.0, 1.0)
+    mat_pair = side_positions[0], side_positions[-1]
+    if len(side_positions) == 1:
+        mat_pair = (
+            (first_place, side_positions[0])
+            if len(mat_rows) == 1
+            else (side_positions[0], first_place)
+        )
     all_mats = [mat for row in mat_rows for mat in row]
     return network.moving_proxy(proxy_name, all_mats, len(mat_rows[0]), mat_pair)
 

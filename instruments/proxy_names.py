@@ -105,5 +105,5 @@ def _sides(mass_count: int, column_count: int, has_rim: bool) -> tuple[int, int]
     only.
     """
     rows = mass_count // column_count
-    more = 2 * has_rim
-    return (1 if rows == 1 else rows + more, column_count + more)
+    rim_rows = 2 * has_rim
+    return (1 if rows == 1 else rows + rim_rows, column_count + rim_rows)

@@ -126,7 +126,9 @@ _ROUTE = (
     "how an instrument is heard stands in its route: "
     "`mix: {route: [{from: bell, to: 1, gain: -6dB, pan: 0.3}]}`"
 )
-_SILENT = f"{_ROUTE}; without a route it is silent, and at the prompt `mute bell` and `solo bell`"
+_SILENT_DOC = (
+    f"{_ROUTE}; without a route it is silent, and at the prompt `mute bell` and `solo bell`"
+)
 _PEDAL = (
     "an instrument has no pedal: its `play` may have a `release`, which ends notes, and the pedal "
     "of a MIDI file (controller 64) delays it"
@@ -135,10 +137,10 @@ _BEGIN = (
     "an instrument begins with one of a file by `from: FILE/NAME`, such as "
     "`bell: {from: bells/church}`, or with another of this score by `like: NAME`"
 )
-_ELSEWHERE = {
+_FIELDS_ELSEWHERE = {
     **dict.fromkeys(("use", "instrument", "preset", "patch"), _BEGIN),
     **dict.fromkeys(("gain", "volume", "pan", "to", "reverb", "send", "channel"), _ROUTE),
-    **dict.fromkeys(("mute", "solo"), _SILENT),
+    **dict.fromkeys(("mute", "solo"), _SILENT_DOC),
     **dict.fromkeys(("pedal", "sustain"), _PEDAL),
 }
 
@@ -190,7 +192,11 @@ def instrument_table(instrument_form: Form) -> Record:
         for name, table in tables(instrument_form, HOLDERS).items()
     }
     return Record(
-        "instrument", "a CORDIS-ANIMA network", module_fields, kinds=kinds, elsewhere=_ELSEWHERE
+        "instrument",
+        "a CORDIS-ANIMA network",
+        module_fields,
+        kinds=kinds,
+        elsewhere=_FIELDS_ELSEWHERE,
     )
 
 
@@ -260,7 +266,9 @@ def _with_more(base_schema: dict[str, Any], other_schema: dict[str, Any]) -> dic
     return merged_schema
 
 
-INSTRUMENT = InstrumentShape({one: instrument_table(one) for one in ("si", "ca", "space")})
+INSTRUMENT = InstrumentShape(
+    {form_name: instrument_table(form_name) for form_name in ("si", "ca", "space")}
+)
 
 
 def has_required_fields(kind_name: str, module_values: Values, axes: int = 1) -> bool:

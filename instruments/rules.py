@@ -248,9 +248,9 @@ def outputs(
         output_label = f"{written_output.kind} of {quote(called)}"
         family = "point" if written_output.is_distance else written_output.traits.sources
         names: tuple[Any, ...] = written_output.targets
-        each = (one for name in names for one in _each(name, output_part, part_names))
+        targets = (target for name in names for target in _each(name, output_part, part_names))
         target_lists = (
-            _output_target(name, family, output_label, output_part, part_names) for name in each
+            _output_target(name, family, output_label, output_part, part_names) for name in targets
         )
         output_targets = tuple(target for target in target_lists if target is not None)
         if written_output.is_distance and not _is_distance(

@@ -46,9 +46,12 @@ class Profile:
 
     def gaps(self, n: int) -> tuple[float, ...]:
         """least + depth·(|i - top|/length)^power for each of n points i [m]."""
-        away = [abs(i - self.top) for i in range(n)]
-        length = self.length or max(away) or 1.0
-        return tuple(self.least + self.depth * _core.pow(one / length, self.power) for one in away)
+        distances = [abs(i - self.top) for i in range(n)]
+        length = self.length or max(distances) or 1.0
+        return tuple(
+            self.least + self.depth * _core.pow(distance / length, self.power)
+            for distance in distances
+        )
 
 
 def _profile(values: Values) -> Profile:

@@ -93,12 +93,12 @@ def parse_interval(text: str) -> Interval:
         return Interval(pitch_ratio)
     interval_match = _INTERVAL.fullmatch(interval_word)
     if interval_match is None:
-        wrong = (
+        problem = (
             f"{quote(interval_word)} is not an interval"
             if interval_word
             else "an interval is missing,"
         )
-        message = f"{wrong} such as {_EXAMPLE}"
+        message = f"{problem} such as {_EXAMPLE}"
         is_number = re.fullmatch(r"[+-]?\d+(\.\d+)?", interval_word)
         suggestion = f"{interval_word}st" if is_number else None
         code = "E203" if is_number else "E201"
@@ -340,8 +340,8 @@ def moved(field_name: str, field_value: Any, interval: Interval) -> Any:
             return tuple(
                 (pitch(f, interval), moved(field_name, t, interval)) for f, t in field_value
             )
-        each = (moved(field_name, one, interval) for one in field_value)
-        return Each(each) if isinstance(field_value, Each) else tuple(each)
+        moved_numbers = (moved(field_name, field_number, interval) for field_number in field_value)
+        return Each(moved_numbers) if isinstance(field_value, Each) else tuple(moved_numbers)
     if isinstance(field_value, Band):
         f, t60 = moved("f", field_value.f, interval), moved("t60", field_value.t60, interval)
         return replace(field_value, f=f, t60=t60)

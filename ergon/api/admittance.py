@@ -171,15 +171,15 @@ def admittance(
             for number, end in enumerate((forced_point, *observed_points))
         ]
         admittance_values = network.admittance(list(part_names), mats[0], mats[1:], frequency_axis)  # type: ignore[arg-type]
-        together = network.elements(list(part_names)).kinds
+        element_counts = network.elements(list(part_names)).kinds
     return Admittance(
         part_names,
         forced,
         observed_names,
         frequency_axis,
         admittance_values,
-        sum(kind in ("LNL", "BRISTLE", "DRY") for kind in together),
-        together.count("BUT"),
+        sum(kind in ("LNL", "BRISTLE", "DRY") for kind in element_counts),
+        element_counts.count("BUT"),
         tuple(loaded.inputs),
     )
 

@@ -38,13 +38,13 @@ if TYPE_CHECKING:
 
     from .cluster import Cluster
 
-_LOOK_EVERY = 0.2  # [s] between looks for Ctrl-C, while threads render
-_TOGETHER_MAX = 64  # scores that are rendered at the same time
+_POLL_SECONDS = 0.2  # [s] between looks for Ctrl-C, while threads render
+_CONCURRENT_SCORES_MAX = 64  # scores that are rendered at the same time
 
 
 @dataclass(frozen=True, slots=True)
 class Rendered:
-    """One of several scores: what was written, or why nothing was."""
+    """The result of one of several scores: the written files, or the error."""
 
     score: str
     done: Completed | None
@@ -52,7 +52,7 @@ class Rendered:
 
 
 @dataclass(frozen=True, slots=True)
-class _Wanted:
+class _RenderRequest:
     """A score that was read, the file to write, and its own options."""
 
     score: str
@@ -74,7 +74,7 @@ def render_several(
     the engine refuses, or that diverges, is yielded with its error, and the others go on. Raises
     ClusterError.
     """
-    renders = _wanted(paths, folder, options, report)
+    renders = _render_requests(paths, folder, options, report)
     if options.on is None:
         for score in renders:
             yield _rendered(score, report)
@@ -82,23 +82,23 @@ def render_several(
     from .cluster import open_cluster
 
     with open_cluster(options.on, report) as cluster:
-        yield from _together(renders, cluster, report)
+        yield from _render_concurrently(renders, cluster, report)
 
 
 def staged_scores(
     paths: Sequence[str | Path], folder: str | Path | None, options: FileOptions, report: Report
 ) -> Iterator[PreparedRender]:
-    """The same scores, planned and staged one after the other. Raises what `prepare` does."""
-    for score in _wanted(paths, folder, options, report):
+    """Plan and stage these scores one after the other. Raises the errors of `prepare`."""
+    for score in _render_requests(paths, folder, options, report):
         yield prepare(score.loaded, score.target, score.options, report)
 
 
-def _wanted(
+def _render_requests(
     paths: Sequence[str | Path],
     folder: str | Path | None,
     file_options: FileOptions,
     report: Report,
-) -> list[_Wanted]:
+) -> list[_RenderRequest]:
     """The scores to render, each into a file of its own. Raises ErgonError."""
     for name in ("text", "plan", "hands"):
         if getattr(file_options, name) is not None:
@@ -114,7 +114,7 @@ def _wanted(
             )
     read_scores = [(str(path), scores.read(path, file_options, report)) for path in paths]
     _refuse_mistakes([loaded for _, loaded in read_scores])
-    wanted_by_path: dict[Path, _Wanted] = {}
+    wanted_by_path: dict[Path, _RenderRequest] = {}
     for path, loaded in read_scores:
         target_file = target(path, loaded, None)
         if folder is not None:
@@ -130,7 +130,7 @@ def _wanted(
         score_options = replace(
             file_options, stems=None if stems is None else Path(stems, Path(target_file).stem)
         )
-        wanted_by_path[resolved_file] = _Wanted(path, loaded, target_file, score_options)
+        wanted_by_path[resolved_file] = _RenderRequest(path, loaded, target_file, score_options)
     input_paths = [
         Path(input) for score in wanted_by_path.values() for input in score.loaded.inputs
     ]
@@ -148,11 +148,12 @@ def _refuse_mistakes(read: Sequence[Loaded]) -> None:
         for loaded in loaded_with_mistakes:
             sources |= loaded.files
         raise ScoreError(
-            [diagnostic for one in loaded_with_mistakes for diagnostic in one.diagnostics], sources
+            [diagnostic for loaded in loaded_with_mistakes for diagnostic in loaded.diagnostics],
+            sources,
         )
 
 
-def _rendered(score: _Wanted, report: Report) -> Rendered:
+def _rendered(score: _RenderRequest, report: Report) -> Rendered:
     try:
         prepared = prepare(score.loaded, score.target, score.options, report)
         return Rendered(score.score, write(prepared, report))
@@ -173,12 +174,14 @@ class _SharedScore:
     work: _core.Work
 
 
-def _together(renders: Sequence[_Wanted], cluster: Cluster, report: Report) -> Iterator[Rendered]:
+def _render_concurrently(
+    renders: Sequence[_RenderRequest], cluster: Cluster, report: Report
+) -> Iterator[Rendered]:
     """Render scores at the same time, as many as keep all workers busy."""
     locked_report = _Locked(report)
     renders_left = list(reversed(renders))
     running: dict[cf.Future[Completed], _SharedScore] = {}
-    workers_max = min(_TOGETHER_MAX, 2 * cluster.count + 1)
+    workers_max = min(_CONCURRENT_SCORES_MAX, 2 * cluster.count + 1)
     with cf.ThreadPoolExecutor(workers_max, "ergon-render") as pool:
         try:
             while renders_left or running:
@@ -199,9 +202,9 @@ def _together(renders: Sequence[_Wanted], cluster: Cluster, report: Report) -> I
                 has_more = bool(renders_left) and _is_room(
                     running.values(), cluster.count, workers_max
                 )
-                limit = 0.0 if has_more else _LOOK_EVERY
+                limit = 0.0 if has_more else _POLL_SECONDS
                 for future in cf.wait(running, limit, cf.FIRST_COMPLETED).done:
-                    yield _ended(running.pop(future).score, future)
+                    yield _result_of(running.pop(future).score, future)
         finally:
             for score_work in running.values():  # renders still running after an error or Ctrl-C
                 score_work.work.cancel()
@@ -233,7 +236,7 @@ def _write(
         return write(prepared, report, cluster)
 
 
-def _ended(score: str, future: cf.Future[Completed]) -> Rendered:
+def _result_of(score: str, future: cf.Future[Completed]) -> Rendered:
     """The result of a score. Raises ClusterError, and any other error that concerns all scores."""
     error = future.exception()
     if error is None:

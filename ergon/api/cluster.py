@@ -278,8 +278,8 @@ def _begun(stack: contextlib.ExitStack, process_count: int) -> Any:
     raise ClusterError(f"local:{process_count}: the processes did not start: {failure_reason}")
 
 
-def _missing(what: str) -> str:
-    return f"--on needs {what}; install what is missing by: {install_command('cluster')}"
+def _missing(package: str) -> str:
+    return f"--on needs {package}; install what is missing by: {install_command('cluster')}"
 
 
 def share_work(cluster: Cluster, job: Job) -> Sharing:
@@ -293,12 +293,12 @@ def job_of(loaded: Loaded, stage: Stage, rate: float | None, seed: int | None) -
 
     Raises NotBundledError.
     """
-    plan, wished = stage.plan, stage.planned_for
+    plan, planned_accuracy = stage.plan, stage.planned_for
     assert plan is not None
-    assert wished is not None
+    assert planned_accuracy is not None
     score = next(iter(loaded.files))  # the score is read first
     score_content = bundled(score, loaded)
-    plan_text = plan_file.text(plan.choices(), plan.hash, budget=dict(budget_of(wished)))
+    plan_text = plan_file.text(plan.choices(), plan.hash, budget=dict(budget_of(planned_accuracy)))
     score_digest = hashlib.sha256(plan_text.encode()).hexdigest()
     return Job(
         version=cluster_worker.version(),

@@ -1,9 +1,9 @@
-"""What a worker of a cluster computes: stretches of islands.
+"""The functions that a worker of a cluster runs: they compute stretches of islands.
 
 `rendering.remote` makes the requests, `api.cluster` the job that all requests share.
 
 The functions are called by name with plain data (bytes, texts, numbers), and return plain data.
-They need no file of the machine that asks: the score comes with its files.
+They read no file of the client: the score is sent with its files.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 # Bound on the modules of all staged pieces in memory; a single piece may have any number.
 MODULES_MAX = 1_000_000
 _JOBS_MAX = 16
-_FORM = 1  # version of jobs, requests and answers
+_FORMAT_VERSION = 1  # version of jobs, requests and answers
 
 
 class Job(TypedDict):
@@ -49,19 +49,20 @@ class Job(TypedDict):
 
 
 def version() -> list[Any]:
-    """The versions that have to be equal on a worker and on the machine that asks."""
-    return [_core.__version__, plan_file.VERSION, _FORM]
+    """The versions that must be equal on a worker and on its client."""
+    return [_core.__version__, plan_file.VERSION, _FORMAT_VERSION]
 
 
 def check_version(versions_asked: list[Any]) -> None:
     """Raise ClusterError if the machine that asks has another version."""
     if list(versions_asked) != version():
-        home, here = (
+        asking_version, worker_version = (
             f"ergon {a} (plans of version {b}, requests of version {c})"
             for a, b, c in (versions_asked, version())
         )
         raise ClusterError(
-            f"this worker has {here}, and the machine that asks has {home}; install the same "
+            f"this worker has {worker_version}, and the machine that asks has {asking_version}; "
+            "install the same "
             "version on both"
         )
 

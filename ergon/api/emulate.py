@@ -152,15 +152,15 @@ def emulate(
     """
     from ergon import _core
 
-    usual = DEVICES[device]
+    default_url = DEVICES[device]
     _check(device, options)
     transport, port = _transport(device, options)
-    axis_count = options.axes or usual.axes
+    axis_count = options.axes or default_url.axes
     suffix = "?lockstep" if options.lockstep else ""
 
     def tell_url(event: str, text: str) -> None:
         is_ready = event == "ready"
-        tell(event, f"{usual.schemes[transport]}:{text}{suffix}" if is_ready else text)
+        tell(event, f"{default_url.schemes[transport]}:{text}{suffix}" if is_ready else text)
 
     _core.emulate(
         device,
@@ -170,7 +170,7 @@ def emulate(
         paths=_paths(options, 0 if options.free else axis_count),
         hand=(options.hand, options.grip),
         axes=axis_count,
-        force_max=usual.force if options.force_max is None else options.force_max,
+        force_max=default_url.force if options.force_max is None else options.force_max,
         model=_model(options),
         network=None if options.calib is None else _measured(options.calib, options.travel),
         force_step=options.force_step or 0.0,
@@ -192,14 +192,14 @@ def emulate(
 
 def _check(device: DeviceName, emulation_options: EmulationOptions) -> None:
     """Refuse options that contradict each other, or the device. Raises EmulationError."""
-    usual = DEVICES[device]
-    if emulation_options.axes not in (None, usual.axes) and device != "frame":
-        raise EmulationError(f"a {device} has {usual.axes} axes")
+    default_url = DEVICES[device]
+    if emulation_options.axes not in (None, default_url.axes) and device != "frame":
+        raise EmulationError(f"a {device} has {default_url.axes} axes")
     if emulation_options.force_max is not None and device != "frame":
         raise EmulationError(
             f"--force-max is for a frame alone; the motors of a {device} have a fixed limit"
         )
-    axes = emulation_options.axes or usual.axes
+    axes = emulation_options.axes or default_url.axes
     if len(emulation_options.gesture) > axes:
         raise EmulationError(f"{len(emulation_options.gesture)} gestures are given for {axes} keys")
     if emulation_options.noise < 0:

@@ -343,8 +343,8 @@ def _filters(
     try:
         filters = fold_filters.to_field(source_field, target_field)
         if left_out:
-            turned = _without(left_out, filters.transpose(1, 0, 2)).transpose(1, 0, 2)
-            return np.ascontiguousarray(turned), None
+            filters_by_ear = _without(left_out, filters.transpose(1, 0, 2)).transpose(1, 0, 2)
+            return np.ascontiguousarray(filters_by_ear), None
         return filters, target_field
     except ArrayError as error:
         raise OptionError("to", str(error), value=to) from None

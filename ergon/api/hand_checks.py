@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ergon.live.fitness import Finding
     from ergon.live.led_hands import LedHands
 
-_LOOK = 0.02  # [s] between two looks whether something came
+_POLL_SECONDS = 0.02  # [s] between two looks whether something came
 _WAIT = 120.0  # [s] for the first position
 
 
@@ -71,4 +71,4 @@ def _wait(hands: LedHands, wait_seconds: float, report: Report) -> None:
             lead.discard()  # no performance reads them
         if len(start_by_hand) == len(leads) and now >= max(start_by_hand.values()) + wait_seconds:
             return
-        time.sleep(_LOOK)
+        time.sleep(_POLL_SECONDS)

@@ -39,10 +39,11 @@ def read_layout(name: str | Path, report: Report | None = None) -> Layout:
         }
         if path.name not in shipped or path.name != str(name):
             close = nearest(path.stem, shipped)
-            meant = f"did you mean {close}? " if close else ""
+            suggestion_text = f"did you mean {close}? " if close else ""
             shipped_names = ", ".join(shipped)
             message = (
-                f"{quote(str(name))} is not a layout file; {meant}The library has {shipped_names}"
+                f"{quote(str(name))} is not a layout file; {suggestion_text}The library has "
+                f"{shipped_names}"
             )
             raise NoLayoutError(message.replace("; The", "; the"))
         path = shipped[path.name]

@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from ergon.scores.staging.stage import Stage
 
 # Time that a change needs from the session to the physics thread, on a busy machine too [s].
-_MARGIN = 0.006
-_SWITCH = 0.0005  # [s]
+_CHANGE_LEAD = 0.006
+_THREAD_SWITCH_SECONDS = 0.0005  # [s]
 _GainAndReference = tuple[float, float | None]  # gain, and reference level: ratios
 
 
@@ -101,7 +101,7 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
             session = Session(
                 version,
                 make,
-                margin=_MARGIN,
+                margin=_CHANGE_LEAD,
                 journal=journal,
                 real=real_hands,
                 store=user_store(),
@@ -119,8 +119,8 @@ def begin(path: str | None, options: SessionOptions, report: Report) -> Session:
         journal.path.unlink(missing_ok=True)  # nothing has begun
         led.close()
         raise
-    began = opening(session.schedule.engine.tick_frames, hands).fields()
-    journal.append("session", **began, disk=session.disk.hashes_by_name(version.texts))
+    opening_fields = opening(session.schedule.engine.tick_frames, hands).fields()
+    journal.append("session", **opening_fields, disk=session.disk.hashes_by_name(version.texts))
     engine = session.schedule.engine
     assert isinstance(engine, LiveEngine)
     session.attach(_SummarisedHands(led, report))
@@ -140,7 +140,7 @@ def _run(session: Session) -> None:
     gc.collect()
     gc.freeze()
     # A running line lets other threads in this soon, such as the one that stops a hand.
-    sys.setswitchinterval(_SWITCH)
+    sys.setswitchinterval(_THREAD_SWITCH_SECONDS)
     # In a notebook Ctrl-C ends a call, not the session; hands are let go until `release`.
     _core.stop_on_signals([signal.SIGINT], ends=False)
     with signals_blocked_in_threads():
@@ -149,13 +149,13 @@ def _run(session: Session) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _SummarisedHands:
-    """What leads keys without a device; its end says what came for each."""
+    """Led hands that report a summary of their input when they are closed."""
 
     led: LedHands
     report: Report
 
     def close(self) -> None:
-        """Let nothing lead a hand any more."""
+        """Stop leading the hands, and report a summary for each."""
         self.led.close()
         for sentence in self.led.summaries():
             self.report.say(sentence)

@@ -1,9 +1,9 @@
 """A Dask cluster of processes of this machine that no other user of it can use.
 
-Dask runs what it is sent, and any user may connect to a port of this machine. So scheduler,
-workers and their nannies speak TLS alone, with a certificate that is made for this cluster and
-kept in memory: who lacks its key is refused. Dask's pages (HTTP) ask for no certificate: they are
-not served.
+Dask runs what it is sent, and any user may connect to a port of this machine. So scheduler, workers
+and their nannies speak TLS alone, with a certificate that is made for this cluster and kept in
+memory; a connection without its key is refused. Dask's HTTP pages would need no certificate, so
+they are not served.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ def local_cluster(count: int, allowed_failures: int) -> Iterator[Any]:
     process ends while it starts.
     """
     security = distributed.Security.temporary()  # type: ignore[no-untyped-call]
-    shared = {"host": _HOST, "protocol": "tls", "security": security}
+    common_options = {"host": _HOST, "protocol": "tls", "security": security}
     worker = {
-        **shared,
+        **common_options,
         "nthreads": 1,
         "worker_class": UnservedWorker,
         "memory_limit": 1.0 / count,
@@ -61,7 +61,10 @@ def local_cluster(count: int, allowed_failures: int) -> Iterator[Any]:
     with dask.config.set(settings):
         with warnings.catch_warnings(action="ignore"):
             cluster = distributed.SpecCluster(  # type: ignore[no-untyped-call]
-                scheduler={"cls": UnservedScheduler, "options": {**shared, "dashboard": False}},
+                scheduler={
+                    "cls": UnservedScheduler,
+                    "options": {**common_options, "dashboard": False},
+                },
                 workers={i: {"cls": distributed.Nanny, "options": worker} for i in range(count)},
                 security=security,
                 silence_logs=logging.CRITICAL,

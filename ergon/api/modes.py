@@ -66,7 +66,7 @@ class ModesOptions(ReadOptions):
         return {"count": mode_count}
 
 
-_FAINTEST = -200.0  # [dB] a level below is a motion that is not there
+_LEVEL_MIN = -200.0  # [dB] lower levels are shown as no motion
 _LOWEST_NOTE = 8.0  # [Hz] below it is the rigid motion of a free body
 # A motion that seems to decay for longer than 11 days is undamped; the rest is rounding [s].
 _LONGEST_T60 = 1e6
@@ -175,7 +175,7 @@ def mode_rows(part: PartModes) -> list[tuple[str, ...]]:
             f"{cents:+.1f}" if note else "",
             f"{f:.2f} Hz",
             _t60(float(t60)),
-            *("–" if level[i] < _FAINTEST else f"{level[i]:.1f} dB" for level in levels),
+            *("–" if level[i] < _LEVEL_MIN else f"{level[i]:.1f} dB" for level in levels),
         )
         for i, (f, t60, (note, cents)) in enumerate(modes_with_decays)
     ]
@@ -221,7 +221,7 @@ def modes_of(
     import numpy as np
 
     network = built.network
-    asked_modes = _asked(network, name, search_bounds)
+    asked_modes = _engine_modes(network, name, search_bounds)
     decay = -asked_modes.poles.real
     is_damped = decay > LN_1000 / _LONGEST_T60
     t60 = np.where(is_damped, LN_1000 / np.where(is_damped, decay, 1.0), np.inf)
@@ -247,7 +247,7 @@ def modes_of(
     )
 
 
-def _asked(
+def _engine_modes(
     network: _core.Network, part_name: str, search_bounds: Mapping[str, float | int]
 ) -> _core.PartModes:
     """Modes by the engine. Raises OptionError where there are too many."""

@@ -1,4 +1,4 @@
-"""OSC as options ask for it."""
+"""OSC servers by command-line options."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 
 def osc_of(receive_from: str | None, send_to: str | None, report: Report) -> OscServer | None:
-    """OSC as asked, its sockets open; None where nothing is asked. Raises OptionError."""
+    """The OSC server of the options, with open sockets; None without these options. Raises
+    OptionError.
+    """
     if receive_from is None and send_to is None:
         return None
     from ergon.live.datagrams import PythonOscMissingError

@@ -105,10 +105,10 @@ def plan(
     loaded = scores.read(score, options, report)
     has_motion = scores.piece_of(loaded).motion is not None
     staged = scores.stage_piece(loaded, options, report, is_seen=has_motion)
-    staged_plan, wished = staged.stage.plan, staged.stage.planned_for
+    staged_plan, planned_accuracy = staged.stage.plan, staged.stage.planned_for
     assert staged_plan is not None
-    assert wished is not None
-    budget = budget_of(wished)
+    assert planned_accuracy is not None
+    budget = budget_of(planned_accuracy)
     plan_rows = tuple(staged_plan.rows())
     return Plan(
         plan_rows,

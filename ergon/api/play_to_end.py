@@ -12,8 +12,8 @@ from ergon.common.report import Report
 from .options import PlayOptions
 from .play import begin, prepare, warn_of_scaled_forces
 
-_LOOK = 0.05  # [s] between two looks whether it has ended, or Ctrl-C was pressed
-_AFTER = 10.0  # [s] that the sound in the ring buffer may take to be heard
+_POLL_SECONDS = 0.05  # [s] between two looks whether it has ended, or Ctrl-C was pressed
+_DRAIN_SECONDS_MAX = 10.0  # [s] that the sound in the ring buffer may take to be heard
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,19 +49,19 @@ def play(
                 prepared.osc.begin(
                     performance, prepared.stage, prepared.config.gain, prepared.config.start
                 )
-            while not performance.wait(_LOOK):
+            while not performance.wait(_POLL_SECONDS):
                 pass
             status = performance.status()
         except BaseException:
             performance.panic()
             performance.stop()
             with contextlib.suppress(_core.EngineError):
-                performance.close(_LOOK)
+                performance.close(_POLL_SECONDS)
             raise
         finally:
             if prepared.osc is not None:
                 prepared.osc.stop_serving()
-        performance.close(_AFTER)
+        performance.close(_DRAIN_SECONDS_MAX)
     except _core.EngineError as error:
         raise ErgonError(str(error)) from None
     finally:

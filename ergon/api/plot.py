@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ergon.view.roll import Bar
 
 NOTES = "notes"  # a plot of all notes, in place of a name
-_ROOM = 0.02  # [s] drawn before a gesture: its joining curve
+_JOINING_SECONDS = 0.02  # [s] drawn before a gesture: its joining curve
 
 
 def plot(
@@ -100,7 +100,7 @@ def drawn_curves(
         raise ErgonError(f"there is no '{name}'{_nearest(name, all_names)}")
     stage, gestures = _staged(loaded, name, key, report)
     first_gesture = gestures[0]
-    start_seconds = max(0.0, min(gesture.start for gesture in gestures) - _ROOM)
+    start_seconds = max(0.0, min(gesture.start for gesture in gestures) - _JOINING_SECONDS)
     stop_seconds = max(gesture.stop for gesture in gestures)
     reach = piece.keys[first_gesture.key].reach
     curves = asked_and_done(

@@ -92,9 +92,9 @@ def read(
 
 def _refuse_foreign(path: Path) -> None:
     """Refuse a file of another program; what a reader of scores finds wrong in it helps nobody."""
-    foreign = foreign_file(path)
-    if foreign is not None and path.suffix.lower() not in (".yaml", ".yml"):
-        raise ErgonError(f"{path}: {foreign}")
+    foreign_kind = foreign_file(path)
+    if foreign_kind is not None and path.suffix.lower() not in (".yaml", ".yml"):
+        raise ErgonError(f"{path}: {foreign_kind}")
 
 
 def bounds(path: str, trust: bool) -> FileBounds:

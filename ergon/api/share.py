@@ -32,7 +32,9 @@ _FREE_POINT = 25.0  # a second, of a free oscillation or a mode
 _CHUNK = 20  # head and check sum of a chunk of the motion file
 _KEY, _SPEAKER = 12, 4  # bytes for each in every frame of the motion
 _FLAC = 0.25  # estimated size over that of the samples
-_SURE = 2.0  # a piece is refused before it is computed if its estimate is so many limits
+_ESTIMATE_RATIO_MAX = (
+    2.0  # a piece is refused before it is computed if its estimate is so many limits
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +59,7 @@ def check_estimate(prepared: PreparedRender, path: Path, limit_mb: float) -> Non
     motion = film_seconds * _motion_each_second(prepared.stage)
     sound_bytes = film_seconds * rate * min(film.n_channels, EARS) * 2 * _FLAC
     page_size = _CODED * (motion + sound_bytes)
-    if page_size > _SURE * limit_mb * _MEGA:
+    if page_size > _ESTIMATE_RATIO_MAX * limit_mb * _MEGA:
         fitting = film_seconds * limit_mb * _MEGA / page_size
         raise OptionError(
             "limit",

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from .simulate import Simulated
 
-_SAME = 1e-9  # [m], and as a ratio of strokes: smaller differences are rounding
+_ROUNDING_TOLERANCE = 1e-9  # [m], and as a ratio of strokes: smaller differences are rounding
 _Kinds = Mapping[tuple[str, str], str]  # kinds of modules, by part and name
 _THROWN = ("MAS", "CEL")  # modules that a stroke throws at a contact
 
@@ -94,11 +94,11 @@ def _contact_warning(
             strokes
         ):
             continue  # something else closed it, or several strokes did
-        least = strokes_before[-1].reach * (1 - _SAME) if first_closed else 0.0
+        least = strokes_before[-1].reach * (1 - _ROUNDING_TOLERANCE) if first_closed else 0.0
         n_as_far = sum(stroke.reach >= least and stroke.reach > 0.0 for stroke in later_strokes)
         if n_as_far:
-            when = scores.where(piece, first_closed / simulated.rate)
-            message = f"contact {quote(contact.full_name)} closes at {when} only, "
+            contact_time = scores.where(piece, first_closed / simulated.rate)
+            message = f"contact {quote(contact.full_name)} closes at {contact_time} only, "
             message += f"though {n_as_far} later {player.more if n_as_far > 1 else player.singular}"
             help = "`ergon check --simulate` lists how far masses swing; the mass that is struck "
             help += "may not have returned"
@@ -167,13 +167,16 @@ def _strokes(gesture: StagedGesture, direction: float) -> Iterator[_Stroke]:
     begins, lowest, highest = gesture.start, float("inf"), -float("inf")
     for begins_at, x in zip(gesture.t, gesture.x, strict=True):
         reach_forward = direction * x
-        if reach_forward < highest - _SAME:
-            if highest > lowest + _SAME:
+        if reach_forward < highest - _ROUNDING_TOLERANCE:
+            if highest > lowest + _ROUNDING_TOLERANCE:
                 yield _Stroke(begins, highest)
             begins, lowest, highest = begins_at, reach_forward, reach_forward
             continue
-        if reach_forward <= lowest + _SAME and highest <= lowest + _SAME:
+        if (
+            reach_forward <= lowest + _ROUNDING_TOLERANCE
+            and highest <= lowest + _ROUNDING_TOLERANCE
+        ):
             begins, lowest = begins_at, min(lowest, reach_forward)
         highest = max(highest, reach_forward)
-    if highest > lowest + _SAME:
+    if highest > lowest + _ROUNDING_TOLERANCE:
         yield _Stroke(begins, highest)

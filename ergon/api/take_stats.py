@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ergon import _core
     from ergon.scores.gesture.movement import MovementStats
 
-_FRESH = 1  # bit in a recording's flags
+_FRESH_FLAG = 1  # bit in a recording's flags
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +94,7 @@ def _hand_stats(recording: _core.Recording, axis_index: int, cutoff: float) -> H
 
     ticks = recording.ticks()
     n = len(ticks)
-    is_fresh = recording.flags()[:, axis_index] & _FRESH != 0
+    is_fresh = recording.flags()[:, axis_index] & _FRESH_FLAG != 0
     return HandStats(
         recording.names[axis_index],
         n,

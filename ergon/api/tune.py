@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
 
 REACHED = 1e-6  # [cents] within which a target counts as reached
-_EXACT = 1e-10  # [cents] at which the search ends
+_CENTS_TOLERANCE = 1e-10  # [cents] at which the search ends
 _DIGITS = 12  # digits of a value; one more moves a mode by 1e-9 cents at most
-_STEPS = 80
+_STEPS_MAX = 80
 _STRIDE = 0.4  # a value is at most multiplied by e^0.4 in one step
-_FARTHEST = math.log(1000.0)
+_LOG_FACTOR_MAX = math.log(1000.0)
 _NUDGE = 1e-4  # step of a value's logarithm for derivatives
 _CENTS = 1200.0 / math.log(2.0)
 _FLAT = 1e-5  # a smaller slope is rounding, or tunes nothing
@@ -349,13 +349,13 @@ class _Search:
         initial_logs = np.log([value.number for value in self.values])
         logs, error_max = initial_logs.copy(), math.inf
         search_state = self._modes(self._numbers(logs))
-        for _ in range(_STEPS):
+        for _ in range(_STEPS_MAX):
             poles = search_state[0]
             residuals = np.log(poles.imag / (2 * np.pi)) - self.log_targets
             error_max = float(np.abs(residuals).max())
             slopes = self._slopes(search_state, logs)
             log_step, self.rank = _least_step(slopes, residuals)
-            if error_max * _CENTS <= _EXACT:
+            if error_max * _CENTS <= _CENTS_TOLERANCE:
                 break
             largest_step = float(np.abs(log_step).max())
             if largest_step <= 1e-15:
@@ -386,7 +386,7 @@ class _Search:
 
         for _ in range(14):
             trial_logs = np.clip(
-                logs + log_step, initial_logs - _FARTHEST, initial_logs + _FARTHEST
+                logs + log_step, initial_logs - _LOG_FACTOR_MAX, initial_logs + _LOG_FACTOR_MAX
             )
             try:
                 trial_state = self._modes(self._numbers(trial_logs))

@@ -75,6 +75,6 @@ def share_out(pieces: Sequence[WorkPiece], total_cost: float, count: int) -> Sha
     costs = [piece.cost for piece in pieces]
     loads = [sum(costs[i] for i in group) for group in group_by_cost(costs, count)]
     loads += [0.0] * (count - len(loads))
-    home = max(0.0, total_cost - sum(costs))
+    home_cost = max(0.0, total_cost - sum(costs))
     dearest = max(pieces, key=lambda piece: piece.cost, default=None)
-    return Shares(count, tuple(loads), home, dearest)
+    return Shares(count, tuple(loads), home_cost, dearest)

@@ -1,4 +1,4 @@
-"""Files of other programs that are not read: what each is, and what to do with it instead.
+"""Files of other programs that ergon cannot read: the name of each form, and advice.
 
 A file is known by its first bytes where its form has such, else by the ending of its name.
 """
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path, PurePath
 
-_HEAD = 1024  # bytes in which a file says what it is
+_HEAD_BYTES = 1024  # bytes in which a file says what it is
 
 _SOUND = "save it as WAV or FLAC"
 _FILM = "save its sound as WAV or FLAC"
@@ -23,7 +23,7 @@ _PATCH = (
     "record what it plays, sound as WAV or FLAC and curves as CSV, or write its model as a score "
     "(`ergon new`)"
 )
-_MAX = (
+_MAX_PATCH = (
     "`ergon import` reads a MIMS or mi-gen model from its .mdl file, not from the patch around it; "
     f"else {_PATCH}"
 )
@@ -35,7 +35,7 @@ _ROWS = "save it there as CSV whose first line names columns and units, such as 
 _CAPTURE = "save it there as C3D, BVH or TRC"
 _SAMPLES = "give a recording of one of its notes to `ergon bell`, as WAV or FLAC"
 _CURVES = "save what it holds as CSV whose first line names columns and units, such as t [s],x [mm]"
-_NONE = "give the sound, notes, motion or score that is meant"
+_ADVICE = "give the sound, notes, motion or score that is meant"
 _ARCHIVE = "unpack it, and name the file that is meant"
 
 
@@ -82,8 +82,8 @@ _KINDS = (
     _Kind("sound or film in the form ASF", _FILM,
           (".wma", ".wmv"), rb"0&\xb2u\x8ef\xcf\x11"),
     # Programs that make sound.
-    _Kind("a device of Max for Live", _MAX, (".amxd",), rb"ampf"),
-    _Kind("a patch of Max", _MAX, (".maxpat", ".maxhelp", ".gendsp", ".genexpr", ".mxt"),
+    _Kind("a device of Max for Live", _MAX_PATCH, (".amxd",), rb"ampf"),
+    _Kind("a patch of Max", _MAX_PATCH, (".maxpat", ".maxhelp", ".gendsp", ".genexpr", ".mxt"),
           rb'\s*\{\s*"patcher"\s*:|max v2;'),
     _Kind("a program of Csound", _PATCH, (".csd", ".orc", ".sco", ".udo"),
           anywhere=rb"<CsoundSynthesizer>"),
@@ -95,8 +95,8 @@ _KINDS = (
     _Kind("patterns of TidalCycles", _PATTERNS, (".tidal",)),
     _Kind("a program of Ruby, as of Sonic Pi", _PATTERNS, (".rb",)),
     _Kind("a program of JavaScript, as of Strudel", _PATTERNS, (".js", ".mjs", ".ts")),
-    _Kind("a program of Python", _NONE, (".py",)),
-    _Kind("a notebook", _NONE, (".ipynb",)),
+    _Kind("a program of Python", _ADVICE, (".py",)),
+    _Kind("a notebook", _ADVICE, (".ipynb",)),
     # Notes.
     _Kind("a score of LilyPond", _NOTES, (".ly", ".ily"), rb'\s*\\version\s+"'),
     _Kind("a tune in ABC", _NOTES, (".abc",), rb"(?:%[^\n]*\n)*X:\s*\d+\s*\n"),
@@ -110,7 +110,7 @@ _KINDS = (
           rb".FICHIER GUITAR PRO"),
     _Kind("a song of a tracker", _NOTES, (".mod", ".xm", ".it", ".s3m"),
           rb"Extended Module: |IMPM"),
-    _Kind("messages to a synthesizer (system exclusive)", _NONE, (".syx",), rb"\xf0[\x00-\x7f]"),
+    _Kind("messages to a synthesizer (system exclusive)", _ADVICE, (".syx",), rb"\xf0[\x00-\x7f]"),
     # Sessions.
     _Kind("a set of Ableton Live", _SESSION, (".als", ".alc", ".adg")),
     _Kind("a project of REAPER", _SESSION, (".rpp",), rb"<REAPER_PROJECT"),
@@ -156,11 +156,11 @@ _KINDS = (
     _Kind("a file of HDF5", _CURVES, (".h5", ".hdf5", ".hdf")),
     _Kind("a file of SQLite", _ROWS, (".sqlite", ".db"), rb"SQLite format 3"),
     # What is none of these.
-    _Kind("a picture", _NONE, (".png", ".jpg", ".jpeg", ".gif", ".svg", ".webp", ".tif", ".tiff"),
+    _Kind("a picture", _ADVICE, (".png", ".jpg", ".jpeg", ".gif", ".svg", ".webp", ".tif", ".tiff"),
           rb"\x89PNG|\xff\xd8\xff|GIF8"),
-    _Kind("a document", _NONE, (".pdf", ".doc", ".docx", ".odt", ".rtf"), rb"%PDF-|\{\\rtf"),
-    _Kind("a page", _NONE, (".html", ".htm"), rb"\s*<(?:!doctype html|html)"),
-    _Kind("a program of this machine", _NONE, (".exe", ".dll", ".so", ".dylib"),
+    _Kind("a document", _ADVICE, (".pdf", ".doc", ".docx", ".odt", ".rtf"), rb"%PDF-|\{\\rtf"),
+    _Kind("a page", _ADVICE, (".html", ".htm"), rb"\s*<(?:!doctype html|html)"),
+    _Kind("a program of this machine", _ADVICE, (".exe", ".dll", ".so", ".dylib"),
           rb"\x7fELF|MZ\x90"),
     _Kind("an archive", _ARCHIVE, (".zip", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".7z", ".rar"),
           rb"\x1f\x8b|BZh|\xfd7zXZ|7z\xbc\xaf|Rar!"),
@@ -169,8 +169,9 @@ _BY_ENDING = {ending: kind for kind in _KINDS for ending in kind.endings}
 
 
 def foreign_form(head: bytes, path: PurePath | None = None) -> str | None:
-    """What a file that begins so is, if it is of another program and not read, with what to do; by
-    `path` also from the ending of its name.
+    """A sentence on the form of a file of another program, with advice; None if the form is not
+    known. The form is recognised by the first bytes and, if `path` is given, by the ending of
+    its name.
     """
     kind = next(_kinds(head, path), None)
     return None if kind is None else f"it is {kind.name}, which is not read; {kind.advice}"
@@ -194,6 +195,6 @@ def foreign_file(path: Path) -> str | None:
     """The same for a file; None for one that is not regular or cannot be read."""
     try:
         with open_regular(path) as file:
-            return foreign_form(file.read(_HEAD), path)
+            return foreign_form(file.read(_HEAD_BYTES), path)
     except OSError:
         return None

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from .errors import ErgonError
 
-_OTHERS = 0o077
+_GROUP_AND_OTHERS_MODE = 0o077
 _OTHERS_WRITE = 0o022
 
 
@@ -24,7 +24,7 @@ def set_umask() -> None:
 
     What the umask says of a group's rights, and of reading by others, holds.
     """
-    os.umask(os.umask(_OTHERS) & _OTHERS | 0o002)
+    os.umask(os.umask(_GROUP_AND_OTHERS_MODE) & _GROUP_AND_OTHERS_MODE | 0o002)
 
 
 def make_private_folder(folder: Path) -> None:
@@ -54,7 +54,7 @@ def is_own_alone(status: os.stat_result) -> bool:
 
 def _is_open(status: os.stat_result) -> bool:
     """Whether anybody but its owner may open a folder."""
-    return hasattr(os, "geteuid") and bool(status.st_mode & _OTHERS)
+    return hasattr(os, "geteuid") and bool(status.st_mode & _GROUP_AND_OTHERS_MODE)
 
 
 def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ergon.common.regular import open_regular
 
-_HEAD = 16  # bytes that tell
+_HEAD_BYTES = 16  # bytes that tell
 
 WAVE, FLAC = ".wav", ".flac"
 SUFFIXES = (WAVE, FLAC)  # of files that are written
@@ -39,7 +39,7 @@ def is_sound(path: Path) -> bool:
 def first_bytes(path: Path) -> bytes:
     """So many bytes of a regular file as say what it holds. Raises OSError."""
     with open_regular(path) as file:
-        return file.read(_HEAD)
+        return file.read(_HEAD_BYTES)
 
 
 def wrong_ending(target: str) -> str | None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from .wave_header import WaveInfo
 
 _UID = struct.Struct("<H12s14s11sx")
-_FIRST = 0x1001  # first ID of definitions in the file itself
+_FIRST_ID = 0x1001  # first ID of definitions in the file itself
 _TYPES = {"DirectSpeakers": "0001", "HOA": "0004"}
 _CHANNELS_MAX = 1024  # channels
 _EFFECTS_HZ = 200.0  # highest frequency of a channel for effects (BS.2051: 120 Hz)
@@ -63,11 +63,11 @@ def _kind(layout: ChannelLayout) -> str:
 def _ids(layout: ChannelLayout) -> list[str]:
     """`00011001` …, one for each channel."""
     prefix = _TYPES[_kind(layout)]
-    return [f"{prefix}{_FIRST + i:04x}" for i in range(layout.n_channels)]
+    return [f"{prefix}{_FIRST_ID + i:04x}" for i in range(layout.n_channels)]
 
 
 def _chna(layout: ChannelLayout) -> bytes:
-    pack = f"AP_{_TYPES[_kind(layout)]}{_FIRST:04x}".encode()
+    pack = f"AP_{_TYPES[_kind(layout)]}{_FIRST_ID:04x}".encode()
     ids = _ids(layout)
     chna_rows = [
         _UID.pack(i, f"ATU_{i:08x}".encode(), f"AT_{number}_01".encode(), pack)
@@ -79,7 +79,7 @@ def _chna(layout: ChannelLayout) -> bytes:
 def _axml(layout: ChannelLayout, piece_title: str) -> str:
     layout_kind, ids = _kind(layout), _ids(layout)
     type_label = _TYPES[layout_kind]
-    pack = f"AP_{type_label}{_FIRST:04x}"
+    pack = f"AP_{type_label}{_FIRST_ID:04x}"
     quoted_title = quoteattr("".join(c for c in piece_title if c.isprintable()) or "ergon")
     typed = f'typeLabel="{type_label}" typeDefinition="{layout_kind}"'
     farthest = max((r for *_, r in layout.speakers), default=1.0) or 1.0

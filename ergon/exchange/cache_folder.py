@@ -80,15 +80,15 @@ class CacheFolder:
     def forget(self) -> None:
         """Remove the files that were used least recently, until the rest is within the bounds."""
         name_pattern = re.compile(f"[0-9a-f]{{64}}{re.escape(self.suffix)}")
-        ours = []
+        cache_files = []
         with contextlib.suppress(OSError):
             for path in self.path.iterdir():
                 if name_pattern.fullmatch(path.name):
                     with contextlib.suppress(OSError):  # another run has removed it
                         stat = path.lstat()
-                        ours.append((stat.st_mtime_ns, path.name, stat.st_size, path))
+                        cache_files.append((stat.st_mtime_ns, path.name, stat.st_size, path))
         n_bytes = 0
-        for count, (_, _, size, path) in enumerate(sorted(ours, reverse=True), start=1):
+        for count, (_, _, size, path) in enumerate(sorted(cache_files, reverse=True), start=1):
             n_bytes += size
             if count > self.n_files or n_bytes > self.n_bytes:
                 with contextlib.suppress(OSError):

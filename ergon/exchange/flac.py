@@ -31,7 +31,9 @@ _SUBTYPES: dict[Bits, str] = {16: "PCM_16", 24: "PCM_24"}
 _BITS: dict[str, Bits] = {subtype: bits for bits, subtype in _SUBTYPES.items()}
 _BLOCK = 65_536  # frames read at once
 _FRAMES_PER_BYTE = 8192  # 65,535 equal samples take 11 bytes at least (RFC 9639, section 9)
-_UNKNOWN = 1 << 36  # frames, of which the format counts less: libsndfile tells an unknown length
+_UNKNOWN_LENGTH = (
+    1 << 36
+)  # frames, of which the format counts less: libsndfile tells an unknown length
 
 
 def refusal(format: WaveFormat) -> str | None:
@@ -108,7 +110,7 @@ def read_info(path: Path) -> WaveInfo:
                 bits = _BITS.get(flac_file.subtype)
                 if flac_file.format != "FLAC" or bits is None:
                     raise NotWaveError("the file is not FLAC of 16 or 24 bits")
-                if flac_file.frames >= _UNKNOWN:
+                if flac_file.frames >= _UNKNOWN_LENGTH:
                     raise NotWaveError("the file does not say how long it is; encode it again")
                 file_size = os.fstat(open_file.fileno()).st_size
                 if flac_file.frames > _FRAMES_PER_BYTE * file_size:

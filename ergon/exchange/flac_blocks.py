@@ -17,8 +17,8 @@ from typing import BinaryIO
 from .wave_header import NotWaveError, parse
 
 MAGIC = b"fLaC"
-_HEAD = 4  # bytes of the type and the size of a block
-HEAD_END = len(MAGIC) + _HEAD + 34  # bytes up to the end of STREAMINFO, which comes first
+_HEAD_BYTES = 4  # bytes of the type and the size of a block
+HEAD_END = len(MAGIC) + _HEAD_BYTES + 34  # bytes up to the end of STREAMINFO, which comes first
 _APPLICATION, _COMMENT = 2, 4
 _IS_LAST = 0x80
 _RIFF = b"riff"
@@ -75,8 +75,8 @@ def _blocks(open_file: BinaryIO) -> Iterator[tuple[int, bytes]]:
     open_file.seek(len(MAGIC))
     n_bytes = 0
     for _ in range(_BLOCKS_MAX):
-        header_bytes = open_file.read(_HEAD)
-        if len(header_bytes) < _HEAD:
+        header_bytes = open_file.read(_HEAD_BYTES)
+        if len(header_bytes) < _HEAD_BYTES:
             return
         block_kind, chunk_size = (
             header_bytes[0] & ~_IS_LAST,

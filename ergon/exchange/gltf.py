@@ -151,12 +151,12 @@ class _Scene:
         """Add a point that rests at (3,) and follows a path (n_instants, 3); returns its node
         number.
         """
-        turned = _to_gltf_axes(path)
+        gltf_points = _to_gltf_axes(path)
         point_node = self.node(
             {"name": name, "mesh": 0, "translation": _to_gltf_axes(rest_positions).tolist()}
         )
         if (path != rest_positions).any():
-            self._move(point_node, "translation", self._sampler(self._times, turned))
+            self._move(point_node, "translation", self._sampler(self._times, gltf_points))
         return point_node
 
     def line(self, a: tuple[int, NDArray[Any]], b: tuple[int, NDArray[Any]], until: float) -> int:
@@ -167,15 +167,15 @@ class _Scene:
         """
         import numpy as np
 
-        apart = _to_gltf_axes(b[1] - a[1])
+        end_distance = _to_gltf_axes(b[1] - a[1])
         if until <= self.instants[0]:
-            apart[:] = 0.0
+            end_distance[:] = 0.0
         line_node = self.node(
             {
                 "name": f"{self.nodes[a[0]]['name']}, {self.nodes[b[0]]['name']}",
                 "mesh": self._line_mesh(),
                 "translation": self.nodes[a[0]]["translation"],
-                "scale": apart[0].tolist(),
+                "scale": end_distance[0].tolist(),
             }
         )
         if a[0] in self._moved:
@@ -184,14 +184,16 @@ class _Scene:
         end_instant = np.float32(until)
         if self.instants[0] < until <= self.instants[-1]:
             n = int(np.searchsorted(line_times, end_instant))
-            last_distance = [np.interp(until, self.instants, axis) for axis in apart.T]
-            apart = np.vstack([apart[:n], [last_distance], np.zeros((1, 3))]).astype(np.float32)
+            last_distance = [np.interp(until, self.instants, axis) for axis in end_distance.T]
+            end_distance = np.vstack([end_distance[:n], [last_distance], np.zeros((1, 3))]).astype(
+                np.float32
+            )
             line_times = np.append(
                 line_times[:n], [end_instant, np.nextafter(end_instant, np.float32(np.inf))]
             )
-            self._move(line_node, "scale", self._sampler(self._instants(line_times), apart))
-        elif (apart != apart[0]).any():
-            self._move(line_node, "scale", self._sampler(self._times, apart))
+            self._move(line_node, "scale", self._sampler(self._instants(line_times), end_distance))
+        elif (end_distance != end_distance[0]).any():
+            self._move(line_node, "scale", self._sampler(self._times, end_distance))
         return line_node
 
     def _sampler(self, times: int, values: NDArray[np.float32]) -> int:

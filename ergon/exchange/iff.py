@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ergon.common.errors import ErgonError
 
 _GROUPS = (b"FORM", b"LIST", b"CAT ", b"PROP")
-_HEAD = 8  # bytes of an identifier and a size
+_HEAD_BYTES = 8  # bytes of an identifier and a size
 _DEPTH_MAX = 32
 _CHUNKS_MAX = 100_000
 
@@ -46,13 +46,13 @@ def _walked(file_bytes: bytes, start_offset: int, stop_offset: int, depth: int) 
     if depth > _DEPTH_MAX:
         raise NotIffError(f"byte {start_offset:,}: groups lie in groups deeper than {_DEPTH_MAX}")
     while start_offset < stop_offset:
-        header_bytes = file_bytes[start_offset : start_offset + _HEAD]
-        if start_offset + _HEAD > stop_offset:
+        header_bytes = file_bytes[start_offset : start_offset + _HEAD_BYTES]
+        if start_offset + _HEAD_BYTES > stop_offset:
             raise NotIffError(
                 f"byte {start_offset:,}: {stop_offset - start_offset} bytes are too few for a chunk"
             )
         identifier, chunk_size = header_bytes[:4], int.from_bytes(header_bytes[4:], "big")
-        inside = start_offset + _HEAD
+        inside = start_offset + _HEAD_BYTES
         if not all(32 <= byte < 127 for byte in identifier):
             raise NotIffError(f"byte {start_offset:,}: {identifier!r} is not the name of a chunk")
         chunk_name = identifier.decode("ascii")

@@ -24,8 +24,8 @@ from .speaker_labels import is_effects
 
 FILE_BYTES_MAX = 4 << 20  # bytes of a file
 SPEAKERS_MAX = 1024
-_FARTHEST = 100.0  # [m]
-_NEAREST = 0.01
+_DISTANCE_MAX = 100.0  # [m]
+_DISTANCE_MIN = 0.01
 _DEPTH_MAX = 32
 
 
@@ -70,9 +70,9 @@ def _write_iem(speakers: Sequence[Angles], output_numbers: Sequence[int], piece_
 
     speaker_rows = [
         {
-            "Azimuth": _short(azimuth),
-            "Elevation": _short(elevation),
-            "Radius": _short(distance),
+            "Azimuth": _rounded(azimuth),
+            "Elevation": _rounded(elevation),
+            "Radius": _rounded(distance),
             "IsImaginary": False,
             "Channel": number,
             "Gain": 1.0,
@@ -119,7 +119,7 @@ def _read_iem(data: bytes) -> ReadLayout:
         )
         numbered.append((channel, speaker_angles))
         if _number(speaker_row.get("Gain", 1.0), "Gain") != 1.0:
-            left_out.append(_dropped("gain", channel))
+            left_out.append(_dropped_note("gain", channel))
     return _in_order(numbered, left_out)
 
 
@@ -129,7 +129,9 @@ def _read_iem(data: bytes) -> ReadLayout:
 def _write_ear(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -> str:
     yaml_lines = [f"# made by ergon: {printable(title)}\n", "speakers:\n"]
     for number, (azimuth, elevation, distance) in zip(outputs, speakers, strict=True):
-        position = f"{{az: {_short(azimuth)}, el: {_short(elevation)}, r: {_short(distance)}}}"
+        position = (
+            f"{{az: {_rounded(azimuth)}, el: {_rounded(elevation)}, r: {_rounded(distance)}}}"
+        )
         yaml_lines.append(
             f"  - {{channel: {number - 1}, names: L{number}, position: {position}}}\n"
         )
@@ -176,7 +178,7 @@ def _read_ear(data: bytes) -> ReadLayout:
         )
         numbered.append((channel_number, speaker_angles))
         if _number(speaker_row.get("gain_linear", 1.0), "gain") != 1.0:
-            left_out.append(_dropped("gain", channel_number + 1))
+            left_out.append(_dropped_note("gain", channel_number + 1))
     return _in_order(numbered, left_out, 0)
 
 
@@ -202,7 +204,7 @@ def _write_spatgris(speakers: Sequence[Angles], output_numbers: Sequence[int], t
         x, y, z = point(azimuth, elevation, distance / farthest)
         text_lines.append(
             f'  <SPEAKER_{output_number} STATE="normal" GAIN="0" DIRECT_OUT_ONLY="0">\n'
-            f'    <POSITION X="{_short(x)}" Y="{_short(y)}" Z="{_short(z)}"/>\n'
+            f'    <POSITION X="{_rounded(x)}" Y="{_rounded(y)}" Z="{_rounded(z)}"/>\n'
             f"  </SPEAKER_{output_number}>\n"
         )
     return "".join([*text_lines, f"</{_SPATGRIS}>\n"])
@@ -217,8 +219,8 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
     if root_element.tag != _SPATGRIS:
         raise LayoutFileError(f"its root is {printable(root_element.tag[:40])}, not {_SPATGRIS}")
     for group in root_element.iter("SPEAKER_GROUP"):
-        turned = [group.get(name, "0") for name in ("YAW", "PITCH", "ROLL")]
-        moved = [*turned, *_axes(group.get(_PLACE, "0, 0, 0"))]
+        rotations = [group.get(name, "0") for name in ("YAW", "PITCH", "ROLL")]
+        moved = [*rotations, *_axes(group.get(_PLACE, "0, 0, 0"))]
         if any(_number(element, "place of a group") for element in moved):
             raise LayoutFileError("a group of its loudspeakers is moved or turned; none may be")
     numbered, left_out = [], []
@@ -245,9 +247,9 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
         output_number = _number(number_element, "number of an output")
         numbered.append((output_number, angles((x, y, z))))
         if _number(element.get("GAIN", 0.0), "gain"):
-            left_out.append(_dropped("gain", output_number))
+            left_out.append(_dropped_note("gain", output_number))
         if element.find("HIGHPASS") is not None:
-            left_out.append(_dropped("high-pass filter", output_number))
+            left_out.append(_dropped_note("high-pass filter", output_number))
         state_text = element.get("IO_STATE", element.get("STATE", "normal"))
         if state_text != "normal":
             left_out.append(
@@ -282,7 +284,7 @@ def _in_order(
     return ReadLayout([speaker_angles for _, speaker_angles in in_order], outputs, list(left_out))
 
 
-def _dropped(what: str, output: float) -> str:
+def _dropped_note(what: str, output: float) -> str:
     return f"the {what} of output {output:g} is not kept"
 
 
@@ -294,7 +296,7 @@ def _angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:
     )
     if not (abs(angles[0]) <= 360.0 and abs(angles[1]) <= 90.0):
         raise LayoutFileError(f"a loudspeaker lies at {angles[0]:g}°, {angles[1]:g}°")
-    if not _NEAREST <= angles[2] <= _FARTHEST:
+    if not _DISTANCE_MIN <= angles[2] <= _DISTANCE_MAX:
         raise LayoutFileError(f"a loudspeaker is {angles[2]:g} m away")
     return angles
 
@@ -313,7 +315,7 @@ def _number(json_value: Any, noun: str) -> float:
     return finite_number
 
 
-def _short(value: float) -> float:
+def _rounded(value: float) -> float:
     return round(value, 9) + 0.0
 
 
@@ -345,7 +347,8 @@ def as_yaml(
     yaml_lines += ["project: equidistant\n", "speakers:\n"]
     for azimuth, elevation, distance in speakers:
         speaker_place = (
-            f"az: {_short(azimuth)}deg, el: {_short(elevation)}deg, r: {_short(distance * scale)}m"
+            f"az: {_rounded(azimuth)}deg, el: {_rounded(elevation)}deg, r: "
+            f"{_rounded(distance * scale)}m"
         )
         yaml_lines.append(f"  - {{{speaker_place}}}\n")
     if [*output_numbers] != [*range(1, len(output_numbers) + 1)]:

@@ -22,7 +22,7 @@ from .cache_folder import user_folder
 from .safe import FileRefusedError, open_for_writing
 
 _BYTES_MAX = 10_000
-_RANGE = (0.01, 100.0)  # beyond it nothing was measured
+_CORRECTION_RANGE = (0.01, 100.0)  # beyond it nothing was measured
 
 
 def read_correction(environment: Mapping[str, str] = os.environ) -> float | None:
@@ -37,7 +37,9 @@ def read_correction(environment: Mapping[str, str] = os.environ) -> float | None
     if not isinstance(stored_content, dict) or stored_content.get("processor") != processor_name():
         return None
     correction = stored_content.get("correction")
-    is_valid = isinstance(correction, float) and _RANGE[0] <= correction <= _RANGE[1]
+    is_valid = (
+        isinstance(correction, float) and _CORRECTION_RANGE[0] <= correction <= _CORRECTION_RANGE[1]
+    )
     return correction if is_valid else None
 
 

@@ -160,15 +160,15 @@ def tempo_steps(
         micros = (seconds_at(end) - seconds_at(step_beat)) * 1e6
         if abs(error + tempo * n_quarters - micros) > _DRIFT:
             exact = micros / n_quarters
-            better = math.floor(exact) if error > 0 else math.ceil(exact)
-            if not 1 <= better <= _TEMPO_MAX:
+            closer_count = math.floor(exact) if error > 0 else math.ceil(exact)
+            if not 1 <= closer_count <= _TEMPO_MAX:
                 raise ValueError(
                     f"MIDI cannot represent the tempo at beat {step_beat:g}: a quarter note lasts "
                     f"{exact / 1e6:.6g} s there, and in a MIDI file from 1 µs to "
                     f"{_TEMPO_MAX / 1e6:.5g} s ({60e6 / _TEMPO_MAX:.3g} quarters a minute)"
                 )
-            if better != tempo:
-                tempo = better
+            if closer_count != tempo:
+                tempo = closer_count
                 tempo_changes.append((step_beat, tempo))
         error += tempo * n_quarters - micros
     return tempo_changes

@@ -1,4 +1,4 @@
-"""A folder that appears under its name when all that belongs in it is there."""
+"""A folder that appears under its name only when it is complete."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .safe import FileRefusedError, make_folder, remove_folders
 def check_new_folder(folder: Path) -> None:
     """Raise FileRefusedError unless a folder may be made: there is none, or an empty one.
 
-    What killed programs left in it is removed.
+    Files that killed programs left in it are removed.
     """
     temporary.remove_abandoned(folder)
     if folder.exists() and not folder.is_dir():
@@ -32,17 +32,17 @@ def new_folder(folder: Path) -> Iterator[Path]:
     """
     check_new_folder(folder)
     target_folder = folder.resolve()
-    is_there = target_folder.exists()
+    folder_exists = target_folder.exists()
     missing_parents = [ancestor for ancestor in target_folder.parents if not ancestor.exists()]
     make_folder(target_folder.parent)
     try:
         # Within a folder that exists: it may be the root of a file system, and keeps its rights.
         with temporary.temporary_folder(
-            target_folder if is_there else target_folder.parent, target_folder.name
+            target_folder if folder_exists else target_folder.parent, target_folder.name
         ) as part_folder:
             yield part_folder
             _sync_files(part_folder)
-            if is_there:
+            if folder_exists:
                 _move_up(part_folder, target_folder)
             else:
                 os.rename(part_folder, target_folder)
@@ -66,15 +66,15 @@ def _sync_files(folder: Path) -> None:
 
 def _move_up(part_folder: Path, target_folder: Path) -> None:
     """Move the content of `part_folder` into its parent: all of it, or nothing if a move fails."""
-    moved: list[tuple[Path, Path]] = []
+    moved_paths: list[tuple[Path, Path]] = []
     try:
         for path in sorted(part_folder.iterdir()):
             new_path = target_folder / path.name
             if new_path.exists():
                 raise FileExistsError(17, "a file of this name appeared meanwhile", str(new_path))
             os.rename(path, new_path)
-            moved.append((path, new_path))
+            moved_paths.append((path, new_path))
     except BaseException:
-        for path, new_path in moved:
+        for path, new_path in moved_paths:
             os.rename(new_path, path)
         raise

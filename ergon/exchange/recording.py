@@ -21,11 +21,13 @@ if TYPE_CHECKING:
 
 _BLOCK = 8192  # rows of a CSV, frames of a WAV, that are made at once
 _MAX_TICKS = 20_000_000  # times axes: what a recording holds
-_NO_NAME = str.maketrans(dict.fromkeys('[],;"#', "_"))  # characters that a CSV header cannot hold
+_HEADER_SUBSTITUTES = str.maketrans(
+    dict.fromkeys('[],;"#', "_")
+)  # characters that a CSV header cannot hold
 
 
 class NotRecordingError(ErgonError, ValueError):
-    """A recording does not have what was asked for, or one cannot be made of what was given."""
+    """A recording lacks the requested data, or the given data cannot become a recording."""
 
 
 def read_description(recording: Recording) -> dict[str, Any]:
@@ -73,7 +75,7 @@ def columns(recording: Recording) -> list[Column]:
 
     The column of a position has the name of its axis, so that a score can play it by `channel`.
     """
-    channel_names = [name.translate(_NO_NAME) for name in recording.names]
+    channel_names = [name.translate(_HEADER_SUBSTITUTES) for name in recording.names]
     if len(set(channel_names)) < len(channel_names) or {"t", "tick"} & set(channel_names):
         channel_names = [str(i + 1) for i in range(len(channel_names))]
     tick_positions, forces, sent = recording.positions(), recording.forces(), recording.sent()

@@ -110,11 +110,11 @@ def responses_of(reader_answer: IO[bytes], path: Path) -> HeadResponses:
     if not (np.isfinite(delays).all() and np.ptp(delays) <= _DELAY_MAX * rate):
         refusal_reason = f"its delays (Data.Delay, in samples) differ by more than {_DELAY_MAX:g} s"
         raise SofaError(f"{path}: {refusal_reason}; the ears of a head are nearer")
-    late = np.broadcast_to(delays, (len(responses), 2)) / rate
+    delay_seconds = np.broadcast_to(delays, (len(responses), 2)) / rate
     directions = measured_places[:, :2]
     if header["type"] == "cartesian":
         directions = _directions(measured_places, path)
-    return HeadResponses(directions, responses, rate, late)
+    return HeadResponses(directions, responses, rate, delay_seconds)
 
 
 def _directions(places: NDArray[np.float64], path: Path) -> NDArray[np.float64]:

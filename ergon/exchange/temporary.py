@@ -37,7 +37,7 @@ _NAME_MAX = 200  # bytes of NAME; a whole name has at most 255
 _DIGITS = 16
 _OURS = re.compile(r"\.(.+)\.([0-9a-f]{16})([0-9a-f]{16})\.part", re.DOTALL)
 _FLAGS = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
-_LOOK = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+_OPEN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 _swept: set[Path] = set()  # folders: each is swept once in a process
 
 
@@ -78,7 +78,7 @@ def link_temporary(path: Path, paths: list[Path]) -> int:
     """
     paths.append(next(_new_names(path.parent, path.name)))
     os.link(path, paths[-1])
-    handle = os.open(paths[-1], os.O_RDONLY | _LOOK)
+    handle = os.open(paths[-1], os.O_RDONLY | _OPEN_FLAGS)
     try_lock(handle)
     return handle
 
@@ -89,7 +89,7 @@ def temporary_folder(parent: Path, name: str) -> Iterator[Path]:
     for folder in _new_names(parent, name):
         try:
             folder.mkdir()
-            handle = os.open(folder, os.O_RDONLY | _LOOK) if IS_LOCKED else -1
+            handle = os.open(folder, os.O_RDONLY | _OPEN_FLAGS) if IS_LOCKED else -1
             try:
                 if not IS_LOCKED or _holds(handle, folder):
                     yield folder
@@ -106,8 +106,8 @@ def remove_abandoned(folder: Path) -> list[Path]:
     if not IS_LOCKED:
         return []
     with contextlib.suppress(OSError), os.scandir(folder) as entries:
-        ours = [folder / entry.name for entry in entries if _is_ours(entry.name)]
-        return [path for path in ours if _remove_if_abandoned(path)]
+        left_over_files = [folder / entry.name for entry in entries if _is_ours(entry.name)]
+        return [path for path in left_over_files if _remove_if_abandoned(path)]
     return []
 
 
@@ -168,7 +168,7 @@ def _remove_if_abandoned(path: Path) -> bool:
         if not (is_folder or stat.S_ISREG(path_stat.st_mode)) or path_stat.st_uid != os.geteuid():
             return False
         # A network file system locks for writing only what is open for writing; folders never are.
-        handle = os.open(path, _LOOK | (os.O_RDONLY if is_folder else os.O_RDWR))
+        handle = os.open(path, _OPEN_FLAGS | (os.O_RDONLY if is_folder else os.O_RDWR))
         try:
             if try_lock(handle) and is_at(handle, path):
                 if is_folder:

@@ -50,7 +50,7 @@ class WaveWriter:
         """Write the header at once; a file larger than `riff_limit` [bytes] is RF64."""
         self.format = format
         self._file = file
-        self._left = n_frames
+        self._frames_left = n_frames
         self._hash = hashlib.sha256()
         self._pad = (n_frames * format.frame_bytes) & 1
         file.write(pack(format, n_frames, stamp, riff_limit=riff_limit))
@@ -65,17 +65,19 @@ class WaveWriter:
         n_frames, n_channels = block.shape
         if n_channels != self.format.n_channels:
             raise ValueError(f"{n_channels} channels for a file of {self.format.n_channels}")
-        if n_frames > self._left:
-            raise ValueError(f"{n_frames - self._left} frames more than the header announced")
+        if n_frames > self._frames_left:
+            raise ValueError(
+                f"{n_frames - self._frames_left} frames more than the header announced"
+            )
         data = encode(block, self.format)
         self._hash.update(data)
         self._file.write(data)
-        self._left -= n_frames
+        self._frames_left -= n_frames
 
     def close(self) -> None:
         """Finish the last chunk. Raises ValueError when frames are missing."""
-        if self._left:
-            raise ValueError(f"{self._left} frames fewer than the header announced")
+        if self._frames_left:
+            raise ValueError(f"{self._frames_left} frames fewer than the header announced")
         self._file.write(bytes(self._pad))
         self._pad = 0
 
@@ -119,9 +121,9 @@ def blocks_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> Iterator[NDA
     bits = format.bits
     for frame_bytes in pieces:
         if bits in ("float", "double"):
-            form = "<f4" if bits == "float" else "<f8"
+            float_type = "<f4" if bits == "float" else "<f8"
             with np.errstate(invalid="ignore"):  # a signalling NaN of a stranger's file
-                flat_samples = np.frombuffer(frame_bytes, form).astype(np.float64)
+                flat_samples = np.frombuffer(frame_bytes, float_type).astype(np.float64)
         elif bits == 8:  # unsigned, around 128
             flat_samples = np.frombuffer(frame_bytes, np.uint8) / 128.0 - 1.0
         else:

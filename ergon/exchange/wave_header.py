@@ -38,7 +38,7 @@ _CONTAINERS: dict[bytes, _Container] = {
 }
 _Order = Literal["little", "big"]
 _ORDER_SIGNS: dict[_Order, str] = {"little": "<", "big": ">"}
-_UNKNOWN = (0, 0xFFFFFFFF)  # sizes left by programs that cannot seek back to write them
+_UNKNOWN_SIZES = (0, 0xFFFFFFFF)  # sizes left by programs that cannot seek back to write them
 _SOX_UNKNOWN = 0x7FFFF000  # SoX's value, rounded down to whole frames (its wav.c)
 
 _TAG_PCM, _TAG_FLOAT, _TAG_EXTENSIBLE = 1, 3, 0xFFFE
@@ -222,8 +222,8 @@ def _pack_format(format: WaveFormat) -> bytes:
 def parse(open_file: BinaryIO) -> WaveInfo:
     """Read the chunks of a seekable file. Raises NotWaveError with a sentence."""
     header_bytes = open_file.read(12)
-    if (foreign := foreign_form(header_bytes)) is not None:
-        raise NotWaveError(foreign)
+    if (foreign_kind := foreign_form(header_bytes)) is not None:
+        raise NotWaveError(foreign_kind)
     if len(header_bytes) < 12 or header_bytes[:4] not in _CONTAINERS or header_bytes[8:] != b"WAVE":
         raise NotWaveError("this is not a WAVE file")
     container = _CONTAINERS[header_bytes[:4]]
@@ -343,7 +343,7 @@ def _sizes(
     `is_whole`: the size of the whole file is true, so that a size of 0 is one, too.
     """
     is_sox = _SOX_UNKNOWN - format.frame_bytes < stated <= _SOX_UNKNOWN
-    if (stated in _UNKNOWN and not (is_whole and not stated)) or (
+    if (stated in _UNKNOWN_SIZES and not (is_whole and not stated)) or (
         is_sox and stated > bytes_present
     ):
         return bytes_present, 0

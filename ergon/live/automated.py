@@ -101,10 +101,10 @@ def value_sets(
     path_rows = list(paths.values())
     instants = sorted({since, *(p[0] for points in path_rows for p in points if p[0] > since)})
     known_keys: set[object] = set()
-    for value_set, stays in _values_along(path_rows, instants):
+    for value_set, duration in _values_along(path_rows, instants):
         value_key = (
             tuple(value_set)
-            if stays
+            if duration
             else tuple(_ratio_step(x) for numbers in value_set for x in numbers)
         )
         if value_key not in known_keys:

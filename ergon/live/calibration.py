@@ -48,18 +48,18 @@ def uncalibrated_axis(device: Device, sign: int) -> Axis:
     return Axis(sign, 0.0, 1.0, device.range, device.force_max)
 
 
-def axis_between_ends(axis: Axis, low_end: float, high_end: float, apart: float) -> Axis:
+def axis_between_ends(axis: Axis, low_end: float, high_end: float, travel: float) -> Axis:
     """The axis with its ends at the device's positions `low_end` and `high_end`, which are truly
-    `apart`.
+    `travel`.
 
     Zero is midway.
     """
-    half = 0.5 * abs(apart)
+    half_travel = 0.5 * abs(travel)
     return Axis(
         axis.sign,
         0.5 * (low_end + high_end),
-        apart / (high_end - low_end),
-        (-half, half),
+        travel / (high_end - low_end),
+        (-half_travel, half_travel),
         axis.force_max,
     )
 
@@ -195,7 +195,8 @@ def find_direction(url: str, axis_number: int, axis_before: Axis | None = None) 
 
 
 def axes_as_known(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int, Axis]:
-    """Of the axes `axes_before`, pushed together by small forces, those that move as they should.
+    """Push the axes `axes_before` together by small forces; return those that move in the expected
+    direction.
 
     An axis without a calibration is then as the device describes it. Where several did not move,
     these are pushed together once more, for a busy machine may have passed over the push. Raises
@@ -205,11 +206,13 @@ def axes_as_known(url: str, axes_before: Mapping[int, Axis | None]) -> dict[int,
     device = _core.Device(url, [axis.for_core(number) for number, axis in axes_found.items()])
     try:
         signs = dict(zip(axes_before, device.directions(list(axes_before), 1e-3), strict=True))
-        still = [number for number, sign in signs.items() if sign is None]
-        if len(still) > 1:
-            signs.update(zip(still, device.directions(still, 1e-3), strict=True))
-        moved = [number for number, sign in signs.items() if sign == 1.0]
-        return {number: axes_found.get(number) or uncalibrated_axis(device, 1) for number in moved}
+        unmoved_axes = [number for number, sign in signs.items() if sign is None]
+        if len(unmoved_axes) > 1:
+            signs.update(zip(unmoved_axes, device.directions(unmoved_axes, 1e-3), strict=True))
+        moved_axes = [number for number, sign in signs.items() if sign == 1.0]
+        return {
+            number: axes_found.get(number) or uncalibrated_axis(device, 1) for number in moved_axes
+        }
     finally:
         device.close()
 
@@ -254,14 +257,14 @@ def _with_table(config_text: str, table_lines: list[str]) -> str:
     text_rows = config_text.splitlines(keepends=True)
     row_index = next((i for i, row in enumerate(text_rows) if row.strip() == table_lines[0]), None)
     if row_index is None:
-        gap = (
+        blank_line = (
             ""
             if not config_text
             else line_end
             if config_text.endswith("\n")
             else line_end + line_end
         )
-        return config_text + gap + table_text
+        return config_text + blank_line + table_text
     stop_index = row_index + 1
     while stop_index < len(text_rows) and not text_rows[stop_index].lstrip().startswith("["):
         stop_index += 1

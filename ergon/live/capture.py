@@ -30,9 +30,9 @@ def capture(
     recorded_axes = [(board, number, player) for board in boards for number, player in board.axes]
     mats = [network.mas(player, M=1.0) for _, _, player in recorded_axes]
     timeline = _core.Timeline(network, _RATE)
-    still = np.zeros(1)
+    rest_positions = np.zeros(1)
     for mat in mats:
-        timeline.hand(mat, ticks_per_row, positions=still)
+        timeline.hand(mat, ticks_per_row, positions=rest_positions)
     hands = {player: hand for hand, (_, _, player) in enumerate(recorded_axes)}
     about = {
         "made": f"by ergon {_core.__version__}",
@@ -48,7 +48,8 @@ def capture(
         if record_seconds is None
         else max(1, round(record_seconds * _RATE / ticks_per_row)) * ticks_per_row,
         hands=[
-            _core.LiveHand(still, 1.0, None, np.zeros(0), None, np.zeros(0)) for _ in recorded_axes
+            _core.LiveHand(rest_positions, 1.0, None, np.zeros(0), None, np.zeros(0))
+            for _ in recorded_axes
         ],
         boards=[
             _core.LiveBoard(

@@ -30,7 +30,7 @@ STRUCTURAL_TICKS = 1
 FRAMES_AHEAD = 1024
 _LATE_SHARE = 0.5  # a tick that begins later than this share of its length is late
 _LATE_TICKS_MAX = 1e-3  # largest share of late ticks
-_RIGHTS = (
+_RIGHTS_ADVICE = (
     "put `@audio - rtprio 95` and `@audio - memlock unlimited` into "
     "/etc/security/limits.d/95-ergon.conf, join the group audio, and log in again"
 )
@@ -58,7 +58,7 @@ def describe_machine() -> Finding:
 
 
 def describe_laws() -> Finding:
-    """Whether laws that are computed often become machine code."""
+    """Whether laws that are computed often are compiled to machine code."""
     numba, missing_reason = load_numba()
     if numba is None:
         todo = "`pip install numba` where scores of a hundred laws are slow; all else is the same"
@@ -123,7 +123,7 @@ def _cost_ratio(
 def describe_thread(checkup: Checkup) -> Iterator[Finding]:
     """The priority and rights of the physics thread, as the kernel reports them."""
     if checkup.priority is None:
-        finding_sentence, todo = "no real-time priority", _RIGHTS
+        finding_sentence, todo = "no real-time priority", _RIGHTS_ADVICE
         if platform.system() != "Linux":
             todo = "this system gives none; keep other programs closed, and play with --ahead 4096"
     else:
@@ -131,22 +131,27 @@ def describe_thread(checkup: Checkup) -> Iterator[Finding]:
     yield Finding("thread", finding_sentence, todo, {"fifo": checkup.priority})
     finding_sentence = "locked in RAM" if checkup.locked else "not locked: it may be swapped out"
     yield Finding(
-        "memory", finding_sentence, "" if checkup.locked else _RIGHTS, {"locked": checkup.locked}
+        "memory",
+        finding_sentence,
+        "" if checkup.locked else _RIGHTS_ADVICE,
+        {"locked": checkup.locked},
     )
 
 
 def measure_wakeups(checkup: Checkup, noun: str = "wake-up") -> Finding:
-    """How late a thread wakes that sleeps from tick to tick."""
+    """The lateness of a thread that sleeps from tick to tick."""
     lateness = checkup.lateness()
-    late = int((lateness > _LATE_SHARE * TICK_SECONDS).sum())
-    wakeup_sentence = f"{quantiles_text(lateness)}; {late:,} of {len(lateness):,} ticks late"
+    n_late_ticks = int((lateness > _LATE_SHARE * TICK_SECONDS).sum())
+    wakeup_sentence = (
+        f"{quantiles_text(lateness)}; {n_late_ticks:,} of {len(lateness):,} ticks late"
+    )
     todo = ""
-    if late > _LATE_TICKS_MAX * len(lateness):
+    if n_late_ticks > _LATE_TICKS_MAX * len(lateness):
         todo = (
             "the machine is too busy: close other programs, set the processor's governor to "
             "performance, and keep more ready for the card (--ahead 4096)"
         )
-    numbers = {"ticks": len(lateness), "late_ticks": late, **histogram(lateness)}
+    numbers = {"ticks": len(lateness), "late_ticks": n_late_ticks, **histogram(lateness)}
     return Finding(noun, wakeup_sentence, todo, numbers)
 
 
@@ -190,7 +195,7 @@ def measure_sound(spec: str) -> Finding:
 
 
 def measure_device(url: str, test_seconds: float) -> list[Finding]:
-    """How long a device takes to answer. Raises EngineError where it is not there."""
+    """The response time of a device. Raises EngineError if the device does not answer."""
     device = _core.Device(url)
     try:
         checkup, lockstep = device.checkup(test_seconds, TICK_SECONDS), device.lockstep
@@ -211,8 +216,8 @@ def measure_device(url: str, test_seconds: float) -> list[Finding]:
         )
     if checkup.unanswered > _LATE_TICKS_MAX * n_requests:
         todo.append("replies are lost: try another cable or port, without a hub")
-    slow = quantile(trips, 0.99)
-    if not lockstep and slow > _LATE_SHARE * TICK_SECONDS:
+    slow_trip = quantile(trips, 0.99)
+    if not lockstep and slow_trip > _LATE_SHARE * TICK_SECONDS:
         todo.append("it needs most of a tick; `tick: 500Hz` in a score gives it more time")
     device_figures: dict[str, object] = {
         "url": url,
@@ -233,19 +238,20 @@ def measure_device(url: str, test_seconds: float) -> list[Finding]:
 def _force_delay(url: str, trips: NDArray[np.float64], *, lockstep: bool) -> Finding:
     """The delay from the position of a hand to the force that answers it."""
     structural = STRUCTURAL_TICKS * TICK_SECONDS
-    usual, mostly = (structural + quantile(trips, part) for part in (0.5, 0.99))
-    delay_text = "in emulated time (lockstep)" if lockstep else f"p99 {duration_text(mostly)}"
+    median_delay, p99_delay = (structural + quantile(trips, part) for part in (0.5, 0.99))
+    delay_text = "in emulated time (lockstep)" if lockstep else f"p99 {duration_text(p99_delay)}"
     delay_sentence = (
-        f"{url}: {duration_text(usual)} from a position to its force, which is {STRUCTURAL_TICKS} "
+        f"{url}: {duration_text(median_delay)} from a position to its force, which is "
+        f"{STRUCTURAL_TICKS} "
         f"tick of {duration_text(TICK_SECONDS)} and a round trip of "
-        f"{duration_text(usual - structural)}; {delay_text}"
+        f"{duration_text(median_delay - structural)}; {delay_text}"
     )
     delay_figures: dict[str, object] = {
         "url": url,
         "structural_ticks": STRUCTURAL_TICKS,
         "tick_s": TICK_SECONDS,
-        "felt_p50_s": usual,
-        "felt_p99_s": mostly,
+        "felt_p50_s": median_delay,
+        "felt_p99_s": p99_delay,
     }
     return Finding("felt", delay_sentence, "", delay_figures)
 

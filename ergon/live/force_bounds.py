@@ -259,7 +259,7 @@ def _with_automation(
 ) -> tuple[list[_MomentValues], list[_MomentValues]]:
     """The moments at both ends of a stretch, one for each set of values of automation."""
 
-    def each(moment: _MomentValues) -> list[_MomentValues]:
+    def moments_of(moment: _MomentValues) -> list[_MomentValues]:
         automated_bounds = []
         for led_values in led:
             mats = {mat for mat, *_ in led_values.ties}
@@ -275,7 +275,7 @@ def _with_automation(
             )
         return automated_bounds
 
-    return each(first_values), each(last_values)
+    return moments_of(first_values), moments_of(last_values)
 
 
 def _moments(
@@ -362,7 +362,10 @@ def _glide_values(
             )
             ties.append((stage.built.assembly.mats[module_key], k, z, glide_mass))
         elif len(glide.before) == 2:
-            stiffest = max(of + (1.0 - of) * glide_share for of in glide.body_factors)
+            stiffest = max(
+                body_factor + (1.0 - body_factor) * glide_share
+                for body_factor in glide.body_factors
+            )
             link_factors += [(link, stiffest) for link in stage.built.assembly.bodies[module_key]]
         else:
             first_ratio, last_ratio = glide.factors

@@ -28,7 +28,7 @@ _ABSOLUTE = 3  # the type of events of sticks
 _GET_RANGE = 0x80184540  # EVIOCGABS(0)
 _SET_CLOCK = 0x400445A0  # EVIOCSCLOCKID
 _EVENTS_AT_ONCE = 64
-_LOOK = 0.2  # [s] between two looks whether a thread is to end
+_POLL_SECONDS = 0.2  # [s] between two looks whether a thread is to end
 _FEEL = 0.05  # [s] between two forces that the motors tell of
 _USUAL_RANGE = (-32768, 32767)  # range for event files, which have no device
 _PADS = Path("/dev/input/by-id")
@@ -49,8 +49,8 @@ class GamepadValues:
         low, high = self.range
         side = self._sign * (2.0 * (value - low) / (high - low) - 1.0)
         is_lockstep = self._address.lockstep
-        when = instant if is_lockstep else self._lead.now() - (time.monotonic() - instant)
-        self._lead.place(when, position(self._lead, side))
+        report_instant = instant if is_lockstep else self._lead.now() - (time.monotonic() - instant)
+        self._lead.place(report_instant, position(self._lead, side))
 
     @property
     def force(self) -> float:
@@ -125,7 +125,7 @@ class GamepadPort:
 
     def _run(self) -> None:
         while not self._over.is_set():
-            wait = _FEEL if self._rumble.is_there else _LOOK
+            wait = _FEEL if self._rumble.is_there else _POLL_SECONDS
             has_come = select.select([self._file], [], [], wait)[0]
             self._feel()
             if not has_come:

@@ -45,7 +45,7 @@ class LedHands:
         ]
 
     def close(self) -> None:
-        """Let nothing lead a finger any more."""
+        """Stop leading the fingers."""
         for source in self.sources:
             source.close()
         for board in self.boards:

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from .led_address import LedAddress
 
 _LOOPBACK = "127.0.0.1"
-_LOOK = 0.2  # [s] between two looks whether a thread is to end
+_POLL_SECONDS = 0.2  # [s] between two looks whether a thread is to end
 _FINE = 32  # a controller below this has its finer bits in the one that is 32 higher
-_HALF = 0x2000  # middle of 14 bits
+_PITCH_BEND_CENTRE = 0x2000  # middle of 14 bits
 _TOP = 0x3FFF
 _COARSE_TOP = 127
 
@@ -59,9 +59,9 @@ class MidiValues:
             return self._controller_share(message, controller)
         if isinstance(message, Wheel) and self._address.what == "bend":
             # The middle is exactly the middle, though there are more values below it than above.
-            value_from_middle = message.value - _HALF
+            value_from_middle = message.value - _PITCH_BEND_CENTRE
             return 0.5 + 0.5 * value_from_middle / (
-                _HALF if value_from_middle < 0 else _TOP - _HALF
+                _PITCH_BEND_CENTRE if value_from_middle < 0 else _TOP - _PITCH_BEND_CENTRE
             )
         if isinstance(message, Pressure) and self._address.what == "pressure":
             return message.value / _COARSE_TOP
@@ -142,7 +142,7 @@ class OscPort:
             raise BoardError(
                 f"OSC port {port} cannot be opened ({error.strerror}); ?port=NUMBER takes another"
             ) from None
-        self._socket.settimeout(_LOOK)
+        self._socket.settimeout(_POLL_SECONDS)
         self._thread = threading.Thread(target=self._run, name="ergon hands osc", daemon=True)
 
     @property

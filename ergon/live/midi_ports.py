@@ -190,7 +190,7 @@ def _open_port(rtmidi: Any, make: Any, port_name: str, direction: str) -> tuple[
     Raises MidiError.
     """
     numbered_ports: list[tuple[Any, int, str]] = []
-    trouble = "this machine has no MIDI"
+    port_error = "this machine has no MIDI"
     for system in rtmidi.get_compiled_apis():
         if system == rtmidi.RtMidiAPI.RTMIDI_DUMMY:
             continue
@@ -203,9 +203,9 @@ def _open_port(rtmidi: Any, make: Any, port_name: str, direction: str) -> tuple[
                 (port, number, str(name)) for number, name in enumerate(port.get_ports())
             ]
         except _failures(rtmidi) as error:
-            trouble = str(error)
+            port_error = str(error)
     if port_name == VIRTUAL:
-        raise MidiError(f"no MIDI {direction} of ergon's own can be opened: {trouble}")
+        raise MidiError(f"no MIDI {direction} of ergon's own can be opened: {port_error}")
     port, port_number, opened_name = numbered_ports[
         choose_port(port_name, [name for *_, name in numbered_ports], direction)
     ]

@@ -60,9 +60,9 @@ def request_handlers(
     groups_by_name = {name: group for group, name in enumerate(part_names)}
 
     def setter_for(names: Iterable[str]) -> Callable[[float], None]:
-        mine = [groups_by_name[name] for name in names]
+        group_addresses = [groups_by_name[name] for name in names]
         return lambda ratio: _check_accepted(
-            [performance.part_gain(group, ratio) for group in mine]
+            [performance.part_gain(group, ratio) for group in group_addresses]
         )
 
     owned = exclusive_instruments(stage.piece, part_names)
@@ -80,10 +80,10 @@ def request_handlers(
             for name in part_names
         },
         **{
-            f"/ergon/player/{player}/gain": gain_handler(setter_for(mine))
-            if mine
+            f"/ergon/player/{player}/gain": gain_handler(setter_for(addresses))
+            if addresses
             else _shared_key_handler(player)
-            for player, mine in owned.items()
+            for player, addresses in owned.items()
         },
         **{f"/ergon/input/{name}": handler_of(name) for name in input_names},
     }

@@ -110,10 +110,10 @@ class OscSender:
             self._next_levels = instant_now + _LEVEL_PERIOD
             levels = [20.0 * math.log10(max(peak, SILENT_PEAK)) for peak in status.peaks]
             self._send("/ergon/level", levels)
-        late = status.late, gap_count(status)
-        if late != self._late:
-            self._late = late
-            self._send("/ergon/late", late)
+        late_and_gaps = status.late, gap_count(status)
+        if late_and_gaps != self._late:
+            self._late = late_and_gaps
+            self._send("/ergon/late", late_and_gaps)
         recording = self._performance.recording_trouble()
         players = [hand.player for hand in self._stage.live]
         status_troubles = troubles(status, players, recording, is_endless=self._session is not None)

@@ -2,7 +2,7 @@
 
 A datagram does not say whose it is, but Linux lists each socket with its port and its owner. That
 tells the sender of a datagram from this machine as long as its socket is open, and as long as no
-other program can have its port. So nobody can be told where
+other program can have its port. So no sender can be notified if
 
 * the socket is closed already;
 * the socket lets others share its port (SO_REUSEADDR): another user may have sent from it, and have

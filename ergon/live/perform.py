@@ -87,15 +87,15 @@ def perform(
         simulation, mixer, stage.n_channels, config, config.start // tick * tick, progress
     )
     hand_numbers = {hand.player: hand.index for hand in stage.live}
-    played = {player for board in config.boards for _, player in board.axes}
-    mine = [hand for hand in stage.live if hand.player in played]
+    driven_players = {player for board in config.boards for _, player in board.axes}
+    played_hands = [hand for hand in stage.live if hand.player in driven_players]
     hands = [
         _core.LiveHand(
             hand.standin,
             hand.reach,
             _guidance_spring(config, hand.player, stage.piece.keys[hand.key]),
-            force_response(stage.network, hand, stage.rate, hand.reach, mine)
-            if hand in mine
+            force_response(stage.network, hand, stage.rate, hand.reach, played_hands)
+            if hand in played_hands
             else np.zeros(0),
             stage.piece.keys[hand.key].measured,
             _written_forces(stage, config, hand, tick),
@@ -114,8 +114,8 @@ def perform(
     record_target = None
     if config.record is not None:
         axes = [(hand.player, hand.key) for hand in stage.live]
-        about = json.dumps({**config.about, "sent": "wire"}, ensure_ascii=False)
-        record_target = _core.RecordTarget(config.record, axes, about)
+        header_json = json.dumps({**config.about, "sent": "wire"}, ensure_ascii=False)
+        record_target = _core.RecordTarget(config.record, axes, header_json)
     fades_from = None
     if stage.fades_from is not None and not config.endless and config.end is None:
         fades_from = max(0, stage.fades_from - config.start // tick * tick)

@@ -47,25 +47,26 @@ def _tick_finding(url: str, rate: float, checkup: Checkup, busy: float) -> Findi
     """What ticks of `rate` [Hz] cost; `busy` [s] is the processor's time for all of them."""
     period, trips = 1.0 / rate, checkup.round_trips()
     n_requests = len(trips) + checkup.unanswered
-    late = int((checkup.lateness() > _LATE_SHARE * period).sum())
-    slow = int((trips > _LATE_SHARE * period).sum()) + checkup.unanswered
+    n_late_wakes = int((checkup.lateness() > _LATE_SHARE * period).sum())
+    n_slow_trips = int((trips > _LATE_SHARE * period).sum()) + checkup.unanswered
     load = busy / checkup.seconds if checkup.seconds else 0.0
-    usual, mostly = (period + quantile(trips, part) for part in (0.5, 0.99))
-    fits = n_requests > 0 and max(late, slow) <= _LATE_MAX * n_requests
+    median_delay, p99_delay = (period + quantile(trips, part) for part in (0.5, 0.99))
+    fits = n_requests > 0 and max(n_late_wakes, n_slow_trips) <= _LATE_MAX * n_requests
     tick_sentence = (
-        f"{url}: {rate:,.0f} Hz: {duration_text(usual)} from a position to its force, p99 "
-        f"{duration_text(mostly)}; {100 * load:.0f}% of a processor; {late:,} ticks and {slow:,} "
+        f"{url}: {rate:,.0f} Hz: {duration_text(median_delay)} from a position to its force, p99 "
+        f"{duration_text(p99_delay)}; {100 * load:.0f}% of a processor; {n_late_wakes:,} ticks and "
+        f"{n_slow_trips:,} "
         f"replies late of {n_requests:,}"
     )
     tick_figures = {
         "url": url,
         "tick_hz": rate,
         "asked": n_requests,
-        "late_ticks": late,
-        "late_replies": slow,
+        "late_ticks": n_late_wakes,
+        "late_replies": n_slow_trips,
         "load": load,
-        "felt_p50_s": usual,
-        "felt_p99_s": mostly,
+        "felt_p50_s": median_delay,
+        "felt_p99_s": p99_delay,
         "fits": fits,
     }
     return Finding("tick", tick_sentence, "", tick_figures)

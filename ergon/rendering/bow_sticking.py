@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 _STICK_TIME_MIN = 5e-4  # [s] that ends must stay together to count as sticking
 _SPEED_MAX = 10.0  # [m/s] up to which friction is examined
-_STEPS = 20_001
+_N_SPEEDS = 20_001
 _FALLING_RATIO = 0.95  # a bow's friction falls below this share of its maximum
 
 
@@ -35,13 +35,13 @@ class Sliding:
         """Go on with positions (n_frames, n_points)."""
         import numpy as np
 
-        apart = frames[:, self.rubbing.b.output] - frames[:, self.rubbing.a.output]
-        start_distance = apart[0] if self._apart is None else self._apart
-        speeds = np.diff(apart, prepend=start_distance) * rate
-        self._apart = float(apart[-1])
+        elongations = frames[:, self.rubbing.b.output] - frames[:, self.rubbing.a.output]
+        start_distance = elongations[0] if self._apart is None else self._apart
+        speeds = np.diff(elongations, prepend=start_distance) * rate
+        self._apart = float(elongations[-1])
         least = max(1, int(_STICK_TIME_MIN * rate))
-        for holds in ((speeds > self.low) & (speeds < self.high)).tolist():
-            if not holds:
+        for is_sticking in ((speeds > self.low) & (speeds < self.high)).tolist():
+            if not is_sticking:
                 self.has_slipped, self._held = True, 0
             elif self.has_slipped:
                 self._held += 1
@@ -68,9 +68,9 @@ def friction_extremes(law_fields: Any) -> tuple[float, float] | None:
         law = _core.Law(None, law_fields["damping"], law_fields.get("constants") or {})
     except (ValueError, _core.LawError):
         return None
-    speeds = np.linspace(-_SPEED_MAX, _SPEED_MAX, _STEPS)
-    friction_forces = np.zeros(_STEPS)
-    law.forces(np.zeros(_STEPS), speeds, friction_forces)
+    speeds = np.linspace(-_SPEED_MAX, _SPEED_MAX, _N_SPEEDS)
+    friction_forces = np.zeros(_N_SPEEDS)
+    law.forces(np.zeros(_N_SPEEDS), speeds, friction_forces)
     if not np.isfinite(friction_forces).all():
         return None
     lowest_index, highest_index = int(np.argmin(friction_forces)), int(np.argmax(friction_forces))

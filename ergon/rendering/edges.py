@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-_SECONDS = 0.005  # length of a fade
+_FADE_SECONDS = 0.005  # length of a fade
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class Edges:
         """
         import numpy as np
 
-        n = min(int(rate * _SECONDS + 0.5), (stop - start) // 2)
+        n = min(int(rate * _FADE_SECONDS + 0.5), (stop - start) // 2)
         is_inside = number >= start + n and number + len(frames) <= stop - n
         if is_inside or not (self.first or self.last):
             return frames

@@ -1,4 +1,6 @@
-"""What earlier renders measured of each instrument, which need not be mixed by itself again."""
+"""Measures of each instrument from earlier renders, so that it need not be mixed by itself
+again.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +29,16 @@ class KnownLevels:
         self._store, self._keys, self._state_keys = store, keys, state_keys
 
     def recall(self, balances: Sequence[Balance], stop: int) -> list[int]:
-        """Give balances what is known of them up to frame `stop`; the numbers of the others."""
+        """Set the known measures of balances up to frame `stop`; return the numbers of the
+        balances that have none.
+        """
         stretch_index = (stop - 1) // stretches.STRETCH_FRAMES
         return [
             number
             for number, balance in enumerate(balances)
             if not any(
-                self._give(balance, keys[number], stop) for keys in self._keys[stretch_index:]
+                self._set_measure(balance, keys[number], stop)
+                for keys in self._keys[stretch_index:]
             )
         ]
 
@@ -75,7 +80,7 @@ class KnownLevels:
         known_states = [state for state in stored if state is not None]
         return known_states if len(known_states) == len(balance_numbers) else None
 
-    def _give(self, balance: Balance, key: str, stop_frame: int) -> bool:
+    def _set_measure(self, balance: Balance, key: str, stop_frame: int) -> bool:
         known_level = self._store.get(key)
         if known_level is None or len(known_level.sound) % balance.n_measures:
             return False

@@ -13,10 +13,10 @@ TRUE_PEAK_MAX = -1.0  # [dBTP] of what is brought to a loudness (EBU R 128)
 # Gains found by measurement are multiples of this [dB]: the filters of the meter differ in their
 # last bits from machine to machine, and samples must not.
 GAIN_STEP = 0.01
-_STEPS = 4  # steps of 100 ms in a block
+_STEPS_PER_BLOCK = 4  # steps of 100 ms in a block
 _GATE = -70.0  # [LUFS] absolute gate: quieter blocks do not count
 _RELATIVE = -10.0  # [LU] relative gate, from the mean of the other blocks
-_ROUNDS = 50  # rounds of the search for a gain; a few are usually enough
+_ROUNDS_MAX = 50  # rounds of the search for a gain; a few are usually enough
 
 
 class GatedLoudness:
@@ -61,7 +61,7 @@ class GatedLoudness:
         if loudest == -math.inf:
             return None
         gain_db = target_lufs - loudest  # at least one block passes the gates
-        for _ in range(_ROUNDS):
+        for _ in range(_ROUNDS_MAX):
             change = target_lufs - _gated(gated_blocks, gain_db)
             gain_db += change
             if abs(change) < GAIN_STEP / 100:
@@ -72,7 +72,7 @@ class GatedLoudness:
         """The blocks that lie between two steps: the first of them ends 400 ms after `first`."""
         import numpy as np
 
-        return np.array(self.blocks[first + _STEPS - 1 : last])
+        return np.array(self.blocks[first + _STEPS_PER_BLOCK - 1 : last])
 
 
 def gain_to_peak(true_peak: float) -> float:

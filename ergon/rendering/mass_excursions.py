@@ -53,9 +53,9 @@ class ContactClosings:
 
         contact = self.contact
         contact_fields = contact.module.fields
-        apart = frames[:, contact.b.output] - frames[:, contact.a.output]
+        elongations = frames[:, contact.b.output] - frames[:, contact.a.output]
         gap = contact_fields["gap"]
-        depth = -apart - gap if contact_fields["side"] == "below" else apart - gap
+        depth = -elongations - gap if contact_fields["side"] == "below" else elongations - gap
         self.deepest_swapped = max(self.deepest_swapped, -float(depth.min()) - 2.0 * gap)
         closed = depth > 0
         begins = np.flatnonzero(closed & ~np.concatenate(([self.is_closed], closed[:-1])))

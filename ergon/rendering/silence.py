@@ -53,6 +53,6 @@ def apply_silences(
         ]
         is_shaped = frame_gains != 1.0
         silenced_frames = silenced_frames.copy()
-        single = silenced_frames[is_shaped].astype(np.float32) * frame_gains[is_shaped, None]
-        silenced_frames[is_shaped] = single.astype(np.float64)
+        faded_frames = silenced_frames[is_shaped].astype(np.float32) * frame_gains[is_shaped, None]
+        silenced_frames[is_shaped] = faded_frames.astype(np.float64)
     return silenced_frames

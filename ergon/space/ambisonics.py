@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 ORDER_MAX = 7  # order: 64 channels
-_VIRTUAL = 5200  # directions by which a decoder is made, as many as a t-design of order 100 has
+_VIRTUAL_DIRECTIONS = (
+    5200  # directions by which a decoder is made, as many as a t-design of order 100 has
+)
 
 
 def channels(order: int) -> int:
@@ -101,7 +103,7 @@ def allrad(
     `virtual` directions are panned between the loudspeakers. Averaged over the directions that
     the array covers, a source has energy 1. Raises ArrayError.
     """
-    virtual = spread_directions(_VIRTUAL) if virtual is None else virtual
+    virtual = spread_directions(_VIRTUAL_DIRECTIONS) if virtual is None else virtual
     gains = vbap(virtual, array, keeps_imaginary=True)
     weights = max_re_weights(ambisonic_order)[_degrees(ambisonic_order)]
     basis = harmonics(ambisonic_order, virtual)

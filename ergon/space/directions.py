@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Point = tuple[float, float, float]  # (x, y, z) [m]
 Angles = tuple[float, float, float]  # azimuth, elevation [degrees], distance [m]
 _GOLDEN_ANGLE = pi * (3.0 - sqrt(5.0))
-_EXACT = {-270.0: (1.0, 0.0), -180.0: (0.0, -1.0), -90.0: (-1.0, 0.0), 0.0: (0.0, 1.0)} | {
+_EXACT_SINES = {-270.0: (1.0, 0.0), -180.0: (0.0, -1.0), -90.0: (-1.0, 0.0), 0.0: (0.0, 1.0)} | {
     90.0: (1.0, 0.0),
     180.0: (0.0, -1.0),
     270.0: (-1.0, 0.0),
@@ -29,8 +29,8 @@ _EXACT = {-270.0: (1.0, 0.0), -180.0: (0.0, -1.0), -90.0: (-1.0, 0.0), 0.0: (0.0
 
 def sine_cosine(degrees: float) -> tuple[float, float]:
     """Sine and cosine of an angle in degrees; exact for quarter turns."""
-    if degrees in _EXACT:
-        return _EXACT[degrees]
+    if degrees in _EXACT_SINES:
+        return _EXACT_SINES[degrees]
     angle = degrees * pi / 180.0
     return _core.sin(angle), _core.cos(angle)
 

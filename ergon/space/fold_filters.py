@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 # Ambisonics goes to two ears, or two channels, by way of these virtual loudspeakers: of each ring
 # their number, elevation and first azimuth [degrees].
-_VIRTUAL = ((12, 0.0, 0.0), (8, 35.0, 22.5), (4, 70.0, 45.0))
+_VIRTUAL_RINGS = ((12, 0.0, 0.0), (8, 35.0, 22.5), (4, 70.0, 45.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ def _directions(source_field: Field) -> tuple[NDArray[np.float64], NDArray[np.fl
         return unit_vectors(source_field.speakers), None
     array = unit_vectors(
         point(first_azimuth + 360.0 * k / n, elevation, 1.0)
-        for n, elevation, first_azimuth in _VIRTUAL
+        for n, elevation, first_azimuth in _VIRTUAL_RINGS
         for k in range(n)
     )
     return array, _decoder(source_field.order, array)

@@ -28,7 +28,7 @@ TAPS = 128
 KEMAR_PATH = Path(__file__).with_name("kemar.csv")
 FULL_SCALE = 8192.0  # full scale of a coefficient in the shipped file
 _RATE = 44_100.0  # [Hz] of the shipped file
-_REACH = 16  # samples on either side that make a resampled one
+_HALF_TAPS = 16  # samples on either side that make a resampled one
 _POINTS = 4096  # points of a spectrum
 _AROUND = 4  # measured directions that are averaged for one in between
 _UPSAMPLED = 16
@@ -71,7 +71,7 @@ class Head:
         """
         rate_ratio = self.rate / rate  # samples of the head per sample at `rate`
         band = min(1.0, 1.0 / rate_ratio)
-        kernel_reach = _REACH / band
+        kernel_reach = _HALF_TAPS / band
         n_taps = self.filters.shape[2]
         latest = float(self.delays.max(initial=0.0)) * self.rate
         n = ceil((n_taps + latest + 2.0 * kernel_reach) / rate_ratio)
@@ -84,15 +84,15 @@ class Head:
 
 
 def _kernel(
-    n: int, n_taps: int, rate_ratio: float, late: float, band: float
+    n: int, n_taps: int, rate_ratio: float, delay: float, band: float
 ) -> NDArray[np.float64]:
     """The weight of each tap in each sample, (n, n_taps)."""
-    kernel_reach = _REACH / band
+    kernel_reach = _HALF_TAPS / band
     kernel = np.zeros((n, n_taps))
     for sample_index in range(n):
-        first_tap = max(0, ceil(sample_index * rate_ratio - late - kernel_reach))
+        first_tap = max(0, ceil(sample_index * rate_ratio - delay - kernel_reach))
         for tap in range(first_tap, n_taps):
-            tap_position = sample_index * rate_ratio - late - tap
+            tap_position = sample_index * rate_ratio - delay - tap
             if tap_position < -kernel_reach:
                 break
             kernel[sample_index, tap] = _windowed_sinc(tap_position, band, kernel_reach)
@@ -154,8 +154,8 @@ def prepared(
             [_minimum_phase(response, transform_size)[:TAPS] * _fade() for response in shape]
         )
         lates.append(np.tensordot(weights[near_directions], delays[near_directions], 1))
-    late = np.array(lates)
-    return Head(rate, directions_wanted, np.array(filters), late - late.min())
+    late_taps = np.array(lates)
+    return Head(rate, directions_wanted, np.array(filters), late_taps - late_taps.min())
 
 
 def _diffuse(

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from .directions import Point
 
-_LOOKED_AT = 4000  # directions of the upper half
+_N_DIRECTIONS = 4000  # directions of the upper half
 _WIDE = 75.0  # [degrees]: loudspeakers farther apart leave a hole between them
-_SAME = 1e-6
+_MIRROR_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ def qualities(places: tuple[Point, ...]) -> list[Quality]:
     If the loudspeakers do not surround the middle of the room, only the nearest one can be used.
     """
     array = unit_vectors(places)
-    source_directions = spread_directions(_LOOKED_AT, lowest=0.0)
+    source_directions = spread_directions(_N_DIRECTIONS, lowest=0.0)
     ways: dict[str, Callable[[], NDArray[np.float64]]] = {
         "nearest": lambda: nearest_gains(source_directions, array),
         "VBAP": lambda: vbap(source_directions, array),
@@ -107,7 +107,9 @@ def holes(places: tuple[Point, ...]) -> list[tuple[int, int, float]]:
         (min(a, b), max(a, b))
         for corners in corners_of_all
         for a, b in zip(corners, corners[1:] + corners[:1], strict=True)
-        if max(a, b) < len(array) and hull_points[a][2] > -_SAME and hull_points[b][2] > -_SAME
+        if max(a, b) < len(array)
+        and hull_points[a][2] > -_MIRROR_TOLERANCE
+        and hull_points[b][2] > -_MIRROR_TOLERANCE
     }
     gaps = []
     for a, b in sorted(pairs):
@@ -126,5 +128,5 @@ def is_symmetric(places: tuple[Point, ...]) -> bool:
     """Whether each loudspeaker has a counterpart mirrored from left to right, within 1 mm."""
     points = np.array(places)
     mirrored = points * (-1.0, 1.0, 1.0)
-    apart = np.abs(points[:, None] - mirrored[None]).max(2)
-    return bool((apart.min(1) < 1e-3 + _SAME).all())
+    mirror_distances = np.abs(points[:, None] - mirrored[None]).max(2)
+    return bool((mirror_distances.min(1) < 1e-3 + _MIRROR_TOLERANCE).all())

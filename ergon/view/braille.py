@@ -108,15 +108,15 @@ def _columns(
     curve: Curve, t_axis: Axis, x_axis: Axis, column_count: int, row_count: int
 ) -> Iterator[tuple[int, int, int]]:
     """A dot column that a stroke of the curve covers, and its first and last row from the top."""
-    across = _parts(t_axis, curve.t) * (2 * column_count - 1)
+    dots_across = _parts(t_axis, curve.t) * (2 * column_count - 1)
     rows_down = (1 - _parts(x_axis, curve.x)) * (4 * row_count - 1)
-    is_finite = np.isfinite(across) & np.isfinite(rows_down)
+    is_finite = np.isfinite(dots_across) & np.isfinite(rows_down)
     # A curve is drawn in one stroke until it has a gap or goes back in time.
-    is_new = ~is_finite[1:] | ~is_finite[:-1] | (np.diff(across) < 0)
-    for stroke in np.split(np.arange(len(across)), np.flatnonzero(is_new) + 1):
+    is_new = ~is_finite[1:] | ~is_finite[:-1] | (np.diff(dots_across) < 0)
+    for stroke in np.split(np.arange(len(dots_across)), np.flatnonzero(is_new) + 1):
         if not is_finite[stroke[:1]].any():
             continue
-        first_column, top, bottom = _stroke(across[stroke], rows_down[stroke])
+        first_column, top, bottom = _stroke(dots_across[stroke], rows_down[stroke])
         for column_index, (low_row, high_row) in enumerate(
             zip(top.tolist(), bottom.tolist(), strict=True), first_column
         ):
@@ -129,15 +129,15 @@ def _parts(axis: Axis, values: Sequence[float]) -> NDArray[np.float64]:
 
 
 def _stroke(
-    across: NDArray[np.float64], rows_down: NDArray[np.float64]
+    dots_across: NDArray[np.float64], rows_down: NDArray[np.float64]
 ) -> tuple[int, NDArray[np.int64], NDArray[np.int64]]:
     """The first column of a stroke, and the lowest and the highest row in each of its columns."""
-    column_index = np.rint(across).astype(np.int64)
+    column_index = np.rint(dots_across).astype(np.int64)
     first_column, n_columns = int(column_index[0]), int(column_index[-1] - column_index[0]) + 1
     middles = np.arange(first_column, first_column + n_columns)
     # A stroke enters and leaves a column at its edges, or begins and ends within it.
-    enters = np.interp(np.maximum(middles - 0.5, across[0]), across, rows_down)
-    leaves = np.interp(np.minimum(middles + 0.5, across[-1]), across, rows_down)
+    enters = np.interp(np.maximum(middles - 0.5, dots_across[0]), dots_across, rows_down)
+    leaves = np.interp(np.minimum(middles + 0.5, dots_across[-1]), dots_across, rows_down)
     top, bottom = np.minimum(enters, leaves), np.maximum(enters, leaves)
     np.minimum.at(top, column_index - first_column, rows_down)
     np.maximum.at(bottom, column_index - first_column, rows_down)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import ceil, floor, isfinite
 
 CURVES_MAX = 3  # more cannot be told apart without colour
-_ROOM = 0.04  # margin as a share of the range, so that extremes are visible
+_MARGIN_SHARE = 0.04  # margin as a share of the range, so that extremes are visible
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ def axis(shown_values: Sequence[float], n_ticks: int, *, tight: bool = False) ->
         low_value, high_value = low_value - room, high_value + room
         tight = False
     tick_step, digits = _step((high_value - low_value) / max(n_ticks, 1))
-    room = 0.0 if tight else _ROOM * (high_value - low_value)
+    room = 0.0 if tight else _MARGIN_SHARE * (high_value - low_value)
     low_value, high_value = low_value - room, high_value + room
     # A small tolerance, because 3 steps of 0.1 are above 0.3 in floating point.
     first_tick, last_tick = ceil(low_value / tick_step - 1e-9), floor(high_value / tick_step + 1e-9)

@@ -40,14 +40,14 @@ def asked_and_done(
     frame_block = np.zeros((4096, simulation.n_out))
     while simulation.frame < first_frame:
         simulation.process(frame_block[: first_frame - simulation.frame])
-    t, asked, done = [], [], []
+    t, asked, instants_done = [], [], []
     while True:
         t.append(simulation.frame / rate)
         asked.append(float(simulation.asked()[key_mat]) * scale)
-        done.append(float(simulation.positions()[struck_mat]) * scale)
+        instants_done.append(float(simulation.positions()[struck_mat]) * scale)
         if simulation.frame >= last_frame:
             break
         until = min(last_frame, simulation.frame + frame_step)
         while simulation.frame < until:
             simulation.process(frame_block[: until - simulation.frame])
-    return Curve("asked", t, asked), Curve("done", t, done)
+    return Curve("asked", t, asked), Curve("done", t, instants_done)

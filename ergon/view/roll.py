@@ -19,7 +19,7 @@ _NAMES = {0: "C", 4: "E", 7: "G"}  # names of the keys with a line, by their num
 _ALL_NAMES = 24  # keys, up to which E and G have lines too
 _LANES_IN_HEIGHT = 20  # lines of instruments without a pitch that would fill the picture
 _CHARACTER = 7.5  # pixels across
-_GAP = 1.0  # pixels between a note and the next: strokes that follow each other stay apart
+_NOTE_GAP = 1.0  # pixels between a note and the next: strokes that follow each other stay apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +41,9 @@ def heights(note_bars: Sequence[Bar]) -> tuple[list[float], dict[str, float]]:
     """
     keys = [bar.key for bar in note_bars if bar.key is not None]
     lowest, highest = (min(keys), max(keys)) if keys else (_MIDDLE_C, _MIDDLE_C)
-    apart = max(2, ceil((highest - lowest) / _LANES_IN_HEIGHT))
+    label_step = max(2, ceil((highest - lowest) / _LANES_IN_HEIGHT))
     unpitched = dict.fromkeys(bar.name for bar in note_bars if bar.key is None)
-    lanes = {name: float(floor(lowest) - apart * n) for n, name in enumerate(unpitched, 1)}
+    lanes = {name: float(floor(lowest) - label_step * n) for n, name in enumerate(unpitched, 1)}
     return [lanes[bar.name] if bar.key is None else bar.key for bar in note_bars], lanes
 
 
@@ -84,7 +84,7 @@ def _rectangle(note_bar: Bar, key_height: float, plot_frame: Frame, colour: str)
     thick = max(2.0, min(12.0, 0.8 * a_key))
     return (
         f"<rect x='{left_edge:.2f}' y='{plot_frame.down(key_height) - thick / 2:.2f}' "
-        f"width='{max(1.5, right_edge - left_edge - _GAP):.2f}' height='{thick:.2f}' "
+        f"width='{max(1.5, right_edge - left_edge - _NOTE_GAP):.2f}' height='{thick:.2f}' "
         f"fill='{colour}' fill-opacity='{0.35 + 0.65 * note_bar.strength:.2f}'>"
         f"<title>{escape(note_bar.name)}</title></rect>"
     )

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _WIDTH, _LEFT, _RIGHT, _WAVE, _SPECTRUM, _ROWS = 800, 64, 784, 130, 220, 220
 _LOWEST = 20.0  # [Hz] below it nothing is heard
-_RANGE = 90.0  # [dB] from the loudest to paper
+_RANGE_DB = 90.0  # [dB] from the loudest to paper
 _WINDOW = 4096  # frames: 11 Hz and 93 ms at 44.1 kHz shows partials and strokes alike
 # Silence is white and loud is dark. Five colours of viridis, the last for the loudest.
 _COLOURS = ((255, 255, 255), (183, 222, 74), (38, 164, 133), (49, 92, 140), (68, 1, 84))
@@ -46,7 +46,7 @@ def picture(blocks: Iterable[NDArray[np.float64]], n_frames: int, rate: float, t
         f"<image x='{_LEFT}' y='{top_edge:g}' width='{_RIGHT - _LEFT}' height='{_SPECTRUM}' "
         f"preserveAspectRatio='none' href='data:image/png;base64,{image}'/>",
         text(_LEFT, 22, short(title), weight="bold"),
-        text(_RIGHT, 22, f"spectrogram: {_RANGE:g} dB down to white", anchor="end"),
+        text(_RIGHT, 22, f"spectrogram: {_RANGE_DB:g} dB down to white", anchor="end"),
     ]
     return document(_WIDTH, int(spectrum_frame.bottom) + 48, title, svg_parts)
 
@@ -141,8 +141,10 @@ def _levels(mono: NDArray[np.float64], rate: float) -> NDArray[np.float64]:
     loudest = level_grid.max()
     if loudest <= 0:
         return np.zeros_like(level_grid)
-    floor = 10 ** (-_RANGE / 10)
-    shown: NDArray[np.float64] = 1 + 10 * np.log10(np.maximum(level_grid / loudest, floor)) / _RANGE
+    floor = 10 ** (-_RANGE_DB / 10)
+    shown: NDArray[np.float64] = (
+        1 + 10 * np.log10(np.maximum(level_grid / loudest, floor)) / _RANGE_DB
+    )
     return shown
 
 

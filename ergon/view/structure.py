@@ -13,8 +13,8 @@ STAVE_MAX = 60  # modes of one part: more cannot be read
 SHAPES_MAX = 12  # modes of one part
 _DOTS_MAX = 2500  # masses of one shape
 _WIDTH = 800  # pixels
-_LETTER, _LINE = 7.0, 15.0  # pixels that a wide letter and a line of text take
-_UP, _DOWN, _LEADER = "#0072b2", "#d55e00", "#999999"
+_LETTER_WIDTH, _LINE_HEIGHT = 7.0, 15.0  # pixels that a wide letter and a line of text take
+_UP_COLOUR, _DOWN_COLOUR, _LEADER_COLOUR = "#0072b2", "#d55e00", "#999999"
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,9 @@ class PitchedMode:
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """How masses move in a mode: `x`, `y` [m] where each lies, and `moves`, all (n_masses,)."""
+    """The shape of a mode: places `x`, `y` [m] of the masses and their relative motion `moves`,
+    all (n_masses,).
+    """
 
     words: str
     x: Sequence[float]
@@ -46,7 +48,7 @@ def admittance(curves: Sequence[Curve], *, title: str, picture_height: int = 400
     t_axis = _frequencies(min(curve.t[0] for curve in curves), max(curve.t[-1] for curve in curves))
     x_axis = axis([x for curve in curves for x in curve.x], 8)
     legend_parts, rows = _legend([curve.name for curve in curves])
-    top = 36 + _LINE * rows
+    top = 36 + _LINE_HEIGHT * rows
     plot_frame = Frame(64, top, _WIDTH - 24, picture_height - 48, t_axis, x_axis)
     svg_parts = [text(64, 20, short(title), weight="bold"), *legend_parts]
     svg_parts.append(axes(plot_frame, "frequency [Hz]", "velocity over force [dB re 1 (m/s)/N]"))
@@ -68,7 +70,7 @@ def stave(stave_parts: Sequence[tuple[str, Sequence[PitchedMode]]], *, title: st
             top_edge += 30
             continue
         shown = sorted(pitched_modes[:STAVE_MAX], key=lambda mode: -mode.frequency)
-        bottom = top_edge + 24 + max(180.0, _LINE * (len(shown) + 1))
+        bottom = top_edge + 24 + max(180.0, _LINE_HEIGHT * (len(shown) + 1))
         left_out = (
             f" (the first {len(shown)} of {len(pitched_modes)} modes)"
             if pitched_modes[STAVE_MAX:]
@@ -106,7 +108,7 @@ def shapes(shape_parts: Sequence[tuple[str, Sequence[Shape]]], *, title: str) ->
                 24 + column * (cell_size + 6),
                 top_edge + 24 + row * (cell_height + 30),
             )
-            words = shape.words[: int(cell_size / _LETTER)]
+            words = shape.words[: int(cell_size / _LETTER_WIDTH)]
             drawn.append(text(cell_left + cell_size / 2, upper + 12, words, anchor="middle"))
             drawn.append(_shape(shape, cell_left, upper + 18, cell_size - 8, cell_height - 8))
         top_edge += 40 + (cell_height + 30) * ceil(len(shown) / column_count)
@@ -139,11 +141,11 @@ def _legend(curve_names: Sequence[str]) -> tuple[list[str], int]:
     legend_parts, left_edge, row_index = [], 64.0, 0
     row_width = _WIDTH - 24 - 64
     for curve_number, name in enumerate(curve_names):
-        label_words = name[: int((row_width - 44) / _LETTER)]
-        label_width = 44 + _LETTER * len(label_words)
+        label_words = name[: int((row_width - 44) / _LETTER_WIDTH)]
+        label_width = 44 + _LETTER_WIDTH * len(label_words)
         if left_edge > 64 and left_edge + label_width > _WIDTH - 24:
             left_edge, row_index = 64.0, row_index + 1
-        y = 38 + _LINE * row_index
+        y = 38 + _LINE_HEIGHT * row_index
         legend_parts += [
             key_line(left_edge, y - 4, curve_number),
             text(left_edge + 33, y, label_words),
@@ -154,11 +156,11 @@ def _legend(curve_names: Sequence[str]) -> tuple[list[str], int]:
 
 def _stave_of(pitched_modes: Sequence[PitchedMode], top_edge: float, bottom_edge: float) -> str:
     """Modes, the highest first: dots in a frame, and a column of words to its right."""
-    column = 7 + _LETTER * max(len(mode.words) for mode in pitched_modes)
+    column = 7 + _LETTER_WIDTH * max(len(mode.words) for mode in pitched_modes)
     right_edge = max(_WIDTH - 24 - column - 40, _WIDTH / 2)
     pitches = [69 + 12 * log2(mode.frequency / 440) for mode in pitched_modes]
     lowest_key, highest_key = 12 * floor(min(pitches) / 12), 12 * ceil((max(pitches) + 1e-9) / 12)
-    step = max(1, ceil((highest_key - lowest_key) / 12 / ((bottom_edge - top_edge) / _LINE)))
+    step = max(1, ceil((highest_key - lowest_key) / 12 / ((bottom_edge - top_edge) / _LINE_HEIGHT)))
     octaves = range(int(lowest_key), int(highest_key) + 1, 12 * step)
     octave_names = tuple(f"C{octave // 12 - 1}".replace("-", "−") for octave in octaves)
     ticks = tuple(float(octave) for octave in octaves)
@@ -180,9 +182,9 @@ def _stave_of(pitched_modes: Sequence[PitchedMode], top_edge: float, bottom_edge
         svg_parts.append(
             f"<path d='M{x:.1f} {y:.1f}L{right_edge:.1f} {y:.1f}L{right_edge + 30:.1f} "
             f"{label_height - 4:.1f}' "
-            f"fill='none' stroke='{_LEADER}' stroke-width='0.6'/>"
+            f"fill='none' stroke='{_LEADER_COLOUR}' stroke-width='0.6'/>"
         )
-        svg_parts.append(f"<circle cx='{x:.1f}' cy='{y:.1f}' r='3.5' fill='{_UP}'/>")
+        svg_parts.append(f"<circle cx='{x:.1f}' cy='{y:.1f}' r='3.5' fill='{_UP_COLOUR}'/>")
         svg_parts.append(text(right_edge + 36, label_height, pitched_mode.words))
     return "\n".join(svg_parts)
 
@@ -191,17 +193,17 @@ def _spaced(heights_wanted: Sequence[float], top: float, bottom: float) -> list[
     """Heights for lines of text near the wanted ones, in rising order and at least a line apart."""
     line_heights: list[float] = []
     for y in heights_wanted:
-        line_heights.append(max(y + 4, line_heights[-1] + _LINE if line_heights else top))
+        line_heights.append(max(y + 4, line_heights[-1] + _LINE_HEIGHT if line_heights else top))
     limit = bottom
     for i in range(len(line_heights) - 1, -1, -1):
         line_heights[i] = min(line_heights[i], limit)
-        limit = line_heights[i] - _LINE
+        limit = line_heights[i] - _LINE_HEIGHT
     return line_heights
 
 
 def _is_row(shape: Shape) -> bool:
-    wide = max(shape.x, default=0.0) - min(shape.x, default=0.0)
-    return max(shape.y, default=0.0) - min(shape.y, default=0.0) <= 1e-9 * wide
+    x_extent = max(shape.x, default=0.0) - min(shape.x, default=0.0)
+    return max(shape.y, default=0.0) - min(shape.y, default=0.0) <= 1e-9 * x_extent
 
 
 def _shape(
@@ -222,32 +224,36 @@ def _shape(
     stride = max(1, ceil(len(mode_shape.x) / _DOTS_MAX))
     masses = sorted(zip(mode_shape.x, mode_shape.y, mode_shape.moves, strict=True))[::stride]
     low_x, low_y = min(mode_shape.x), min(mode_shape.y)
-    wide, tall = max(mode_shape.x) - low_x, max(mode_shape.y) - low_y
+    x_extent, y_extent = max(mode_shape.x) - low_x, max(mode_shape.y) - low_y
     room_x, room_y = picture_width - 16, picture_height - 16
     if _is_row(mode_shape):
-        across = [
-            left_edge + 8 + room_x * ((x - low_x) / wide if wide else 0.5) for x, _, _ in masses
+        x_pixels = [
+            left_edge + 8 + room_x * ((x - low_x) / x_extent if x_extent else 0.5)
+            for x, _, _ in masses
         ]
         middle = top_edge + picture_height / 2
-        down = [middle - 0.5 * room_y * move / largest_move for _, _, move in masses]
-        shape_line = "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(across, down, strict=True))
+        y_pixels = [middle - 0.5 * room_y * move / largest_move for _, _, move in masses]
+        shape_line = "L".join(f"{x:.1f} {y:.1f}" for x, y in zip(x_pixels, y_pixels, strict=True))
         dots = "".join(
-            f"<circle cx='{x:.1f}' cy='{y:.1f}' r='1.6' fill='{_UP}'/>"
-            for x, y in zip(across, down, strict=True)
+            f"<circle cx='{x:.1f}' cy='{y:.1f}' r='1.6' fill='{_UP_COLOUR}'/>"
+            for x, y in zip(x_pixels, y_pixels, strict=True)
             if len(masses) <= 120
         )
         rest_line = f"M{left_edge:.1f} {middle:.1f}h{picture_width:.1f}"
         return (
             f"{box}\n<path d='{rest_line}' fill='none' stroke='#dddddd'/>\n"
-            f"<path d='M{shape_line}' fill='none' stroke='{_UP}' stroke-width='1.2'/>{dots}"
+            f"<path d='M{shape_line}' fill='none' stroke='{_UP_COLOUR}' stroke-width='1.2'/>{dots}"
         )
-    scale = min(room_x / wide if wide else room_y / tall, room_y / tall if tall else room_x / wide)
-    largest = min(7.0, max(1.2, 0.5 * scale * hypot(wide, tall) / len(masses) ** 0.5))
+    scale = min(
+        room_x / x_extent if x_extent else room_y / y_extent,
+        room_y / y_extent if y_extent else room_x / x_extent,
+    )
+    largest = min(7.0, max(1.2, 0.5 * scale * hypot(x_extent, y_extent) / len(masses) ** 0.5))
     centre_x, centre_y = left_edge + picture_width / 2, top_edge + picture_height / 2
     dots = "".join(
         _dot(
-            centre_x + scale * (x - low_x - wide / 2),
-            centre_y - scale * (y - low_y - tall / 2),
+            centre_x + scale * (x - low_x - x_extent / 2),
+            centre_y - scale * (y - low_y - y_extent / 2),
             largest * (abs(move) / largest_move) ** 0.5,
             move > 0,
         )
@@ -258,5 +264,9 @@ def _shape(
 
 
 def _dot(x: float, y: float, radius: float, is_up: bool) -> str:
-    paint = f"fill='{_UP}'" if is_up else f"fill='#ffffff' stroke='{_DOWN}' stroke-width='0.8'"
+    paint = (
+        f"fill='{_UP_COLOUR}'"
+        if is_up
+        else f"fill='#ffffff' stroke='{_DOWN_COLOUR}' stroke-width='0.8'"
+    )
     return f"<circle cx='{x:.1f}' cy='{y:.1f}' r='{max(radius, 0.3):.2f}' {paint}/>"

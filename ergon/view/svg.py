@@ -69,20 +69,22 @@ def panels(
     panel_rows: Sequence[tuple[str, Sequence[Curve]]], *, title: str, width: int = 900
 ) -> str:
     """Curves in frames one above the other over the same time, each with a label."""
-    panel_height, between, top_edge = 190, 46, 44
+    panel_height, panel_gap, top_edge = 190, 46, 44
     t_axis = axis(
         [t for _, curves in panel_rows for curve in curves for t in curve.t], 8, tight=True
     )
     svg_parts = [text(64, 20, short(title), weight="bold")]
     for panel_index, (panel_label, curves) in enumerate(panel_rows):
-        panel_top = top_edge + panel_index * (panel_height + between)
+        panel_top = top_edge + panel_index * (panel_height + panel_gap)
         x_axis = axis([x for curve in curves for x in curve.x], 5)
         frame = Frame(64, panel_top, width - 16, panel_top + panel_height, t_axis, x_axis)
         svg_parts += [
             axes(frame, "time [s]" if panel_index == len(panel_rows) - 1 else "", panel_label)
         ]
         svg_parts += [lines(curves, frame), _legend(curves, frame)]
-    return document(width, top_edge + len(panel_rows) * (panel_height + between), title, svg_parts)
+    return document(
+        width, top_edge + len(panel_rows) * (panel_height + panel_gap), title, svg_parts
+    )
 
 
 def lines(curves: Sequence[Curve], frame: Frame) -> str:
@@ -108,22 +110,29 @@ def document(
 
 def axes(frame: Frame, t_label: str, x_label: str) -> str:
     """Grid, ticks, numbers and labels of a frame."""
-    f = frame
     svg_parts = []
-    for tick in f.t_axis.ticks:
-        x = f.across(tick)
-        svg_parts.append(_line(x, f.top, x, f.bottom))
-        svg_parts.append(text(x, f.bottom + 16, f.t_axis.text(tick), anchor="middle"))
-    for tick in f.x_axis.ticks:
-        x = f.down(tick)
-        svg_parts.append(_line(f.left, x, f.right, x))
-        svg_parts.append(text(f.left - 6, x + 4, f.x_axis.text(tick), anchor="end"))
+    for tick in frame.t_axis.ticks:
+        x = frame.across(tick)
+        svg_parts.append(_line(x, frame.top, x, frame.bottom))
+        svg_parts.append(text(x, frame.bottom + 16, frame.t_axis.text(tick), anchor="middle"))
+    for tick in frame.x_axis.ticks:
+        x = frame.down(tick)
+        svg_parts.append(_line(frame.left, x, frame.right, x))
+        svg_parts.append(text(frame.left - 6, x + 4, frame.x_axis.text(tick), anchor="end"))
     svg_parts.append(
-        f"<rect x='{f.left:g}' y='{f.top:g}' width='{f.right - f.left:g}' "
-        f"height='{f.bottom - f.top:g}' fill='none' stroke='{_INK}'/>"
+        f"<rect x='{frame.left:g}' y='{frame.top:g}' "
+        f"width='{frame.right - frame.left:g}' "
+        f"height='{frame.bottom - frame.top:g}' fill='none' stroke='{_INK}'/>"
     )
-    svg_parts.append(text((f.left + f.right) / 2, f.bottom + 36, t_label, anchor="middle"))
-    middle = (f.top + f.bottom) / 2
+    svg_parts.append(
+        text(
+            (frame.left + frame.right) / 2,
+            frame.bottom + 36,
+            t_label,
+            anchor="middle",
+        )
+    )
+    middle = (frame.top + frame.bottom) / 2
     svg_parts.append(
         f"<text x='14' y='{middle:g}' fill='{_INK}' text-anchor='middle' "
         f"transform='rotate(-90 14 {middle:g})'>{escape(x_label)}</text>"

@@ -42,7 +42,7 @@ def picture(title: str, target_names: Sequence[str], sweep_points: Sequence[Poin
     Variants that differ only in the first value are joined by a line; lines get darker from the
     first to the last of the other values.
     """
-    across = _across(sweep_points)
+    axis_places = _across(sweep_points)
     curves: dict[tuple[str, ...], list[Point]] = {}
     for point in sweep_points:
         curves.setdefault(point.values[1:], []).append(point)
@@ -61,18 +61,18 @@ def picture(title: str, target_names: Sequence[str], sweep_points: Sequence[Poin
             top_edge,
             left_edge + _WIDTH - _RIGHT,
             top_edge + _HIGH,
-            across.axis,
+            axis_places.axis,
             axis(figures, 5),
         )
         svg_parts += [
-            axes(plot_frame, target_names[0] + across.unit, ""),
+            axes(plot_frame, target_names[0] + axis_places.unit, ""),
             text(left_edge + _LEFT, top_edge - 8, _PANELS[panel_name]),
         ]
         for index, named_points in enumerate(curves.values()):
             colour = _colour(index, len(curves))
             line_points = [
                 (
-                    plot_frame.across(across.place_of(p.values[0])),
+                    plot_frame.across(axis_places.place_of(p.values[0])),
                     plot_frame.down(p.figures[panel_name]),
                 )
                 for p in named_points

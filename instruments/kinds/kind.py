@@ -1,4 +1,6 @@
-"""What a kind of module is: everything that is asked of it, said once."""
+"""The description of a kind of module, from which its tables, its checks and its construction
+follow.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +16,7 @@ from ergon.notation.tables.shapes import Reference, Shape
 from ergon.notation.text.errors import with_article
 
 Family = Literal["mat", "link", "generator", "input"]
-# What a link is to whoever studies a network: its force is linear, that of a contact, that of a
-# law, or that of friction.
+# The role of a link in analyses of a network, by its force: linear, contact, law or friction.
 Role = Literal["linear", "contact", "law", "friction"]
 Fields = Mapping[str, Any]
 
@@ -54,11 +55,11 @@ CA = Quantities(
 
 
 def no_check(values: Values) -> None:
-    """Nothing contradicts anything."""
+    """Accept any fields: none of them contradict each other."""
 
 
 def as_written(values: Values, fields: object) -> None:
-    """Fields are what is written."""
+    """Leave the fields as they are written."""
 
 
 def single_mat(fields: Fields) -> int:
@@ -131,7 +132,7 @@ def kind(
 
 
 def picked(fields: Fields, *names: str) -> dict[str, Any]:
-    """Those of some fields that are not None."""
+    """The fields with these names, without those that are None."""
     return {name: fields[name] for name in names if fields.get(name) is not None}
 
 

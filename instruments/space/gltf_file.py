@@ -264,8 +264,8 @@ def _placed(scene_node: Mapping[str, Any]) -> _Matrix:
         (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
     )
     return tuple(
-        (row[0] * scale[0], row[1] * scale[1], row[2] * scale[2], beside)
-        for row, beside in zip(turn, to, strict=True)
+        (row[0] * scale[0], row[1] * scale[1], row[2] * scale[2], offset)
+        for row, offset in zip(turn, to, strict=True)
     )
 
 

@@ -15,7 +15,9 @@ MAX_FACES = 200_000  # triangles
 # The source axes in new order, by the axis that points up: cyclic, so that orientation is kept.
 TURNS = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
 COORDINATE_MAX = 1e6  # largest coordinate, in units of the file
-_NEAR = 1e-6  # of the size of a mesh: the places of single precision, moved by their nodes
+_SAME_PLACE_SHARE = (
+    1e-6  # of the size of a mesh: the places of single precision, moved by their nodes
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +59,7 @@ def merged(mesh: Mesh) -> Mesh:
     if not corners_of_faces:
         return mesh
     size = max(max(axis) - min(axis) for axis in zip(*mesh.points, strict=True))
-    near_distance = _NEAR * size
+    near_distance = _SAME_PLACE_SHARE * size
     if not near_distance:
         return mesh
     points_by_cell: dict[tuple[int, ...], list[int]] = {}
@@ -69,7 +71,7 @@ def merged(mesh: Mesh) -> Mesh:
             merged_points.append(mesh_point)
             continue
         point_cell = tuple(math.floor(x / near_distance) for x in mesh_point)
-        around = (
+        corner_faces = (
             number
             for step in product((-1, 0, 1), repeat=3)
             for number in points_by_cell.get(
@@ -77,7 +79,7 @@ def merged(mesh: Mesh) -> Mesh:
             )
         )
         merged_index = next(
-            (n for n in around if math.dist(merged_points[n], mesh_point) <= near_distance),
+            (n for n in corner_faces if math.dist(merged_points[n], mesh_point) <= near_distance),
             len(merged_points),
         )
         if merged_index == len(merged_points):

@@ -35,18 +35,18 @@ def from_file(values: Values, read: Read, collector: Collector) -> Values:
     name = values.by_name.get("file")
     if not isinstance(name, str):
         return values
-    place, who = values.place_of("file"), values.context.label("file")
+    place, file_label = values.place_of("file"), values.context.label("file")
     kind = PurePath(name).suffix.lower()
-    if (foreign := foreign_form(b"", PurePath(name))) is not None:
-        collector.error("E106", f"{who}: {foreign}", place)
+    if (foreign_kind := foreign_form(b"", PurePath(name))) is not None:
+        collector.error("E106", f"{file_label}: {foreign_kind}", place)
         by_name = {field: value for field, value in values.by_name.items() if field != "file"}
         return replace(values, by_name=by_name)
     document = read(name, place, _DECODERS.get(kind, obj_file.decoded))
     mesh = None
     if document is not None and kind == _GLTF:
-        mesh = _gltf(document, who, collector)
+        mesh = _gltf(document, file_label, collector)
     elif document is not None:
-        mesh = obj_file.Reader(document, who, collector).mesh(place)
+        mesh = obj_file.Reader(document, file_label, collector).mesh(place)
     fields = {field: value for field, value in values.by_name.items() if field != "file"}
     return replace(values, by_name=fields if mesh is None else {**fields, "file": mesh})
 

@@ -337,9 +337,9 @@ def _springs(
     numbers_by_cell = {cell: number for number, cell in enumerate(lattice_cells)}
     for step, rest_length in steps:
         for cell_number, cell in enumerate(lattice_cells):
-            there = numbers_by_cell.get(tuple(i + j for i, j in zip(cell, step, strict=True)))
-            if there is not None:
-                yield cell_number, there, rest_length
+            neighbour = numbers_by_cell.get(tuple(i + j for i, j in zip(cell, step, strict=True)))
+            if neighbour is not None:
+                yield cell_number, neighbour, rest_length
 
 
 def _equal(springs: Iterable[Spring], net_fields: NetFields) -> Iterator[Run]:

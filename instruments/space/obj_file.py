@@ -28,7 +28,9 @@ _LINE_END = re.compile(r"\r\n|\r|\n")  # \x85 is a letter of older code pages
 _CORNER = re.compile(r"([+-]?[0-9]+)(/[+-]?[0-9]*){0,2}")
 # Keywords for curves, surfaces and other files, which would be missing from the mesh; what has any
 # other keyword (looks, names, groups, single points) says nothing of vertices and edges.
-_MISSED = frozenset(["curv", "curv2", "surf", "bzp", "bsp", "cdc", "cdp", "res", "call", "csh"])
+_GEOMETRY_KEYWORDS = frozenset(
+    ["curv", "curv2", "surf", "bzp", "bsp", "cdc", "cdp", "res", "call", "csh"]
+)
 
 
 def decoded(file_bytes: bytes, file_name: str, collector: Collector) -> str | None:
@@ -80,17 +82,17 @@ class Reader:
 
     def _lines(self) -> Iterator[tuple[int, str]]:
         """Lines with their numbers, without comments; a backslash at the end continues a line."""
-        begun, first_number = "", 0
+        continued_text, first_number = "", 0
         for number, line in enumerate(_LINE_END.split(self._document.text), 1):
             line_text = line.partition("#")[0].rstrip()
             first_number = first_number or number
             if line_text.endswith("\\"):
-                begun += line_text[:-1] + " "
+                continued_text += line_text[:-1] + " "
                 continue
-            yield first_number, begun + line_text
-            begun, first_number = "", 0
-        if begun:
-            yield first_number, begun
+            yield first_number, continued_text + line_text
+            continued_text, first_number = "", 0
+        if continued_text:
+            yield first_number, continued_text
 
     def _line(self, words: list[str]) -> None:
         line_kind = words[0] if words else ""
@@ -98,7 +100,7 @@ class Reader:
             self._vertex(words[1:])
         elif line_kind in ("f", "l"):
             self._edges_of(line_kind, words[1:])
-        elif line_kind in _MISSED:
+        elif line_kind in _GEOMETRY_KEYWORDS:
             raise MeshFileError(
                 f"{quote(line_kind)} is not read; a mesh has vertices (v), faces (f) and lines (l)"
             )

@@ -69,7 +69,7 @@ def unit(direction: Vector | None) -> Vector | None:
     if direction is None:
         return None
     length = math.hypot(*direction)
-    return (*(one / length for one in direction), 0.0)[:3]
+    return (*(component / length for component in direction), 0.0)[:3]
 
 
 def add_point(network: _core.Network, points_name: str, point_fields: PointFields) -> int:
@@ -171,8 +171,8 @@ def _lattice(
         grain_position, rest, generator = [], i, chance(i) if spread else None
         for a, b, count in zip(start_corner, stop_corner, counts, strict=True):
             rest, index = divmod(rest, count)
-            beside = generator.uniform(-spread, spread) if generator is not None else 0.0
-            grain_position.append(a + math.copysign(index * spacing, b - a) + beside)
+            offset = generator.uniform(-spread, spread) if generator is not None else 0.0
+            grain_position.append(a + math.copysign(index * spacing, b - a) + offset)
         lattice_positions.append(tuple(grain_position))
     return lattice_positions
 

@@ -190,9 +190,11 @@ def _near_targets(text: str, scope: Scope) -> list[str]:
     """The parameters of the module, or else the part, that a wrong path names; or all."""
     path_head = text.rpartition(".")[0]
     while path_head:
-        some = [target for target in scope.targets if target.startswith(f"{path_head}.")]
-        if some:
-            return some
+        matching_targets = [
+            target for target in scope.targets if target.startswith(f"{path_head}.")
+        ]
+        if matching_targets:
+            return matching_targets
         path_head = path_head.rpartition(".")[0]
     return list(scope.targets)
 

@@ -103,11 +103,13 @@ def _read_set(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Ma
     for word_match in re.finditer(r"[a-z]{2,}(?=\s|$)", values_text):
         if word_match.group() == "over":  # the words before `over` are no values
             read_field(values_text[: word_match.start()].strip())
-        near = nearest(word_match.group(), (*_SET_OPTIONS, "over", *WAYS))
-        if near is not None and word_match.group() not in WAYS:
+        suggestion = nearest(word_match.group(), (*_SET_OPTIONS, "over", *WAYS))
+        if suggestion is not None and word_match.group() not in WAYS:
             message = f"unknown word '{word_match.group()}'"
             length = len(word_match.group())
-            raise TextError(message, offset=word_match.start(), length=length, suggestion=near)
+            raise TextError(
+                message, offset=word_match.start(), length=length, suggestion=suggestion
+            )
     if is_curve(values_text):
         parse_curve(values_text, read_field)
         if extra := placed_options.keys() - {"until"}:

@@ -64,9 +64,11 @@ def _name(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[str, tupl
     if block_name in _CONDITION_WORDS:
         message = f"{quote(block_name)} is a word of conditions: give the block another name"
         raise TextError(message, length=len(block_name))
-    for what in ("player", "gesture", "take", "key", "instrument", "mark"):
-        if block_name in getattr(scope, f"{what}s"):
-            message = f"{quote(block_name)} is the name of a {what}: give the block another name"
+    for name_kind in ("player", "gesture", "take", "key", "instrument", "mark"):
+        if block_name in getattr(scope, f"{name_kind}s"):
+            message = (
+                f"{quote(block_name)} is the name of a {name_kind}: give the block another name"
+            )
             raise TextError(message, length=len(block_name))
     return block_name, tuple(_setting(value) for value in setting_words)
 

@@ -198,9 +198,9 @@ class _FormReader:
             del self.words[-2:]
         elif last_word.text in _TIME_LEADS:
             self._offer(_TIME_LEADS[last_word.text])
-            what = _TIME_LEADS[last_word.text].what
+            time_noun = _TIME_LEADS[last_word.text].what
             raise TextError(
-                f"'{last_word.text}' needs {what}",
+                f"'{last_word.text}' needs {time_noun}",
                 offset=last_word.start,
                 length=len(last_word.text),
             )
@@ -274,8 +274,8 @@ class _FormReader:
         if not self.words or not self.words[0].text:
             if not self.words:
                 self._offer(option_slot.value)
-            what = option_slot.value.what
-            raise TextError(f"'{option_slot.lead}' needs {what}", offset=self.end_of_line)
+            slot_noun = option_slot.value.what
+            raise TextError(f"'{option_slot.lead}' needs {slot_noun}", offset=self.end_of_line)
         self._store(option_slot, self.words.pop(0))
 
     def _store(self, slot: Slot, word: Word) -> None:
@@ -305,8 +305,8 @@ class _FormReader:
             verb = example.split()[0]
             names = [f"{verb} {name}" for name in (*list(self.scope.players)[:4], "all")]
             example = f"{', '.join(names[:-1])} or {names[-1]}"
-        where = self.words[0].start if self.words else self.end_of_line
-        raise TextError(f"{missing_text} is missing: {example}", offset=where)
+        error_offset = self.words[0].start if self.words else self.end_of_line
+        raise TextError(f"{missing_text} is missing: {example}", offset=error_offset)
 
     def _check_end(self, options: list[Slot]) -> None:
         if not self.words:

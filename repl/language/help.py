@@ -50,9 +50,9 @@ KEYS = (
 def overview() -> tuple[str, ...]:
     """One example of every form, in lines of at most 100 characters."""
     help_lines = []
-    for title, some in GROUPS.items():
+    for title, group_forms in GROUPS.items():
         help_lines.append(f"{title}:")
-        help_lines += [f"  {form.example:<39} {form.effect}" for form in some]
+        help_lines += [f"  {form.example:<39} {form.effect}" for form in group_forms]
     help_lines.append("a line may end in now, at C, in 2 or sync d1; `help VERB` explains one verb")
     return tuple(help_lines)
 
@@ -61,8 +61,8 @@ def verb_help(verb: str) -> tuple[str, ...]:
     """One verb: how it is written, what it does, and the words that belong to it."""
     help_lines = []
     for form in forms_of(verb):
-        when = " [now | at WHERE | in LENGTH | sync NAME]" if form.timed else ""
-        help_lines += [f"{form.written}{when}", f"  {form.effect}", f"  {form.example}"]
+        time_text = " [now | at WHERE | in LENGTH | sync NAME]" if form.timed else ""
+        help_lines += [f"{form.written}{time_text}", f"  {form.effect}", f"  {form.example}"]
     if SHORTEST[verb] != verb:
         help_lines.append(f"  in short: {SHORTEST[verb]}")
     return (*help_lines, *(f"  {word:<25} {means}" for word, means in _verb_words(verb)))
@@ -93,8 +93,10 @@ def cheat_sheet() -> str:
         "",
     ]
     sheet_lines += ["A verb may be cut down to its short form; the short forms stay.", ""]
-    for title, some in GROUPS.items():
-        rows = ((form.written, form.effect, form.example, _shortest(form.verb)) for form in some)
+    for title, group_forms in GROUPS.items():
+        rows = (
+            (form.written, form.effect, form.example, _shortest(form.verb)) for form in group_forms
+        )
         sheet_lines += _table(title, ("write", "effect", "example", "in short"), rows)
     sheet_lines += _table("when a line acts", ("at its end", "effect"), WHEN)
     sheet_lines += _table("notation", ("write", "meaning"), NOTATION)

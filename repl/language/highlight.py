@@ -19,7 +19,7 @@ _NUMBER = re.compile(
     r"(?P<number>(?:(?<![\w.])|(?<=\bx))[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?(?:/\d+)?)"
     r"(?P<unit>[^\W\d_][\w/%]*)?"
 )
-_PARTS = (
+_SCOPE_FIELDS = (
     *("players", "gestures", "takes", "keys", "marks", "instruments", "targets", "blocks"),
     *("available", "families"),
 )
@@ -69,12 +69,12 @@ def _verb(word_matches: list[re.Match[str]], scope: Scope) -> int:
     """The index of the verb; -1 if there is none yet."""
     if not word_matches:
         return -1
-    first_word, second = (
+    first_word, second_word = (
         word_matches[0].group(),
         word_matches[1].group() if len(word_matches) > 1 else "",
     )
-    if second == "=" or (
-        first_word in scope.players and verbs.verbs_matching(second, verbs.SUBJECT_VERBS)
+    if second_word == "=" or (
+        first_word in scope.players and verbs.verbs_matching(second_word, verbs.SUBJECT_VERBS)
     ):
         return 1
     return 0 if len(verbs.verbs_matching(first_word, verbs.VERBS)) == 1 else -1
@@ -83,7 +83,7 @@ def _verb(word_matches: list[re.Match[str]], scope: Scope) -> int:
 def _kinds(line_word: str, scope: Scope) -> Iterator[Token]:
     if line_word in CURVES:
         yield 0, len(line_word), "curve"
-    elif any(line_word in getattr(scope, part) for part in _PARTS):
+    elif any(line_word in getattr(scope, part) for part in _SCOPE_FIELDS):
         yield 0, len(line_word), "name"
     elif line_word in RESERVED:
         yield 0, len(line_word), "option"

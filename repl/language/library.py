@@ -81,8 +81,8 @@ def _read_family(slot_text: str, scope: Scope, _: Mapping[str, Any]) -> tuple[st
         else slot_text
     )
     if path.suffix not in SUFFIXES:
-        what = "a family of the library, or a file such as drums.yaml"
-        raise v.unknown_name(slot_text, what, library())
+        family_noun = "a family of the library, or a file such as drums.yaml"
+        raise v.unknown_name(slot_text, family_noun, library())
     if not NAME.fullmatch(path.stem) or len(path.stem) > MAX_NAME:
         message = f"{quote(path.stem)} is not a name, and the file gives the family its name: "
         message += "use letters, digits, '-' and '_'"

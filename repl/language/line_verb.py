@@ -27,9 +27,9 @@ def find_verb_of(line_words: list[Word], scope: Scope) -> tuple[str, list[Word]]
     is_instrument = first_word in playable(scope)
     is_played = first_word in scope.gestures or first_word in scope.takes or is_instrument
     is_name = first_word not in verbs.VERBS or is_instrument  # an instrument may be called `pan`
-    sure = second in verbs.SUBJECT_VERBS and is_name
-    sure = sure and not (second == "every" and is_played)
-    if about_player and (is_player or sure):
+    is_subject_verb = second in verbs.SUBJECT_VERBS and is_name
+    is_subject_verb = is_subject_verb and not (second == "every" and is_played)
+    if about_player and (is_player or is_subject_verb):
         return about_player[0], [line_words[0], *line_words[2:]]
     if is_name and _is_stroke(line_words, scope):
         return "hear", line_words
@@ -97,8 +97,10 @@ def _unknown_verb(
     if first_word in TRANSFORMS:
         message = f"{quote(first_word)} is a transformation, of a rhythm or of strikes"
         voice = next(iter(scope.strikes), "d1")
-        what = " ".join(word.text for word in line_words)
-        raise TextError(f"{message}: {voice} do {what}", offset=word_start, length=len(first_word))
+        line_words_text = " ".join(word.text for word in line_words)
+        raise TextError(
+            f"{message}: {voice} do {line_words_text}", offset=word_start, length=len(first_word)
+        )
     for i, later_word in enumerate(line_words[1:], 1):
         if later_word.text in ("at", "in") and _is_stroke(line_words[:i], scope):
             message = (

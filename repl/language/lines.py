@@ -115,9 +115,9 @@ def comment_start(line: str) -> int:
 def _check_characters(line_text: str, text_offset: int) -> None:
     if line_text.isprintable():
         return
-    strange = [i for i, c in enumerate(line_text) if not c.isprintable() and c not in "\t\r"]
-    if strange:
-        first_strange, last_strange = strange[0], strange[-1]
+    unprintable = [i for i, c in enumerate(line_text) if not c.isprintable() and c not in "\t\r"]
+    if unprintable:
+        first_strange, last_strange = unprintable[0], unprintable[-1]
         message = (
             "this line contains a character that has no meaning here "
             f"(U+{ord(line_text[first_strange]):04X})"

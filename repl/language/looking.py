@@ -11,8 +11,9 @@ from ergon.repl.language.forms import OFF_SLOT, SHOWN_SLOT, Slot, form
 
 @dataclass(frozen=True, slots=True)
 class Look(Command):
-    """Draw a gesture or a take, or show where a name is defined; None: who plays what at which
-    beat."""
+    """Draw a gesture or a take, or show where a name is defined; None: show which player plays
+    which gesture on each beat.
+    """
 
     name: str | None
 

@@ -62,7 +62,9 @@ def parse_block_line(line_text: str, scope: Scope) -> Command:
     """The command of a line that a block may hold. Raises Refusal."""
     try:
         commands = [
-            own for line in lines(line_text) if (own := _block_command(line, 0, scope)) is not None
+            command
+            for line in lines(line_text)
+            if (command := _block_command(line, 0, scope)) is not None
         ]
         if len(commands) != 1:
             raise TextError(

@@ -82,9 +82,11 @@ def _entry(words: list[tuple[str, int]]) -> Entry:
 
 def _name(phrase_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
     v.check_new_name(phrase_name)
-    for what in ("gesture", "take", "player", "instrument", "key"):
-        if phrase_name in getattr(scope, f"{what}s"):
-            message = f"{quote(phrase_name)} is the name of a {what}: give the phrase another name"
+    for name_kind in ("gesture", "take", "player", "instrument", "key"):
+        if phrase_name in getattr(scope, f"{name_kind}s"):
+            message = (
+                f"{quote(phrase_name)} is the name of a {name_kind}: give the phrase another name"
+            )
             raise TextError(message, length=len(phrase_name))
     return phrase_name
 
@@ -140,12 +142,12 @@ def _offers(context: CompletionContext) -> Iterator[Completion]:
 
 def _entry_offers(context: CompletionContext) -> Iterator[Completion]:
     """What an entry strikes, behind its time; the time of the first entry."""
-    begun: list[str] = []
+    step_words: list[str] = []
     for word in context.before:
-        begun = [] if word.endswith(",") else [*begun, word]
+        step_words = [] if word.endswith(",") else [*step_words, word]
     if not context.before:
         yield Completion("0", "when, what, how strongly")
-    elif len(begun) == 1 or (begun and not _IMPULSE.match(begun[-1])):
+    elif len(step_words) == 1 or (step_words and not _IMPULSE.match(step_words[-1])):
         yield from v.struck_completions(context)
 
 

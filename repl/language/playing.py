@@ -57,7 +57,7 @@ class Do(BlockCommand):
     def chain(self) -> tuple[str, ...]:
         """Each transformation as it was written."""
         text = self.words["do"].text
-        return tuple(text[one.offset : one.offset + one.length] for one in self.do)
+        return tuple(text[change.offset : change.offset + change.length] for change in self.do)
 
 
 # Options that a line may not set.
@@ -160,8 +160,8 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
 
 
 # The options of `plays`, each with a line of help.
-_UNTYPED = (*_SCORE_ONLY, "at", play_words.NTH)
-OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in _UNTYPED}
+_SCORE_FIELDS = (*_SCORE_ONLY, "at", play_words.NTH)
+OPTION_HINTS = {name: PLAY.by_name[name].doc for name in SHAPES if name not in _SCORE_FIELDS}
 PLAYING = v.Value("a gesture or a take", _read, _offers)
 
 

@@ -30,7 +30,7 @@ class Retune(Command):
 
 _WORD = re.compile(r"\S+")
 _EXAMPLES = {"edo": "19", "A4": "442Hz", "scale": "tune.scl", "keys": "tune.kbm", "root": "D4"}
-_NONE = "off"
+_OFF_WORD = "off"
 
 
 def _tunings(scope: Scope) -> dict[str, str]:
@@ -55,7 +55,7 @@ def _targets(context: v.CompletionContext) -> Iterator[v.Completion]:
 def _fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str, str]:
     """The fields of a tuning; none for `off`. Raises TextError."""
     placed_words = [(match.start(), match.group()) for match in _WORD.finditer(slot_text)]
-    if slot_text.strip() == _NONE:
+    if slot_text.strip() == _OFF_WORD:
         return {}
     for field_name, pattern in TUNING.lone.items():
         if len(placed_words) == 1 and (match := re.fullmatch(pattern, placed_words[0][1])):
@@ -67,8 +67,10 @@ def _fields(slot_text: str, _scope: Scope, _read: Mapping[str, Any]) -> dict[str
         if field_name not in TUNING.by_name or field_name in tuning_fields:
             known = ", ".join(TUNING.by_name)
             message = f"{quote(field_name)} says nothing of a tuning; it has {known}, each once"
-            near = TUNING.meant.get(field_name) or nearest(field_name, TUNING.by_name)
-            raise TextError(message, offset=name_offset, length=len(field_name), suggestion=near)
+            suggestion = TUNING.meant.get(field_name) or nearest(field_name, TUNING.by_name)
+            raise TextError(
+                message, offset=name_offset, length=len(field_name), suggestion=suggestion
+            )
         v.check_word(TUNING, field_name, value_text, word_offset)
         tuning_fields[field_name] = value_text
     if len(placed_words) % 2:
@@ -92,7 +94,7 @@ def _offers(context: v.CompletionContext) -> Iterator[v.Completion]:
         if field_name not in context.before:
             yield v.Completion(field_name, field.doc)
     if not context.before:
-        yield v.Completion(_NONE, "the tuning of the score, or equal steps")
+        yield v.Completion(_OFF_WORD, "the tuning of the score, or equal steps")
 
 
 TARGET = v.Value("the tuning of an instrument, or of the score", _target, _targets)

@@ -63,16 +63,20 @@ def _read(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> Mappin
         error.offset += after_offset
         raise
     strike_fields = {name: word.text for name, word in placed_options.items()}
-    whose = strike_fields.get("to") or (
+    pattern_owner = strike_fields.get("to") or (
         slots_read["name"] if slots_read["name"] in playable(scope) else ""
     )
     try:
         check_text(rhythm)
-        _check_words(rhythm, whose, scope, is_sure="impulse" in strike_fields)
+        _check_words(rhythm, pattern_owner, scope, is_sure="impulse" in strike_fields)
     except TextError as error:
         error.offset += 1
         raise
-    strike_fields = {"rhythm": rhythm, **({"to": whose} if whose else {}), **strike_fields}
+    strike_fields = {
+        "rhythm": rhythm,
+        **({"to": pattern_owner} if pattern_owner else {}),
+        **strike_fields,
+    }
     if do is not None:
         strike_fields["do"] = transforms(text_after[do:], after_offset + do, rhythm)
     return strike_fields

@@ -100,19 +100,19 @@ def scope_of(piece: Piece, folder: Path | None = None) -> Scope:
         marks={mark.name: f"mark, {mark.at.text}" for mark in piece.marks},
         instruments={
             **{name: "instrument" for name in piece.instruments},
-            **{name: f"instrument of {len(own)} notes" for name, own in piece.families.items()},
+            **{name: f"instrument of {len(notes)} notes" for name, notes in piece.families.items()},
         },
         targets=dict(_targets(piece)),
         folder=folder,
         available={name: _file_hint(full) for name, full in unplayed.items()},
         modules={**_modules(piece), **_unplayed_modules(piece, unplayed)},
         families=_families(piece),
-        strikes={one.name: "strikes" for one in piece.strikes},
+        strikes={strikes.name: "strikes" for strikes in piece.strikes},
         rooms={room.name: "room" for room in piece.mix.rooms},
         phrases={name: "phrase" for name in piece.phrases},
         paths=dict.fromkeys(filter(None, map(_path_of, piece.gestures.values())), "path in space"),
         acts=dict(_acts(piece)),
-        blocks={name: f"block, {_lines(own)}" for name, own in piece.blocks.items()},
+        blocks={name: f"block, {_lines(block)}" for name, block in piece.blocks.items()},
     )
 
 
@@ -128,7 +128,8 @@ def with_name(scope: Scope, section_name: str, new_name: str) -> Scope:
 def _families(piece: Piece) -> dict[str, dict[str, str]]:
     """Families that ship, and those that the score uses."""
     known_families = {
-        name: {member.name: member.about for member in some} for name, some in library().items()
+        name: {member.name: member.about for member in members}
+        for name, members in library().items()
     }
     for instrument_name in piece.used:
         known_families.setdefault(instrument_name, {})
@@ -147,7 +148,7 @@ def _file_hint(full: str) -> str:
 def _modules(piece: Piece) -> dict[str, list[str]]:
     """The modules with masses of every instrument in the network."""
     parts = {name: piece.instruments.get(name) for name in piece.instruments}
-    parts |= {name: piece.instruments.get(own[0]) for name, own in piece.families.items()}
+    parts |= {name: piece.instruments.get(members[0]) for name, members in piece.families.items()}
     return {name: _holders(part) for name, part in parts.items() if part is not None}
 
 

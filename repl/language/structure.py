@@ -82,12 +82,14 @@ def _fields(slot_text: str, scope: Scope, slots_read: Mapping[str, Any]) -> dict
     field_names = [field.name for field in field_table.fields if field.name not in _ENDS]
     for field_name, field_text, field_offset in pairs(slot_text):
         if field_name not in field_names and field_table.free is None:
-            near = nearest(field_name, field_names)
+            suggestion = nearest(field_name, field_names)
             message = (
                 f"{slots_read['kind']} has no field {quote(field_name)}; it has "
                 f"{', '.join(field_names)}"
             )
-            raise TextError(message, offset=field_offset, length=len(field_name), suggestion=near)
+            raise TextError(
+                message, offset=field_offset, length=len(field_name), suggestion=suggestion
+            )
         shape: Shape | None = (
             field_table.by_name[field_name].shape if field_name in field_table.by_name else None
         )
@@ -174,9 +176,9 @@ def _file_offers(context: CompletionContext) -> Iterator[Completion]:
 
 
 def _new_part(part_name: str, scope: Scope, _: Mapping[str, Any]) -> str:
-    for what, known in (("gesture", scope.gestures), ("take", scope.takes)):
+    for name_kind, known in (("gesture", scope.gestures), ("take", scope.takes)):
         if part_name in known:
-            message = f"{quote(part_name)} is a {what}: give the instrument another name"
+            message = f"{quote(part_name)} is a {name_kind}: give the instrument another name"
             raise TextError(message, length=len(part_name))
     return v.check_new_name(part_name)
 
@@ -219,7 +221,10 @@ def _removable(scope: Scope) -> dict[str, str]:
         scope.phrases,
         scope.strikes,
     )
-    return {**_modules(scope), **{name: hint for some in sections for name, hint in some.items()}}
+    return {
+        **_modules(scope),
+        **{name: hint for section in sections for name, hint in section.items()},
+    }
 
 
 def _removed(text: str, scope: Scope, _: Mapping[str, Any]) -> str:

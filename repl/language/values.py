@@ -90,8 +90,8 @@ def unknown_name(unknown_text: str, kind_noun: str, names: Iterable[str]) -> Tex
     nearest_name = nearest(unknown_text, known_names)
     message = f"{quote(unknown_text)} is not {kind_noun}"
     if nearest_name is None:
-        some = ", ".join(known_names[:8]) + (", …" if len(known_names) > 8 else "")
-        message += f"; there are only {some}" if known_names else "; the score has none"
+        name_list = ", ".join(known_names[:8]) + (", …" if len(known_names) > 8 else "")
+        message += f"; there are only {name_list}" if known_names else "; the score has none"
     return TextError(message, length=len(unknown_text), suggestion=nearest_name)
 
 
@@ -108,13 +108,15 @@ def unknown_instrument(
     )
 
 
-def family_missing(instrument_name: str, family: str, then: str = "") -> TextError:
-    """The error for an instrument of a family that is not in use; `then` is what to type next."""
+def family_missing(instrument_name: str, family: str, advice: str = "") -> TextError:
+    """The error for an instrument of a family that is not in use; `advice` is what to type next."""
     message = (
         f"{quote(instrument_name)} is an instrument of {family}, which is not in use: type `use "
         f"{family}`"
     )
-    return TextError(f"{message}, then `{then}`" if then else message, length=len(instrument_name))
+    return TextError(
+        f"{message}, then `{advice}`" if advice else message, length=len(instrument_name)
+    )
 
 
 def check_word(record: Record, field: str, line_word: str, word_offset: int) -> None:

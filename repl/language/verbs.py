@@ -167,7 +167,7 @@ GROUPS: dict[str, tuple[Form, ...]] = {
         looking.QUIT_FORM,
     ),
 }
-FORMS: tuple[Form, ...] = tuple(form for some in GROUPS.values() for form in some)
+FORMS: tuple[Form, ...] = tuple(form for group_forms in GROUPS.values() for form in group_forms)
 # Verbs that take something away or end something: a word that only resembles one does not
 # suggest it.
 TAKING_AWAY = frozenset(
@@ -213,9 +213,9 @@ def verbs_matching(verb_start: str, among: tuple[str, ...]) -> tuple[str, ...]:
     """
     if verb_start in among:
         return (verb_start,)
-    begun = tuple(verb for verb in among if verb.startswith(verb_start))
-    sure = tuple(verb for verb in begun if len(verb_start) >= len(SHORTEST[verb]))
-    return sure or begun
+    matching_verbs = tuple(verb for verb in among if verb.startswith(verb_start))
+    unambiguous = tuple(verb for verb in matching_verbs if len(verb_start) >= len(SHORTEST[verb]))
+    return unambiguous or matching_verbs
 
 
 def find_verb(verb_word: str) -> str:

@@ -25,7 +25,7 @@ _CTRL_C = "\x03"
 _KEY_OR_RUN = re.compile(
     "(?P<key>\x1b\\[[0-9;]*[@-~]|\x1bO?.)|([^\x00-\x1f\x7f-\x9f]{16,})", re.DOTALL
 )
-_ANSWER = re.compile("\x1b\\[[0-9]+;[0-9]+R")  # the terminal's report of the cursor
+_CURSOR_REPORT = re.compile("\x1b\\[[0-9]+;[0-9]+R")  # the terminal's report of the cursor
 
 
 class KeyActions(Protocol):
@@ -74,7 +74,7 @@ def bindings(actions: KeyActions) -> KeyBindings:
 
     @key_bindings.add(Keys.BracketedPaste)
     def _(event: KeyPressEvent) -> None:
-        pasted_text = _ANSWER.sub("", event.data)  # a report that came in two pieces
+        pasted_text = _CURSOR_REPORT.sub("", event.data)  # a report that came in two pieces
         pasted_text = pasted_text.replace("\r\n", "\n").replace("\r", "\n").rstrip("\n")
         buffer = event.current_buffer
         if len(buffer.text) + len(pasted_text) > TEXT_MAX:
@@ -162,8 +162,8 @@ if sys.platform != "win32":
 
         def _without_answers(self, read_data: str) -> str:
             """Move reports of the terminal, which may come within a paste, to its end."""
-            self._answers += "".join(_ANSWER.findall(read_data))
-            read_data = _ANSWER.sub("", read_data)
+            self._answers += "".join(_CURSOR_REPORT.findall(read_data))
+            read_data = _CURSOR_REPORT.sub("", read_data)
             if self._open:
                 return read_data
             answers, self._answers = self._answers, ""

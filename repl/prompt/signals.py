@@ -92,11 +92,11 @@ def termination_deferred(end_session: Callable[[], None], watch: SignalWatch) ->
     So the block can clean up first; a second signal acts at once. Forces and sound end at once,
     whatever Python is doing.
     """
-    came: list[int] = []
+    signals_received: list[int] = []
 
     def handler(signal_number: int, frame: FrameType | None) -> None:
-        came.append(signal_number)
-        if len(came) > 1:
+        signals_received.append(signal_number)
+        if len(signals_received) > 1:
             signal.signal(signal_number, signal.SIG_DFL)
             signal.raise_signal(signal_number)
         end_session()
@@ -109,5 +109,5 @@ def termination_deferred(end_session: Callable[[], None], watch: SignalWatch) ->
         watch(ending, ends=True)
         yield
     watch(ending, ends=True)
-    for number in came:
+    for number in signals_received:
         signal.raise_signal(number)

@@ -34,7 +34,10 @@ def status(session_state: State, line_width: int) -> str:
     texts_after += [f"quant {session_state.quant}"]
     if session_state.recording is not None:
         texts_after.insert(0, f"rec {session_state.recording:.1f} s")
-    playing = " · ".join(f"{player} {what}" for player, what in session_state.playing) or "—"
+    playing = (
+        " · ".join(f"{player} {played_name}" for player, played_name in session_state.playing)
+        or "—"
+    )
     least = min(len(playing), _WIDTH_MIN)
     while (
         texts_after and len(_BETWEEN.join([*texts_before, "", *texts_after])) + least > line_width

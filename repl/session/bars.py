@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 _BARS = 2
 _BEAT_LEAST, _BEAT_MOST = 4, 10  # characters of a beat
 _NAME_MOST, _WIDTH_MOST = 12, 100
-_CONTINUED = "\u2026"  # sign of an earlier gesture, and of strikes by chance
-_STRUCK = "x"  # sign of a strike without a note name
+_CONTINUED_SIGN = "\u2026"  # sign of an earlier gesture, and of strikes by chance
+_STRIKE_SIGN = "x"  # sign of a strike without a note name
 
 
 def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> list[str]:
@@ -32,7 +32,7 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
     bar, _ = tempo.bar_beat(now)
     starts = [tempo.bars.start(bar + number) for number in range(_BARS + 1)]
     tracks = {name: [*_begins(piece, name, starts)] for name in piece.players}
-    struck = {each.name: [*_strokes(piece, each, starts)] for each in piece.strikes}
+    struck = {strikes.name: [*_strokes(piece, strikes, starts)] for strikes in piece.strikes}
     tracks |= {name: strokes for name, strokes in struck.items() if strokes}
     names = max(map(len, tracks), default=0)
     margin = min(names, _NAME_MOST) + 2
@@ -51,13 +51,17 @@ def draw_bars(piece: Piece, playing: Sequence[tuple[str, str]], now: float) -> l
     drawn_rows = [" " * margin + _row(n_columns, head)]
     for player_name, events in tracks.items():
         dots = [(column(beat), "\u00b7") for beat in on_beats]
-        begun = [(column(beat), what) for beat, what in events if starts[0] <= beat < starts[-1]]
+        bar_events = [
+            (column(beat), event_name)
+            for beat, event_name in events
+            if starts[0] <= beat < starts[-1]
+        ]
         if any(player == player_name for player, _ in playing) and not any(
-            at == 0 for at, _ in begun
+            at == 0 for at, _ in bar_events
         ):
-            begun.insert(0, (0, _CONTINUED))
-        taken = {at for at, _ in begun}
-        cells = sorted([*(dot for dot in dots if dot[0] not in taken), *begun])
+            bar_events.insert(0, (0, _CONTINUED_SIGN))
+        taken = {at for at, _ in bar_events}
+        cells = sorted([*(dot for dot in dots if dot[0] not in taken), *bar_events])
         drawn_rows.append(player_name[: margin - 2].ljust(margin) + _row(n_columns, cells))
     drawn_rows.append(" " * (margin + min(column(now), n_columns - 1)) + "^")
     return drawn_rows
@@ -97,22 +101,22 @@ def _strokes(
         yield from ((beat, hit.what) for beat, _, hit in falling if first_beat <= beat < last_beat)
     elif strikes.passing is not None:
         yield from (
-            (beat, _STRUCK) for beat in strikes.rounds(tempo) if first_beat <= beat < last_beat
+            (beat, _STRIKE_SIGN) for beat in strikes.rounds(tempo) if first_beat <= beat < last_beat
         )
     elif strikes.pattern is not None:
         steps = strikes.steps(piece)
         for place_index in range(n_before(steps, first_beat), n_before(steps, last_beat)):
             note = steps.course.named(place_index)
             if note is not None:
-                yield steps[place_index], note if strikes.voices else _STRUCK
+                yield steps[place_index], note if strikes.voices else _STRIKE_SIGN
     elif strikes.rate is not None:
         begin, stop = tempo.resolve(strikes.at), strikes.stop(tempo)
         if begin < last_beat and (stop is None or stop > first_beat):
-            yield max(begin, starts[0]), _CONTINUED
+            yield max(begin, starts[0]), _CONTINUED_SIGN
     else:
         beats = strikes.beats(tempo)
         places = range(n_before(beats, first_beat), n_before(beats, last_beat))
-        yield from ((beats[place], _STRUCK) for place in places)
+        yield from ((beats[place], _STRIKE_SIGN) for place in places)
 
 
 def _row(n_columns: int, cells: Sequence[tuple[int, str]]) -> str:

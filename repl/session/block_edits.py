@@ -59,7 +59,7 @@ def _stop(command: StopBlock) -> VersionEdit:
                 f"{block_name} does not run by itself; `show` lists the blocks that do"
             )
         return replace(
-            version, rules={n: own for n, own in version.rules.items() if n != block_name}
+            version, rules={n: rule for n, rule in version.rules.items() if n != block_name}
         )
 
     return edit

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.session_log import SessionLog
     from ergon.repl.session.waiting_lines import WaitingLine
 
-_AHEAD = 1.0  # [s] before its beat a run is queued
+_QUEUE_LEAD = 1.0  # [s] before its beat a run is queued
 _PAUSE_MIN = 0.25  # [s] at least between two runs of a block
 
 
@@ -48,20 +48,24 @@ class BlockRuns:
         rules = {(name, rule) for name, rule in self._rules()}
         if not rules and not self._waiting:
             return
-        goes, now = schedule.running.clock.is_running, schedule.beat_now()
+        is_running, now = schedule.running.clock.is_running, schedule.beat_now()
         has_jumped = now < self._last - SAME
         self._last = now
-        if has_jumped or not goes:
+        if has_jumped or not is_running:
             self._last_runs.clear()
         for waiting_line in [line for line in schedule.waiting if line.number in self._waiting]:
             block_name, rule = self._waiting[waiting_line.number]
-            if has_jumped or not goes or not self._is_in_force(block_name, rule, waiting_line.beat):
+            if (
+                has_jumped
+                or not is_running
+                or not self._is_in_force(block_name, rule, waiting_line.beat)
+            ):
                 self._drop(waiting_line)
         waits = {line.number for line in schedule.waiting}
         for number in self._waiting.keys() - waits:
             del self._waiting[number]
             schedule.past_versions.pop(number, None)  # `undo` returns to typed lines alone
-        if goes:
+        if is_running:
             for block_name, rule in sorted(rules, key=lambda line: line[0]):
                 self._queue_next(block_name, rule)
 
@@ -80,11 +84,13 @@ class BlockRuns:
         schedule = self._schedule
         tempo, clock = schedule.head.piece.tempo_map, schedule.running.clock
         soonest = schedule.soonest_frame() / schedule.rate + schedule.timing.lead
-        first, latest_beat = (clock.beat(tempo, seconds) for seconds in (soonest, soonest + _AHEAD))
+        first, latest_beat = (
+            clock.beat(tempo, seconds) for seconds in (soonest, soonest + _QUEUE_LEAD)
+        )
         after_beat = max(first - 2.0 * SAME, rule.begin)
-        if (done := self._last_runs.get(block_name)) is not None:
+        if (last_run := self._last_runs.get(block_name)) is not None:
             after_beat = max(
-                after_beat, done, tempo.beats(tempo.seconds(done) + _PAUSE_MIN) - 2.0 * SAME
+                after_beat, last_run, tempo.beats(tempo.seconds(last_run) + _PAUSE_MIN) - 2.0 * SAME
             )
         run_beat = rule.trigger.next_beat(tempo, rule.begin, after_beat, latest_beat)
         if run_beat is None or not self._is_in_force(block_name, rule, run_beat):

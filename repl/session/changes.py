@@ -1,4 +1,5 @@
-"""The way to the engine: what it plays, and the changes that are under way to it.
+"""The changes that were sent to the engine and have not been made yet, and the version that it
+plays.
 
 Changes are in the order in which they act. A change of gains needs no stage, so that it may be sent
 for a frame before that of a change that was sent earlier. The latter then follows a version with
@@ -176,8 +177,10 @@ class Changes:
         else:
             version_after = on_other_faders(change.after, before.version, change.lines)
         ratios = fader_ratios(version_after)
-        wanted = changed_ratios(before, version_after)
-        gains = {group: ratios[group] for group in {*change.gains, *wanted} if group in ratios}
+        wanted_ratios = changed_ratios(before, version_after)
+        gains = {
+            group: ratios[group] for group in {*change.gains, *wanted_ratios} if group in ratios
+        }
         if gains != change.gains:
             with contextlib.suppress(EngineError):  # too many changes wait
                 self._corrections.add(
@@ -187,13 +190,13 @@ class Changes:
 
     def _sort_done(self) -> None:
         """Let the numbers of lines be in the order in which they act."""
-        coming = [line.number for change in self.under_way for line in change.lines]
-        known = {*coming}
-        self.done = [number for number in self.done if number not in known] + coming
+        coming_numbers = [line.number for change in self.under_way for line in change.lines]
+        known = {*coming_numbers}
+        self.done = [number for number in self.done if number not in known] + coming_numbers
 
     def past_versions(self, past: Mapping[int, PastVersion]) -> Iterator[tuple[int, PastVersion]]:
-        """Those of the versions for `undo` that are others in the order of effect, by their number:
-        gains may act before lines that were typed earlier.
+        """The past versions that the order of effect changes, by number: gains may act before
+        lines that were typed earlier, and `undo` must restore what was heard.
         """
         for pending_change in self.under_way:
             version_before = pending_change.before.version
@@ -224,15 +227,15 @@ class Changes:
         return self._take_back(change_index)
 
     def _take_back(self, first_index: int) -> Returned:
-        """Take back the changes from one on. Gains need no version, so that they act all the same,
-        but for those of what is not there without the changes.
+        """Take back all changes from an index on. Gains are sent again, because they need no new
+        version, except those of parts that only the withdrawn changes add.
         """
-        back = self.under_way[first_index:]
+        changes_after = self.under_way[first_index:]
         del self.under_way[first_index:]
-        self.running = base_version = back[0].before
+        self.running = base_version = changes_after[0].before
         returned_lines: list[WaitingLine] = []
         gain_changes: list[UnderWay] = []
-        for returned_change in back:
+        for returned_change in changes_after:
             if returned_change.is_gains and can_move(base_version, returned_change.lines):
                 gain_changes.append(returned_change)
                 continue
@@ -256,8 +259,8 @@ class Changes:
         self._withdrawn.pop(ticket, None)
         if ticket in self._corrections:
             self._corrections.remove(ticket)
-            again = all_gains_at(soonest, self.playing_at(soonest))
-            self._corrections.add(self._engine.change(again))
+            repeated_change = all_gains_at(soonest, self.playing_at(soonest))
+            self._corrections.add(self._engine.change(repeated_change))
             return Returned((), self.running)
         tickets = [change.ticket for change in self.under_way]
         change_index = tickets.index(ticket) if ticket in tickets else None
@@ -265,10 +268,12 @@ class Changes:
             return Returned((), self.running)
         if not self.under_way[change_index].is_gains:
             return self._take_back(change_index)
-        late, later = self.under_way[change_index], self.under_way[change_index + 1 :]
+        late_change, later = self.under_way[change_index], self.under_way[change_index + 1 :]
         del self.under_way[change_index:]
-        self._follow(late.before, later)
-        self._send_gains(self.ready_frame(soonest, late.lines), late.lines, late.number)
+        self._follow(late_change.before, later)
+        self._send_gains(
+            self.ready_frame(soonest, late_change.lines), late_change.lines, late_change.number
+        )
         return Returned((), self.running)
 
     def note_done(self, engine_event: EngineEvent) -> UnderWay | None:

@@ -110,15 +110,15 @@ def entry_of(
     start_seconds = start_frame / timing.rate
     if sets_running is not None:
         leave = clock.beat(tempo_before, start_seconds)
-        goes = running_clock(tempo_after, line_beat, start_seconds + timing.lead)
-        return Entry(goes if sets_running else Clock(None, leave), leave, line_beat)
+        clock_after = running_clock(tempo_after, line_beat, start_seconds + timing.lead)
+        return Entry(clock_after if sets_running else Clock(None, leave), leave, line_beat)
     if enter_beat is not None:
-        goes = clock_at_beat(clock, tempo_after, enter_beat, start_seconds + timing.lead)
-        return Entry(goes, line_beat, enter_beat)
-    goes, here = clock_after_takeover(
+        clock_after = clock_at_beat(clock, tempo_after, enter_beat, start_seconds + timing.lead)
+        return Entry(clock_after, line_beat, enter_beat)
+    clock_after, takeover_beat = clock_after_takeover(
         clock, tempo_before, tempo_after, line_beat, start_seconds + timing.lead, timing.tick
     )
-    return Entry(goes, here, here)
+    return Entry(clock_after, takeover_beat, takeover_beat)
 
 
 def running_clock(tempo: TempoMap, beat: float, seconds: float) -> Clock:
@@ -149,9 +149,11 @@ def clock_after_takeover(
         or clock.beat(tempo_before, takeover_seconds - tick) <= takeover_beat + SAME
     ):
         return clock, takeover_beat
-    here = clock.beat(tempo_before, takeover_seconds)
-    is_same = tempo_after.seconds(here) == tempo_before.seconds(here)
-    return (clock if is_same else running_clock(tempo_after, here, takeover_seconds)), here
+    beat_before = clock.beat(tempo_before, takeover_seconds)
+    is_same = tempo_after.seconds(beat_before) == tempo_before.seconds(beat_before)
+    return (
+        clock if is_same else running_clock(tempo_after, beat_before, takeover_seconds)
+    ), beat_before
 
 
 def next_boundary(tempo: TempoMap, from_beat: float, grid: Length) -> float:

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 _BAR = Length(bars=1.0)
 _DRAWS_EVERY = 0.5  # [s] between two drawings of a key that is traced: one takes 15 ms
 _TRACE_HEIGHT = 6  # characters
-_TRIES = 3  # times that a line which acts now is made again before its answer
+_TRIES_MAX = 3  # times that a line which acts now is made again before its answer
 
 
 class Closable(Protocol):
@@ -104,8 +104,10 @@ class SessionCore:
         engine.set_faders(fader_ratios(running))
         past = past or PastVersions([PastVersion.from_version(version, "1|1")], 0)
         self.schedule = Schedule(engine, running, real or {}, int(margin * running.stage.rate))
-        self.schedule.past_versions.update((one.number, one) for one in past.versions)
-        self.history = History([one.number for one in past.versions], past.index)
+        self.schedule.past_versions.update(
+            (past_version.number, past_version) for past_version in past.versions
+        )
+        self.history = History([past_version.number for past_version in past.versions], past.index)
         self.journal = journal
         self.log = SessionLog(self.schedule, self.history, journal)
         self.quant: Length | None = _BAR
@@ -199,7 +201,7 @@ class SessionCore:
             )
         self.log.note_thawed(draft.checked)
         self.attend()
-        for _ in range(_TRIES):  # a late line must be made again
+        for _ in range(_TRIES_MAX):  # a late line must be made again
             if not self._is_due(line_number) or not self.schedule.make_due():
                 break
             self.attend()
@@ -221,7 +223,10 @@ class SessionCore:
 
     def _is_due(self, number: int) -> bool:
         """Whether a line still waits that should act as soon as possible."""
-        return any(one.number == number and one.is_now for one in self.schedule.waiting)
+        return any(
+            waiting_line.number == number and waiting_line.is_now
+            for waiting_line in self.schedule.waiting
+        )
 
     def _note_line(self, history_entry: Entry, draft: Draft) -> None:
         """Note a line that waits from now on in journal and history."""
@@ -308,8 +313,8 @@ class SessionCore:
             self._take_sound_file()
             for line in self.midi.monitor.lines_due(schedule.engine.frame / schedule.rate):
                 self.log.say(line)
-            if self.journal is not None and (trouble := self.journal.pop_failure()):
-                self.log.say(trouble)
+            if self.journal is not None and (journal_error := self.journal.pop_failure()):
+                self.log.say(journal_error)
             self.log.note_troubles(schedule.engine.status().troubles, schedule.engine.frame)
 
     def make_due(self) -> None:

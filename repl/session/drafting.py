@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.running import RunningVersion
 
 # A line joins those under way to its beat if this much time is left when all are made [s].
-_SPARE = 0.05
+_SPARE_SECONDS = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +114,7 @@ class Drafts:
         inserted_lines, inserted_line = sketch.lines.inserted(sketch.requested, soonest)
         checked, staged = replace(running, version=inserted_line.result()), None
         if not (sketch.is_checked or inserted_line.rule.is_quick):
-            began = self._making_time.began()
+            start_frame = self._making_time.began()
             staged_group = staged_group_of(inserted_lines.lines)
             if inserted_line in staged_group:
                 staged_result = self._makings.stage(running, staged_group)
@@ -127,7 +127,7 @@ class Drafts:
             ):
                 check_unheard(inserted_line.base.sounding, staged_result.stage)
             checked = replace(staged_result, version=inserted_line.result())
-            self._making_time.add(began)
+            self._making_time.add(start_frame)
         return Draft(sketch.lines, inserted_lines, sketch.requested, inserted_line, checked, staged)
 
     def joined_frame(self, request: Request, waiting_lines: WaitingLines) -> int | None:
@@ -144,7 +144,7 @@ class Drafts:
             return None
         last_frame, ready_frame = (
             pending_changes[-1],
-            self._moments.tick_after(self._making_time.expected + _SPARE),
+            self._moments.tick_after(self._making_time.expected + _SPARE_SECONDS),
         )
         is_running = self._changes.running.clock.is_running
         if not last_frame.lines or not is_running or last_frame.frame < ready_frame:

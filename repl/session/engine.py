@@ -247,14 +247,18 @@ class SteppedEngine:
             self._events.append(EngineEvent(self.frame, self._tickets, is_late=True))
         else:
             self._changes.append((self._tickets, change))
-            self._changes.sort(key=lambda one: (one[1].frame, one[0]))
+            self._changes.sort(key=lambda entry: (entry[1].frame, entry[0]))
         return self._tickets
 
     def revoke(self, frame: int) -> None:
         """Withdraw the changes that are due at `frame` or later; each is reported as late."""
-        revoked = [one for one in self._changes if one[1].frame >= frame and not one[1].is_gains]
-        self._changes = [one for one in self._changes if one not in revoked]
-        for ticket, _ in sorted(revoked, key=lambda one: one[0]):
+        revoked = [
+            change
+            for change in self._changes
+            if change[1].frame >= frame and not change[1].is_gains
+        ]
+        self._changes = [change for change in self._changes if change not in revoked]
+        for ticket, _ in sorted(revoked, key=lambda entry: entry[0]):
             self._events.append(EngineEvent(self.frame, ticket, is_late=True))
 
     def guide(self, frame: int, paths: Mapping[str, GuidedPath]) -> int:
@@ -270,11 +274,11 @@ class SteppedEngine:
         """Set an input whose values are sent, full scale 1, from the next frame on."""
         return self._act_now(lambda playing: playing.tell(number, value))
 
-    def _act_now(self, act: Callable[[_core.Simulation], bool]) -> int:
+    def _act_now(self, action: Callable[[_core.Simulation], bool]) -> int:
         self._do_due_changes()  # a change of this frame comes before it
         self._tickets += 1
-        is_missed = not act(self._simulation)
-        self._acts.append(act)
+        is_missed = not action(self._simulation)
+        self._acts.append(action)
         self._events.append(EngineEvent(self.frame, act_ticket=self._tickets, is_late=is_missed))
         return self._tickets
 
@@ -304,20 +308,23 @@ class SteppedEngine:
         import numpy as np
 
         mixed = np.zeros((n_frames, self.n_channels))
-        done = 0
-        while done < n_frames:
+        frames_done = 0
+        while frames_done < n_frames:
             self._do_due_changes()
             self._acts = []
             stop_frame = min(
-                [self.frame + n_frames - done, *(one.frame for _, one in self._changes[:1])]
+                [
+                    self.frame + n_frames - frames_done,
+                    *(change.frame for _, change in self._changes[:1]),
+                ]
             )
             if self._hands:
                 stop_frame = min(stop_frame, self._hold_hands())
             n = stop_frame - self.frame
             frames = np.zeros((n, self._simulation.n_out))
             self._simulation.process(frames)
-            self._mixer.process(frames, mixed[done : done + n])
-            done += n
+            self._mixer.process(frames, mixed[frames_done : frames_done + n])
+            frames_done += n
             self.frame = stop_frame
         return mixed
 

@@ -51,13 +51,13 @@ class Extensions:
         is_soon = any(line.frame <= start_frame and not line.rule.is_quick for line in waiting)
         return None if is_soon else start_frame
 
-    def extended(self, on: RunningVersion, start: int) -> RunningVersion:
+    def extended(self, running: RunningVersion, start: int) -> RunningVersion:
         """A version whose timeline goes on from frame `start`. Raises one of `REFUSALS`."""
-        began = self._time.began()
+        start_frame = self._time.began()
         try:
-            return self._makings.extended(on, start)
+            return self._makings.extended(running, start)
         finally:
-            self._time.add(began)
+            self._time.add(start_frame)
 
     def send(self, after: RunningVersion) -> None:
         """Send an extension to the engine."""

@@ -58,7 +58,9 @@ class FastValues:
         the movement as a whole.
         """
         schedule = self._schedule
-        if not self._moved or any(one.number == self._number for one in schedule.waiting):
+        if not self._moved or any(
+            waiting_line.number == self._number for waiting_line in schedule.waiting
+        ):
             return
         moved, self._moved = self._moved, {}
         head = schedule.head
@@ -78,7 +80,7 @@ class FastValues:
         is_same = names == self._names and self._history.now == self._number
         try:
             commands = parse(text, self._scope())
-            asked = next((one.when for one in commands if one.when is not None), when)
+            asked = next((command.when for command in commands if command.when is not None), when)
             edit = version_edits.combined(commands)
             replaced = self._number if is_same else None
             _, queued = self._queue(Entry(text, edit, kind_of(commands), asked, replaces=replaced))

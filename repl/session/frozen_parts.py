@@ -185,7 +185,7 @@ def _is_reached(version: Version, part_name: str, real: Collection[str]) -> bool
     piece = version.sounding
     parts = joined(piece, part_name)
     is_felt = any(piece.players[name].key in parts for name in real if name in piece.players)
-    return is_felt or any(own in parts for own, *_ in strike_points(version))
+    return is_felt or any(part_name in parts for part_name, *_ in strike_points(version))
 
 
 # --- in a journal ---------------------------------------------------------------------------------
@@ -219,7 +219,9 @@ def frozen_of(first_event: JournalEvent, journal: Path, *, trust: bool) -> Froze
     if not folder_name or "\0" in folder_name:
         first_event.refuse("the field 'frozen' is not the name of a folder")
     folder = journal.parent / folder_name
-    if not trust and not any(is_below(folder, own) for own in (Path(), journal.parent)):
+    if not trust and not any(
+        is_below(folder, allowed_folder) for allowed_folder in (Path(), journal.parent)
+    ):
         first_event.refuse(
             f"its frozen parts are in {folder_name!a}, outside this folder and the journal's; "
             "--trust reads them"

@@ -73,7 +73,9 @@ def faded(running: RunningVersion, waiting_lines: Sequence[WaitingLine]) -> Runn
 def on_other_faders(
     new_running: RunningVersion, version_before: Version, waiting_lines: Sequence[WaitingLine]
 ) -> RunningVersion:
-    """A version that lines made, with the faders that they make of those of `version_before`."""
+    """The version made by lines, with the faders that these lines give when they start from the
+    faders of `version_before`.
+    """
     version = new_running.version
     if not waiting_lines:  # the timeline is extended
         number, text = version_before.number, version_before.line
@@ -89,10 +91,10 @@ def faders_after(before: Version, waiting_lines: Sequence[WaitingLine]) -> Itera
     version = before
     for waiting_line in waiting_lines:
         base, result_version = waiting_line.base, waiting_line.version
-        keeps = (
+        is_unchanged = (
             base is not None and result_version is not None and base.faders == result_version.faders
         )
-        if not keeps or waiting_line.sets_all or waiting_line.kind is LineKind.FADERS:
+        if not is_unchanged or waiting_line.sets_all or waiting_line.kind is LineKind.FADERS:
             try:
                 version = replace(
                     version, faders=waiting_line.edit(version, waiting_line.beat).faders

@@ -21,7 +21,10 @@ def group_of(waiting_lines: Sequence[WaitingLine]) -> tuple[WaitingLine, ...]:
         return ()
     start, timing = waiting_lines[0].start, _line_kind(waiting_lines[0])
     return tuple(
-        takewhile(lambda one: one.start == start and _line_kind(one) is timing, waiting_lines)
+        takewhile(
+            lambda waiting_line: waiting_line.start == start and _line_kind(waiting_line) is timing,
+            waiting_lines,
+        )
     )
 
 
@@ -30,12 +33,14 @@ def staged_group_of(waiting_lines: Sequence[WaitingLine]) -> tuple[WaitingLine, 
 
     Empty if a line that ends what plays comes before them.
     """
-    group = group_of([one for one in waiting_lines if one.kind is not LineKind.FADERS])
+    group = group_of(
+        [waiting_line for waiting_line in waiting_lines if waiting_line.kind is not LineKind.FADERS]
+    )
     return () if group and group[0].rule.is_quick else group
 
 
-def _line_kind(one: WaitingLine) -> LineKind | None:
-    return one.kind if one.rule.is_quick else None
+def _line_kind(waiting_line: WaitingLine) -> LineKind | None:
+    return waiting_line.kind if waiting_line.rule.is_quick else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +53,7 @@ class StagedGroup:
 
     def fits(self, group: Sequence[WaitingLine], running: RunningVersion) -> bool:
         """Whether it is what these lines make of a running version, but for faders."""
-        on = self.on
+        version_before = self.on
         return (
             len(group) == len(self.lines)
             and all(
@@ -57,8 +62,11 @@ class StagedGroup:
                 and is_same_music(waiting.result(), other.result())
                 for waiting, other in zip(group, self.lines, strict=True)
             )
-            and on.serial == running.serial
+            and version_before.serial == running.serial
             and self.result.start > running.start
             # What an extension put behind the old end may sound at the takeover.
-            and (on is running or on.beat(self.result.start) <= on.timeline_end)
+            and (
+                version_before is running
+                or version_before.beat(self.result.start) <= version_before.timeline_end
+            )
         )

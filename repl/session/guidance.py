@@ -53,16 +53,16 @@ def check_guide(command: Guide, schedule: Schedule, driven: Collection[str] = ()
     """Refuse a guide unless the hand is real and its guide is a written part. Raises
     NotTakenError.
     """
-    player, by = command.player, command.by
+    player, source = command.player, command.by
     if player in driven:
         raise NotTakenError(f"the written part of {player} drives this key already (--drive)")
     if player not in schedule.real:
         raise NotTakenError(f"no real hand plays {player}: start ergon with --live {player}=DEVICE")
-    if by is None:
+    if source is None:
         return
-    if by in schedule.real:
+    if source in schedule.real:
         raise NotTakenError(
-            f"{by} is a real hand and cannot guide: name a player with a written part"
+            f"{source} is a real hand and cannot guide: name a player with a written part"
         )
     if player in schedule.engine.status().disconnected:
         raise NotTakenError(
@@ -105,7 +105,7 @@ class Guidance:
         self._running = running
         if not guides and not self._guided:
             return None
-        began = self._making.began()
+        start_frame = self._making.began()
         first_frame, rate, tick_frames = (
             schedule.moments.first_frame(self._making.expected),
             schedule.rate,
@@ -124,7 +124,7 @@ class Guidance:
         }
         self._remake_at = first_frame + int(_PATH_SECONDS / 2 * rate)
         self._guided = frozenset(guides)
-        self._making.add(began)
+        self._making.add(start_frame)
         return first_frame, paths
 
     def _release_paths(self, guides: Mapping[str, HandGuide]) -> Iterator[tuple[str, GuidedPath]]:
@@ -163,14 +163,14 @@ def _guided_path(
     if drives:
         delay = delay_of(piece.keys[piece.players[player].key])
         path_forces = TickForces(period, delay, ticks.start, np.zeros(len(ticks)))
-    path, plays = leading(piece, guide.by, running.spans, tick_frames, ticks, path_forces)
+    path, playing_spans = leading(piece, guide.by, running.spans, tick_frames, ticks, path_forces)
     travel = piece.keys[piece.players[player].key].travel
     if travel is not None:
         np.clip(path, *travel, out=path)
     begins = ticks.start * period
     spans = [
         (round((start - _LEAD_IN - begins) / period), round((stop - begins) / period))
-        for start, stop in _without_short_rests(plays)
+        for start, stop in _without_short_rests(playing_spans)
     ]
     shares = guide.stiffness, guide.viscosity
     # If no other path comes in time, this one ends by letting the hand go.
@@ -181,10 +181,10 @@ def _guided_path(
     return GuidedPath(path, (now, *until_end), () if path_forces is None else path_forces.newtons)
 
 
-def _without_short_rests(plays: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _without_short_rests(playing_spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Join spans that no long rest separates."""
     joined_spans: list[tuple[float, float]] = []
-    for start_tick, stop_tick in sorted(plays):
+    for start_tick, stop_tick in sorted(playing_spans):
         if joined_spans and start_tick - joined_spans[-1][1] <= _REST_MAX:
             joined_spans[-1] = joined_spans[-1][0], max(stop_tick, joined_spans[-1][1])
         else:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.schedule import Schedule
     from ergon.repl.session.stops import Stops
 
-_SOON = 0.5  # [s] until a stroke, of which nothing is said
+_SOON_SECONDS = 0.5  # [s] until a stroke, of which nothing is said
 _DAMPER_UP = 1.0  # [s] from a stroke to the end of its note
 
 
@@ -63,7 +63,10 @@ class Hearing:
             beat_text, ready = self._queue(Entry(line, edit, line_kind, NOW, is_typed=brings))
             playing, version_number = ready.version, ready.version.number
             waits = schedule.line(version_number)
-            if waits is not None and waits.frame > schedule.engine.frame + _SOON * schedule.rate:
+            if (
+                waits is not None
+                and waits.frame > schedule.engine.frame + _SOON_SECONDS * schedule.rate
+            ):
                 prefix = f"{beat_text} "  # the beat of the line that brings the modules
         struck_strokes = [*strokes(playing, command)]
         begun_strokes = [(stroke.place, stroke.impulse) for stroke in struck_strokes]

@@ -60,9 +60,9 @@ class History:
         """
         stop_index = self.index + 1
         first_index = max(0, stop_index - len(frame_order) - 1)  # those before it are in order
-        begun = self.numbers[first_index:stop_index]
-        settled = [number for number in begun if number not in frame_order]
-        moving = sorted([n for n in begun if n in frame_order], key=frame_order.__getitem__)
+        numbers_kept = self.numbers[first_index:stop_index]
+        settled = [number for number in numbers_kept if number not in frame_order]
+        moving = sorted([n for n in numbers_kept if n in frame_order], key=frame_order.__getitem__)
         self.numbers[first_index:stop_index] = settled + moving
 
 

@@ -106,8 +106,10 @@ def read_history(
         row_event = JournalEvent(
             journal_event.file, journal_event.number, "history", version_fields
         )
-        gone = row_event.name_set("gone")
-        texts_by_file = {name: text for name, text in texts_by_file.items() if name not in gone}
+        removed_names = row_event.name_set("gone")
+        texts_by_file = {
+            name: text for name, text in texts_by_file.items() if name not in removed_names
+        }
         for name, delta in row_event.get("files", dict).items():
             texts_by_file[name] = _apply_delta(row_event, texts_by_file.get(name, ""), delta)
         characters_left -= sum(map(len, texts_by_file.values()))
@@ -164,8 +166,8 @@ def _delta(text_before: str, new_text: str) -> list[object] | None:
 
 def _apply_delta(row_event: JournalEvent, text_before: str, delta: object) -> str:
     match delta:
-        case [int(front), int(behind), str(inserted_text)] if (
-            front >= 0 and behind >= 0 and front + behind <= len(text_before)
+        case [int(front), int(n_behind), str(inserted_text)] if (
+            front >= 0 and n_behind >= 0 and front + n_behind <= len(text_before)
         ):
-            return text_before[:front] + inserted_text + text_before[len(text_before) - behind :]
+            return text_before[:front] + inserted_text + text_before[len(text_before) - n_behind :]
     row_event.refuse("the field 'history' has the wrong type or value")

@@ -113,9 +113,10 @@ def draw_trace(
 
     piece, rate = running.version.piece, running.stage.rate
     if player_name not in piece.players:
-        near = nearest(player_name, piece.players)
+        suggestion = nearest(player_name, piece.players)
         raise NotTakenError(
-            f"'{player_name}' is not a player", None if near is None else f"scope {near}"
+            f"'{player_name}' is not a player",
+            None if suggestion is None else f"scope {suggestion}",
         )
     player_key = piece.players[player_name].key
     last = trace_frame // tick_frames
@@ -132,9 +133,10 @@ def draw_trace(
     seconds = [(number - len(path)) * tick_frames / rate for number in range(0, len(path), step)]
     curve = Curve(player_name, seconds, [1e3 * float(x) for x in path[::step]])
     plot_text = plot([curve], width=plot_width, height=height, x_label="position [mm]")
-    whose = "its hand" if is_real else "as its part moves it"
+    mover_text = "its hand" if is_real else "as its part moves it"
     head = (
-        f"{player_name} on {player_key}, the last {len(path) * tick_frames / rate:.1f} s, {whose}"
+        f"{player_name} on {player_key}, the last {len(path) * tick_frames / rate:.1f} s, "
+        f"{mover_text}"
     )
     return [head, *plot_text.splitlines()]
 
@@ -173,9 +175,9 @@ def definition_lines(version: Version, defined_name: str, sounding: Piece, now: 
     shown_value, is_led = _value(sounding, (part_name, module.name), module, parameter_name, now)
     shown = []
     if shown_value is not None:
-        where = f" at {sounding.tempo_map.written(now)}, by its automation"
+        place_text = f" at {sounding.tempo_map.written(now)}, by its automation"
         amount = written_quantity(float(f"{shown_value:.6g}"), parameter_name, is_ca=is_ca)
-        shown.append(f"{defined_name}: {amount}{where if is_led else ''}")
+        shown.append(f"{defined_name}: {amount}{place_text if is_led else ''}")
     with contextlib.suppress(NotTakenError):  # the name is defined in a file that the score uses
         shown += _lines_of_score(version.texts, part_name)
     return shown or _lines_of_score(version.texts, defined_name)
@@ -227,14 +229,16 @@ def playing_lines(version: Version, playing: Sequence[tuple[str, str]], now: flo
     playing_rows += [f"tuning of {name}: {tuned.words()}" for name, tuned in piece.tunings.items()]
     for player in piece.players.values():
         entry_lines = entries.lines(version.texts, piece, player.name)
-        sounding = [what for name, what in playing if name == player.name]
-        begun = [line for line in entry_lines if line.begin <= now]
-        goes_on = [line for line in begun if line.is_open(now, piece)]
+        sounding = [played_name for name, played_name in playing if name == player.name]
+        entries_begun = [line for line in entry_lines if line.begin <= now]
+        goes_on = [line for line in entries_begun if line.is_open(now, piece)]
         # An entry that begins nothing more may still have its last occurrence in flight.
         shown_names = {name for line in goes_on for name in line.play.names}
-        for what in dict.fromkeys(sounding):
+        for shown_name in dict.fromkeys(sounding):
             goes_on += [
-                line for line in begun if what in line.play.names and what not in shown_names
+                line
+                for line in entries_begun
+                if shown_name in line.play.names and shown_name not in shown_names
             ][-1:]
         coming = sorted(
             (line for line in entry_lines if line.begin > now), key=lambda line: line.begin
@@ -271,11 +275,11 @@ def _goes_on(strikes: Strikes, piece: Piece, now: float) -> bool:
 def _striking(strikes: Strikes) -> str:
     struck_names = [*dict.fromkeys(target.text for target in strikes.to)]
     struck_names = struck_names or [*dict.fromkeys(hit.what for hit in strikes.hits)]
-    more = ", …" if len(struck_names) > _STRUCK_MAX else ""
-    struck_text = f"{', '.join(struck_names[:_STRUCK_MAX])}{more}"
+    ellipsis = ", …" if len(struck_names) > _STRUCK_MAX else ""
+    struck_text = f"{', '.join(struck_names[:_STRUCK_MAX])}{ellipsis}"
     if (rhythm := strikes.rhythm) is not None:
-        do = f" do {rhythm.do}" if rhythm.do else ""
-        struck_text = f'"{" ".join(rhythm.text.split())}"{do}'
+        do_text = f" do {rhythm.do}" if rhythm.do else ""
+        struck_text = f'"{" ".join(rhythm.text.split())}"{do_text}'
     return f"{strikes.name} (strikes): {struck_text} from {strikes.at.text}{_until(strikes.until)}"
 
 
@@ -311,7 +315,8 @@ def _lines_of_score(score_texts: Texts, defined_name: str) -> list[str]:
                 )
                 numbers: Sequence[int] = range(row + 1, min(stop + 2, row + 1 + _LINES_MAX))
                 return [f"{number:5} {document.line(number)}" for number in numbers]
-    near = nearest(defined_name, defined_names)
+    suggestion = nearest(defined_name, defined_names)
     raise NotTakenError(
-        f"'{defined_name}' is not defined in this score", None if near is None else f"show {near}"
+        f"'{defined_name}' is not defined in this score",
+        None if suggestion is None else f"show {suggestion}",
     )

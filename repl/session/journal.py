@@ -31,7 +31,7 @@ FRAME_MAX = 1 << 40
 BEAT_MAX = 1e7
 _LATEST = 1e12  # no number of a journal is larger
 _WAITING_MAX = 1 << 26  # bytes that wait for room on the disk: more lines than a long evening has
-_RETRY = 1.0  # [s] between attempts to write what waits
+_RETRY_SECONDS = 1.0  # [s] between attempts to write what waits
 
 
 class JournalError(ErgonError):
@@ -125,8 +125,8 @@ class Journal:
 
     def pop_failure(self) -> str:
         """Why writing has failed since the last call; empty where it has not."""
-        trouble, self._trouble = self._trouble, ""
-        return trouble
+        failure, self._trouble = self._trouble, ""
+        return failure
 
     def close(self) -> None:
         """End the journal, and bring it to the disk."""
@@ -145,7 +145,7 @@ class Journal:
         """Sync events to the disk, all that have come meanwhile in one go."""
         is_over = False
         while not is_over:
-            self._has_news.wait(_RETRY if self._waiting else None)
+            self._has_news.wait(_RETRY_SECONDS if self._waiting else None)
             self._has_news.clear()
             is_over = self._over  # events before `close` are synced below
             with self._writing:

@@ -217,10 +217,12 @@ class JournalContent:
 
     def order(self) -> dict[int, float]:
         """The place of every line in the order of effect, by number."""
-        done = {one.line.get("number", int): float(i) for i, one in enumerate(self.commits)}
-        waits = [number for number in self.lines if number not in done]
+        line_order = {
+            commit.line.get("number", int): float(i) for i, commit in enumerate(self.commits)
+        }
+        waits = [number for number in self.lines if number not in line_order]
         waits.sort(key=self._due)
-        return done | {number: len(done) + i for i, number in enumerate(waits)}
+        return line_order | {number: len(line_order) + i for i, number in enumerate(waits)}
 
     def _due(self, number: int) -> tuple[int, float]:
         """When a waiting line would take effect, as `WaitingLine.is_before` orders them."""
@@ -237,7 +239,10 @@ class JournalContent:
         history_before = self.start.history
         history = History()
         if history_before is not None:
-            history = History([one.number for one in history_before.versions], history_before.index)
+            history = History(
+                [past_version.number for past_version in history_before.versions],
+                history_before.index,
+            )
         effect_order = self.order()
         for journal_event in self.events:
             line_number = journal_event.get("number", int)
@@ -259,7 +264,7 @@ class JournalContent:
     def all_texts(self) -> Iterator[Texts]:
         """Every version of the score that was read from files."""
         yield self.start.texts
-        yield from (one.texts for one in self.versions_from_files.values())
+        yield from (file_version.texts for file_version in self.versions_from_files.values())
 
 
 def read_journal(
@@ -387,10 +392,10 @@ def _read_faders(event: JournalEvent) -> Faders:
     return Faders(event.mapping("gains", float), muted, solo, master)
 
 
-def _read_version(event: JournalEvent, where: _FileLocations) -> FileVersion:
+def _read_version(event: JournalEvent, file_locations: _FileLocations) -> FileVersion:
     glide = event.number_of("glide", float, 0.0, _GLIDE_MAX, GLIDE)
     enters = _beat(event, "enters") if "enters" in event.fields else None
-    return FileVersion(where.texts(event), glide, enters)
+    return FileVersion(file_locations.texts(event), glide, enters)
 
 
 def _add_event(

@@ -76,10 +76,13 @@ def take_of(first_event: JournalEvent, journal: Path) -> JournalTake | None:
             f"the field 'take' is not the name of a {_SUFFIX} file beside the journal"
         )
     listed = first_event.get("hands", list)
-    if not 1 <= len(listed) <= _HANDS_MAX or not all(isinstance(one, dict) for one in listed):
+    if not 1 <= len(listed) <= _HANDS_MAX or not all(
+        isinstance(hand_data, dict) for hand_data in listed
+    ):
         first_event.refuse("the field 'hands' has the wrong type or value")
     axis_rows = [
-        JournalEvent(first_event.file, first_event.number, first_event.name, one) for one in listed
+        JournalEvent(first_event.file, first_event.number, first_event.name, hand_data)
+        for hand_data in listed
     ]
     hands = tuple(
         JournalHand(
@@ -120,9 +123,10 @@ def _recording(take: JournalTake) -> _core.Recording:
     try:
         return _core.read_recording(take.path)
     except FileNotFoundError:
-        who = ", ".join(hand.player for hand in take.hands)
+        player_names = ", ".join(hand.player for hand in take.hands)
         raise JournalError(
-            f"{take.path} is missing: it records what {who} did, and the session cannot be "
+            f"{take.path} is missing: it records what {player_names} did, and the session cannot "
+            "be "
             "computed without it"
         ) from None
     except (_core.EngineError, OSError) as error:

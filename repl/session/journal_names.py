@@ -50,9 +50,9 @@ def score_named(score_name: str, journal: Path) -> Path | None:
     """
     _check_file_name(score_name)
     path = Path(score_name)
-    beside = journal.parent / path
-    if not is_file(path) and is_file(beside):
-        path = beside
+    path_beside = journal.parent / path
+    if not is_file(path) and is_file(path_beside):
+        path = path_beside
     if any(is_below(path, folder) for folder in (Path(), journal.parent)) or is_shipped(path):
         return path
     return None

@@ -54,9 +54,9 @@ def family_lines(texts: Texts, piece: Piece, family_name: str) -> list[str]:
     """The instruments of a family, with what each is. Raises NotTakenError."""
     known_families = _families(texts, piece)
     if family_name not in known_families:
-        near = nearest(family_name, known_families)
+        suggestion = nearest(family_name, known_families)
         message = f"no family of instruments is called {family_name}"
-        raise NotTakenError(message, None if near is None else f"instruments {near}")
+        raise NotTakenError(message, None if suggestion is None else f"instruments {suggestion}")
     return _rows({member.name: member.about for member in known_families[family_name]})
 
 

@@ -116,7 +116,7 @@ class LiveEngine:
     def _bounds_by_hand(
         self, force_bounds: Sequence[HandForceBounds]
     ) -> list[list[tuple[int, float]]]:
-        by_player = {one.player: one.bounds for one in force_bounds}
+        by_player = {hand_bounds.player: hand_bounds.bounds for hand_bounds in force_bounds}
         return [list(by_player.get(player, ())) for player in self._players]
 
     def guide(self, frame: int, paths: Mapping[str, GuidedPath]) -> int:
@@ -126,9 +126,9 @@ class LiveEngine:
         guided = [paths.get(player, GuidedPath(np.zeros(0), ())) for player in self._players]
         return self._performance.change(
             frame,
-            standins=[one.path for one in guided],
-            forces=[np.asarray(one.forces, dtype=float) for one in guided],
-            guidance=[one.steps for one in guided],
+            standins=[guided_hand.path for guided_hand in guided],
+            forces=[np.asarray(guided_hand.forces, dtype=float) for guided_hand in guided],
+            guidance=[guided_hand.steps for guided_hand in guided],
         )
 
     def strike(self, point: int, impulse: float) -> int | None:
@@ -169,7 +169,7 @@ class LiveEngine:
         """Load, late ticks, peaks, disconnected keys, and troubles."""
         status = self._status()
         hands = zip(self._players, status.hands, strict=False)
-        away = frozenset(
+        unused_keys = frozenset(
             name for name, hand in hands if status.ticks and name in self._real and not hand.real
         )
         recording = None if self._final_status else self._performance.recording_trouble()
@@ -180,7 +180,7 @@ class LiveEngine:
             status.load,
             status.late,
             status.peaks,
-            away,
+            unused_keys,
             bool(self._real) and has_let_go(),
             current_troubles,
         )

@@ -45,7 +45,7 @@ class MakingTime:
         """The frame at which a making begins."""
         return self.engine.frame
 
-    def add(self, began: int) -> None:
-        """Count making that began at frame `began` and ends now."""
-        took = (self.engine.frame - began) / self.rate
-        self.seconds, self._last = max(took, self._last), took
+    def add(self, start_frame: int) -> None:
+        """Count making that began at frame `start_frame` and ends now."""
+        seconds_taken = (self.engine.frame - start_frame) / self.rate
+        self.seconds, self._last = max(seconds_taken, self._last), seconds_taken

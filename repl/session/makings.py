@@ -26,46 +26,47 @@ class Makings:
         self.latest = math.inf
         self._engine, self._takeovers = engine, takeovers
 
-    def stage(self, on: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
+    def stage(self, running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
         """The version after lines that take over together. Raises one of `REFUSALS`."""
-        return self._checked(on, self._takeovers.stage(on, lines, self.latest))
+        return self._checked(running, self._takeovers.stage(running, lines, self.latest))
 
-    def cut(self, on: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
+    def cut(self, running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
         """The version after lines that only end what plays; it takes no time to make.
 
         Raises one of `REFUSALS`.
         """
-        return self._checked(on, self._takeovers.cut(on, lines))
+        return self._checked(running, self._takeovers.cut(running, lines))
 
-    def extended(self, on: RunningVersion, start: int) -> RunningVersion:
+    def extended(self, running: RunningVersion, start: int) -> RunningVersion:
         """A version whose timeline goes on from frame `start`. Raises one of `REFUSALS`."""
-        return self._checked(on, self._takeovers.extended(on, start, self.latest))
+        return self._checked(running, self._takeovers.extended(running, start, self.latest))
 
     def first_failing(
-        self, on: RunningVersion, line_group: Sequence[WaitingLine]
+        self, running: RunningVersion, line_group: Sequence[WaitingLine]
     ) -> tuple[WaitingLine, str]:
         """The first line of a group that cannot be made after those before it, and why."""
         for tried_count in range(1, len(line_group) + 1):
             try:
-                self.stage(on, line_group[:tried_count])
+                self.stage(running, line_group[:tried_count])
             except REFUSALS as error:
                 return line_group[tried_count - 1], str(error)
         return line_group[-1], "it could not be made together with those before it"
 
-    def _checked(self, on: RunningVersion, result: RunningVersion) -> RunningVersion:
+    def _checked(self, running: RunningVersion, result: RunningVersion) -> RunningVersion:
         """A version with the bounds of its forces. Raises NotTakenError if it cannot be played."""
-        for changed_unit, plays, asked in (
+        for changed_unit, present_value, asked in (
             ("number of channels", self._engine.n_channels, result.stage.n_channels),
-            ("rate", on.stage.rate, result.stage.rate),
+            ("rate", running.stage.rate, result.stage.rate),
         ):
-            if plays != asked:
+            if present_value != asked:
                 raise NotTakenError(
-                    f"the {changed_unit} of a session cannot change: this session plays {plays:g}, "
+                    f"the {changed_unit} of a session cannot change: this session plays "
+                    f"{present_value:g}, "
                     "and "
                     f"the score has {asked:g}; play that score in a session of its own"
                 )
         # Every version passes here, so none plays that a real hand's key cannot bear.
         bounds = self._engine.force_bounds(
-            result.stage, result.start, result.glides, on.force_bounds
+            result.stage, result.start, result.glides, running.force_bounds
         )
         return replace(result, force_bounds=bounds)

@@ -33,8 +33,8 @@ def _monitor(session: SessionCore, command: Monitor) -> Reply:
     session.midi.monitor.is_on = command.is_on
     if not command.is_on:
         return Reply(True, "ok")
-    more = "MIDI is printed as it comes; `monitor off` ends it"
-    return Reply(True, f"ok {more}{_without_input(session)}")
+    monitor_text = "MIDI is printed as it comes; `monitor off` ends it"
+    return Reply(True, f"ok {monitor_text}{_without_input(session)}")
 
 
 def _without_input(session: SessionCore) -> str:

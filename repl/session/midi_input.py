@@ -108,13 +108,13 @@ class MidiInput:
 
     def learn(self, wanted: MapControl | MapNotes | None) -> str:
         """Map the next controller or note that comes; returns a sentence that says so."""
-        had, self._wanted = self._wanted, wanted
+        wanted_before, self._wanted = self._wanted, wanted
         if wanted is None:
-            if had is None:
+            if wanted_before is None:
                 raise NotTakenError("nothing is to be learnt; `map learn bell.m.K …` begins it")
             return "nothing is learnt any more"
-        what = "strike a note" if isinstance(wanted, MapNotes) else "move a controller"
-        return f"{what}: it will be mapped; `unmap learn` lets it be"
+        action_text = "strike a note" if isinstance(wanted, MapNotes) else "move a controller"
+        return f"{action_text}: it will be mapped; `unmap learn` lets it be"
 
     def _learn(self, message: Played) -> bool:
         """Take a message as that to which the wanted map is; False if none is wanted of its kind.

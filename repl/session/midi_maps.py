@@ -121,7 +121,7 @@ def line_to(control: MapControl, control_share: float) -> str:
 
 def maps_field(maps: Mapping[str, Map]) -> dict[str, object]:
     """The journal field for maps; empty if there are none."""
-    return {"maps": [_row(own) for own in maps.values()]} if maps else {}
+    return {"maps": [_row(control_map) for control_map in maps.values()]} if maps else {}
 
 
 def _row(midi_map: Map) -> list[object]:
@@ -154,7 +154,7 @@ def read_maps(journal_event: JournalEvent) -> Mapping[str, Map]:
     if len(map_rows) > MAX_MAPS + MAX_HEAR:
         journal_event.refuse("it has more maps than a session can have")
     maps = [_read_row(journal_event, row) for row in map_rows]
-    return {own.name: own for own in maps}
+    return {control_map.name: control_map for control_map in maps}
 
 
 def _hear_notes(written_notes: list[object]) -> tuple[str, ...] | None:

@@ -35,8 +35,8 @@ class MidiMonitor:
         if not is_mapped and not isinstance(message, NoteEnd):
             self._unmapped[message_source] += 1
         if self.is_on:
-            more = "" if is_mapped or isinstance(message, NoteEnd) else ", not mapped"
-            text = f"MIDI {_described(message)}, channel {channel}{more}"
+            unmapped_text = "" if is_mapped or isinstance(message, NoteEnd) else ", not mapped"
+            text = f"MIDI {_described(message)}, channel {channel}{unmapped_text}"
             self._waiting.append((message_source, text))
 
     def lines_due(self, now: float) -> Sequence[str]:
@@ -107,5 +107,5 @@ def _name(number: int) -> str:
 def _counted(counts: Counter[str]) -> str:
     """`cc 22 (14 times), note 35`, those that came most first."""
     rows = [source if n == 1 else f"{source} ({n:,} times)" for source, n in counts.most_common()]
-    more = f", and {len(rows) - _SHOWN_MAX} others" if len(rows) > _SHOWN_MAX else ""
-    return ", ".join(rows[:_SHOWN_MAX]) + more
+    others_text = f", and {len(rows) - _SHOWN_MAX} others" if len(rows) > _SHOWN_MAX else ""
+    return ", ".join(rows[:_SHOWN_MAX]) + others_text

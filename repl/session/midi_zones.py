@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from ergon.repl.session.version import Version
     from ergon.scores.reading.piece import Piece
 
-_FOLLOWED = (CONTROLLER, NOTE_ON, PITCH_BEND)
-_RANGE = 200.0  # [cents] of a wheel that says none
+_FOLLOWED_KINDS = (CONTROLLER, NOTE_ON, PITCH_BEND)
+_WHEEL_RANGE_CENTS = 200.0  # [cents] of a wheel that says none
 _PITCH = ".transpose"
 
 
@@ -31,7 +31,7 @@ class Zones:
 
     def __init__(self) -> None:
         """Begin without zones: then a channel counts for nothing."""
-        self._wheels = Wheels(_RANGE)
+        self._wheels = Wheels(_WHEEL_RANGE_CENTS)
         self._controllers: dict[int, Controllers] = {}
         self._shares: dict[tuple[int, str], float] = {}  # by channel and source
         self._turned: set[str] = set()  # names of the pitches that a wheel has moved
@@ -39,7 +39,7 @@ class Zones:
     def follow(self, data: bytes) -> None:
         """Follow a message of three bytes."""
         kind = data[0] & 0xF0
-        if kind in _FOLLOWED:
+        if kind in _FOLLOWED_KINDS:
             event = MidiEvent(0, kind, (data[0] & 0x0F) + 1, data[1], data[1:])
             for _ in self._wheels.moved(event):
                 pass

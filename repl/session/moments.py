@@ -89,9 +89,9 @@ class Moments:
         lead = self._timing.lead_of(False)
         return place_of(line_time, grid, self._present(tempo), (first_frame, first_frame), lead)
 
-    def place_after_slip(self, late: Sequence[WaitingLine]) -> tuple[float, int]:
+    def place_after_slip(self, slipped_lines: Sequence[WaitingLine]) -> tuple[float, int]:
         """The next beat and frame of lines that were late: the next bar, or the soonest frame."""
-        first_late, slips = late[0], max(line.n_slips for line in late)
+        first_late, slips = slipped_lines[0], max(line.n_slips for line in slipped_lines)
         making = self._making_time.after_slips(slips)
         start_frame = self.first_frame(
             0.0 if not slips and first_late.rule.is_quick else making, first_late.kind
@@ -100,7 +100,7 @@ class Moments:
         clock, tempo = running.clock, running.version.piece.tempo_map
         lead = first_late.lead(timing)
         start_beat = clock.beat(tempo, start_frame / timing.rate + lead)
-        if clock.is_running and not all(line.is_now for line in late):
+        if clock.is_running and not all(line.is_now for line in slipped_lines):
             start_beat = next_boundary(tempo, start_beat, BAR)
             start_frame = max(start_frame, timing.takeover_frame(clock, tempo, start_beat, lead))
         return start_beat, start_frame

@@ -97,7 +97,7 @@ def _resolved(tempo: TempoMap, position: Position) -> float:
 def _past(when: When, line_beat: float, present: Present) -> NotTakenError:
     asked = when.text if isinstance(when, Position) and when.text else ""
     verb = "is" if present.clock.is_running else "is stopped"
-    here = present.tempo.written(present.beat)
+    present_place = present.tempo.written(present.beat)
     return NotTakenError(
-        f"{asked or present.tempo.written(line_beat)} is past: the piece {verb} at {here}"
+        f"{asked or present.tempo.written(line_beat)} is past: the piece {verb} at {present_place}"
     )

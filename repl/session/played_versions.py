@@ -29,7 +29,7 @@ class PlayedVersions:
         # Versions that are under way come between; those that were over before are not included.
         versions = [
             self._last,
-            *(one.before for one in schedule.changes.under_way[:]),
+            *(change.before for change in schedule.changes.under_way[:]),
             schedule.running,
         ]
         for number, running in enumerate(versions):

@@ -29,21 +29,28 @@ def rehearsal_stage(piece: Piece, gesture_name: str) -> Stage | None:
     }
     if not plays:
         return _on_some_key(piece, gesture_name)
-    bare = _keys_and_gestures(piece)
-    first, *_ = [solo(bare, gesture_name, key, do, how) for (key, *_), (how, do) in plays.items()]
+    keys_and_gestures = _keys_and_gestures(piece)
+    first, *_ = [
+        solo(keys_and_gestures, gesture_name, key, transforms, manner)
+        for (key, *_), (manner, transforms) in plays.items()
+    ]
     return first
 
 
 def keys_for(piece: Piece, name: str) -> list[str]:
     """The keys that can follow a gesture as it is written."""
-    bare = _keys_and_gestures(piece)
-    return [key for key in piece.keys if not isinstance(_try_key(bare, name, key), StageError)]
+    keys_and_gestures = _keys_and_gestures(piece)
+    return [
+        key
+        for key in piece.keys
+        if not isinstance(_try_key(keys_and_gestures, name, key), StageError)
+    ]
 
 
 def _on_some_key(piece: Piece, gesture_name: str) -> Stage | None:
-    bare, refusal = _keys_and_gestures(piece), None
+    keys_and_gestures, refusal = _keys_and_gestures(piece), None
     for key in piece.keys:
-        tried = _try_key(bare, gesture_name, key)
+        tried = _try_key(keys_and_gestures, gesture_name, key)
         if not isinstance(tried, StageError):
             return tried
         refusal = refusal or tried
@@ -52,9 +59,9 @@ def _on_some_key(piece: Piece, gesture_name: str) -> Stage | None:
     return None
 
 
-def _try_key(bare: Piece, name: str, key: str) -> Stage | StageError:
+def _try_key(keys_and_gestures: Piece, name: str, key: str) -> Stage | StageError:
     try:
-        return solo(bare, name, key)
+        return solo(keys_and_gestures, name, key)
     except StageError as error:
         return error
 
@@ -65,5 +72,5 @@ def _keys_and_gestures(piece: Piece) -> Piece:
     return replace(piece, instruments={}, duet=(), strikes=(), mix=mix)
 
 
-def _without_places(do: tuple[Transform, ...]) -> tuple[Transform, ...]:
-    return tuple(replace(one, offset=0) for one in do)
+def _without_places(transforms: tuple[Transform, ...]) -> tuple[Transform, ...]:
+    return tuple(replace(transform, offset=0) for transform in transforms)

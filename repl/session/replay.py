@@ -105,11 +105,11 @@ class ReplayedSession:
         self._engine.set_faders(fader_ratios(running))
         self._schedule = ReplayedSchedule(self._engine, running, real, 0)
         self._versions = _initial_versions(journal_content, version)
-        self._coming = deque(_changes(journal_content))
+        self._due_changes = deque(_changes(journal_content))
         self._note_next()
-        self._acts = deque(journal_content.acts)
-        self._read = journal_content.versions_from_files
-        self._done = journal_content.first
+        self._due_acts = deque(journal_content.acts)
+        self._file_versions = journal_content.versions_from_files
+        self._last_event = journal_content.first
         self._file = journal_content.first.file
         self.rate = running.stage.rate
         # A session that was killed may have recorded hands after its last line.
@@ -155,25 +155,25 @@ class ReplayedSession:
 
     def process(self, out: NDArray[np.float64]) -> None:
         """Fill (n_frames, n_channels) with the next frames."""
-        done = 0
-        while done < len(out):
+        frames_done = 0
+        while frames_done < len(out):
             self._do_due()
-            n = min(_BLOCK, len(out) - done, *self._frames_until_due(len(out)))
-            out[done : done + n] = self._engine.process(n)
-            done += n
+            n = min(_BLOCK, len(out) - frames_done, *self._frames_until_due(len(out)))
+            out[frames_done : frames_done + n] = self._engine.process(n)
+            frames_done += n
 
     def _frames_until_due(self, frames_max: int) -> Iterator[int]:
         """Numbers of frames until the next change or act, and `frames_max`."""
-        for due in (self._coming, self._acts):
+        for due in (self._due_changes, self._due_acts):
             if due:
                 yield max(1, due[0].frame - self._engine.frame)
         yield frames_max
 
     def _note_next(self) -> None:
         """Note the next change. The timeline ends where that of the session ended at a skip."""
-        schedule, coming = self._schedule, self._coming
+        schedule, coming = self._schedule, self._due_changes
         schedule.next_frame = coming[0].frame if coming else math.inf
-        staged = next((one for one in coming if one.is_staged), None)
+        staged = next((change for change in coming if change.is_staged), None)
         schedule.makings.latest = math.inf
         if staged is not None and staged.skipped_from is not None:
             schedule.makings.latest = staged.skipped_from
@@ -182,28 +182,30 @@ class ReplayedSession:
         """Hand the engine the changes and acts that take effect at this frame."""
         schedule = self._schedule
         schedule.take_events()
-        while self._coming and self._coming[0].frame <= self._engine.frame:
-            due_change = self._coming.popleft()
+        while self._due_changes and self._due_changes[0].frame <= self._engine.frame:
+            due_change = self._due_changes.popleft()
             self._note_next()
             if not due_change.commits:
-                with _as_journal_errors(self._done):
+                with _as_journal_errors(self._last_event):
                     schedule.skip(due_change.frame)
                 continue
-            lines = [self._line(one) for one in due_change.commits]
+            lines = [self._line(commit) for commit in due_change.commits]
             with _as_journal_errors(due_change.commits[0].line):
                 schedule.perform(lines, self._versions)
-            self._done = due_change.commits[-1].line
-        with _as_journal_errors(self._done):
+            self._last_event = due_change.commits[-1].line
+        with _as_journal_errors(self._last_event):
             schedule.extend()
-        while self._acts and self._acts[0].frame <= self._engine.frame:
-            self._do_act(self._acts.popleft())
+        while self._due_acts and self._due_acts[0].frame <= self._engine.frame:
+            self._do_act(self._due_acts.popleft())
 
     def _line(self, commit: JournalCommit) -> WaitingLine:
         """A line at the frame at which it took effect."""
-        line_event, goes = commit.line, commit.line.fields.get("goes")
+        line_event, sets_running = commit.line, commit.line.fields.get("goes")
 
         def edit(version: Version, beat: float) -> Version:
-            return edit_of_line(line_event, self._versions, version, self._read)(version, beat)
+            return edit_of_line(line_event, self._versions, version, self._file_versions)(
+                version, beat
+            )
 
         return WaitingLine(
             line_event.get("number", int),
@@ -212,7 +214,7 @@ class ReplayedSession:
             _kind(line_event),
             commit.beat,
             commit.frame,
-            goes if isinstance(goes, bool) else None,
+            sets_running if isinstance(sets_running, bool) else None,
             bool(line_event.fields.get("resets")),
             is_now=True,
         )
@@ -220,14 +222,14 @@ class ReplayedSession:
     def _do_act(self, act: JournalAct) -> None:
         if isinstance(act.target, str):
             self._engine.set_input(input_number(act.target), act.amount)
-            lacks = "at this value has no such input"
+            missing_text = "at this value has no such input"
         else:
             self._engine.strike(place_number(act.target), act.amount)
-            lacks = "at this strike has no such mass"
+            missing_text = "at this strike has no such mass"
         events = self._schedule.take_events()
-        if any(one.act_ticket is not None and one.is_late for one in events):
+        if any(event.act_ticket is not None and event.is_late for event in events):
             JournalEvent(self._file, act.line, "", {}).refuse(
-                f"the piece that plays {lacks}; the journal does not match its score"
+                f"the piece that plays {missing_text}; the journal does not match its score"
             )
 
 
@@ -245,7 +247,7 @@ class _ReplayedChange:
     @property
     def is_staged(self) -> bool:
         """Whether a new stage plays from there on, with a timeline of its own."""
-        return any(_kind(one.line) is not LineKind.FADERS for one in self.commits) or (
+        return any(_kind(commit.line) is not LineKind.FADERS for commit in self.commits) or (
             self.skipped_from is not None
         )
 
@@ -254,7 +256,7 @@ def _changes(journal_content: JournalContent) -> Iterator[_ReplayedChange]:
     """The changes of a journal, in the order of their frames."""
     skips = dict(journal_content.skips)
     for (commit_frame, _), commits in groupby(
-        journal_content.commits, lambda one: (one.frame, one.change)
+        journal_content.commits, lambda commit: (commit.frame, commit.change)
     ):
         for before in [frame_skipped for frame_skipped in skips if frame_skipped < commit_frame]:
             yield _ReplayedChange(before, (), skips.pop(before))
@@ -305,7 +307,7 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
     versions, clock = _initial_versions(journal_content, version), Clock(None, opening.beat)
     rate = version.piece.rate
     timing = Timing(rate, opening.tick_frames)
-    done = {one.line.get("number", int) for one in journal_content.commits}
+    committed_numbers = {commit.line.get("number", int) for commit in journal_content.commits}
     waited = [
         (
             journal_content.n_frames,
@@ -313,13 +315,15 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
             event,
         )
         for number, event in ((n, journal_content.lines[n]) for n in journal_content.order())
-        if number not in done and number not in journal_content.dropped
+        if number not in committed_numbers and number not in journal_content.dropped
     ]
-    committed = [(one.frame, one.beat, one.line) for one in journal_content.commits]
+    committed = [(commit.frame, commit.beat, commit.line) for commit in journal_content.commits]
     for takeover_frame, last_beat, line_event in (*committed, *waited):
         with _as_journal_errors(line_event):
-            goes = line_event.fields.get("goes")
-            now_running = goes if isinstance(goes, bool) else version.is_running
+            sets_running_now = line_event.fields.get("goes")
+            now_running = (
+                sets_running_now if isinstance(sets_running_now, bool) else version.is_running
+            )
             tempo_before = version.piece.tempo_map
             version = replace(version.taken_over(), is_running=now_running)
             version = edit_of_line(
@@ -329,7 +333,7 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
             versions[line_event.get("number", int)] = PastVersion.from_version(
                 version, tempo.written(last_beat), line_event.get("line", str)
             )
-            sets_running = goes if isinstance(goes, bool) else None
+            sets_running = sets_running_now if isinstance(sets_running_now, bool) else None
             resumed_entry = entry_of(
                 clock,
                 tempo_before,
@@ -347,7 +351,7 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
         raise NotTakenError("the journal claims that the session lasted longer than a day")
     bar, _ = tempo.bar_beat(last_beat)
     # Guidance is not resumed: a hand is pulled only after a line that asks for it.
-    begun = replace(
+    resumed_version = replace(
         version.taken_over(),
         number=0,
         line="",
@@ -356,24 +360,26 @@ def resumed_state(journal_content: JournalContent) -> tuple[Version, Clock, Past
         is_running=False,
     )
     return (
-        begun,
+        resumed_version,
         Clock(None, tempo.bars.start(bar)),
-        _renumbered_history(journal_content, begun, versions),
+        _renumbered_history(journal_content, resumed_version, versions),
     )
 
 
 def _renumbered_history(
-    journal_content: JournalContent, begun: Version, versions: Mapping[int, PastVersion]
+    journal_content: JournalContent, resumed_version: Version, versions: Mapping[int, PastVersion]
 ) -> PastVersions:
-    """The history of a session that is resumed as version `begun`, numbered for its own journal."""
+    """The history of the session resumed as `resumed_version`, numbered for its own journal."""
     history = journal_content.history()
     past = []
     for place, old_number in enumerate(history.numbers):
         # Numbers from 1 on belong to the lines of that session, and -1 means none.
         new_number = 0 if place == history.index else -2 - place
-        known_version = versions.get(old_number) or PastVersion.from_version(begun)
+        known_version = versions.get(old_number) or PastVersion.from_version(resumed_version)
         if new_number == 0:
-            known_version = PastVersion.from_version(begun, known_version.where, known_version.line)
+            known_version = PastVersion.from_version(
+                resumed_version, known_version.where, known_version.line
+            )
         past.append(replace(known_version, number=new_number, guides={}))
     return PastVersions(past, history.index)
 
@@ -381,7 +387,7 @@ def _renumbered_history(
 def edit_of_line(
     line_event: JournalEvent,
     versions: Mapping[int, PastVersion],
-    on: Version,
+    version_before: Version,
     file_versions: Mapping[int, FileVersion],
 ) -> VersionEdit:
     """The version edit of a journal's line, without its other effects. Raises NotTakenError."""
@@ -396,9 +402,9 @@ def edit_of_line(
     if isinstance(restores, int):
         target = versions.get(restores)
         return version_edits.unchanged if target is None else target.restore
-    commands = reparse(line_event.get("line", str), on)
+    commands = reparse(line_event.get("line", str), version_before)
     if any(
-        type(one) in version_edits.READS_FILES for one in commands
+        type(command) in version_edits.READS_FILES for command in commands
     ):  # rendering a journal reads no further file
         raise NotTakenError("the journal lacks the texts that this line read from files")
     edits = [command for command in commands if type(command) in version_edits.VERSION_EDITS]
@@ -408,7 +414,7 @@ def edit_of_line(
 
 
 def _missing(journal_content: JournalContent, hands: RecordedHands, rate: float) -> Iterator[str]:
-    """Sentences about what is missing in a journal, and at the end of it and of its recording."""
+    """Warnings about gaps in a journal, a missing end, and a recording that ends early."""
     if gap := journal_content.gaps.sentence(journal_content.first.file):
         yield gap
     journal_seconds = journal_content.n_frames / rate

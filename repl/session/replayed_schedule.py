@@ -28,11 +28,11 @@ class ReplayedSchedule(Schedule):
 
         Raises one of `REFUSALS`.
         """
-        begun = WaitingLines(self.running.version, self.running.clock, self.timing)
+        waiting_lines = WaitingLines(self.running.version, self.running.clock, self.timing)
         for new_line in lines:
-            begun, line = begun.inserted(new_line, 0)
+            waiting_lines, line = waiting_lines.inserted(new_line, 0)
             versions[line.number] = PastVersion.from_version(line.result())
-        line_group, running = begun.lines, self.running
+        line_group, running = waiting_lines.lines, self.running
         kinds = {new_line.kind for new_line in line_group}
         if kinds == {LineKind.FADERS}:
             self._move_faders(line_group)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 # Endless parts are put on the timeline this many seconds ahead, with a least and a greatest number
 # of bars; they are extended when half of these bars are over. A longer timeline would delay the
 # answer to a line; a shorter one could end while a long line is computed.
-_AHEAD, _FEWEST_BARS, _BARS_MAX = 16.0, 4, 32
+_AHEAD_SECONDS, _FEWEST_BARS, _BARS_MAX = 16.0, 4, 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,10 @@ def horizon(tempo: TempoMap, from_beat: float) -> tuple[float, int]:
     """The beat up to which endless parts are put on the timeline, seen from `from_beat`, and how
     many bars that is.
     """
-    first_bar, reached = tempo.bars.bar_beat(from_beat)[0], tempo.seconds(from_beat) + _AHEAD
+    first_bar, reached = (
+        tempo.bars.bar_beat(from_beat)[0],
+        tempo.seconds(from_beat) + _AHEAD_SECONDS,
+    )
     n_bars = _FEWEST_BARS
     while n_bars < _BARS_MAX and tempo.seconds(tempo.bars.start(first_bar + n_bars)) < reached:
         n_bars += _FEWEST_BARS
@@ -146,7 +149,7 @@ def staged(
     version: Version,
     clock: Clock,
     spans: tuple[Span, ...],
-    like: Stage | None,
+    stage_before: Stage | None,
     start_frame: int,
     real: Real,
     store: Store | None,
@@ -156,12 +159,14 @@ def staged(
     frozen: tuple[LoadedPart, ...],
     is_seen: bool,
 ) -> Stage:
-    """Stage what `spans` play, from frame `start_frame` on, in place of the stage `like`.
+    """Stage what `spans` play, from frame `start_frame` on, in place of the stage `stage_before`.
 
     `moving` are parameters that glide, `leaving_links` removed links that still separate.
     """
     piece = with_leaving(version.sounding, leaving_links)
-    tempo = clock.tempo(piece.tempo_map, 0.0 if like is None else start_frame / like.rate)
+    tempo = clock.tempo(
+        piece.tempo_map, 0.0 if stage_before is None else start_frame / stage_before.rate
+    )
     piece = replace(piece, tempo_map=tempo)
     staged_now = stage(
         piece,
@@ -170,7 +175,7 @@ def staged(
         real_hands=real,
         silent=frozenset(part.name for part in frozen),
         on_fault="mute",
-        going=StageTakeover(spans, like, start_frame, moving, strike_points(version)),
+        going=StageTakeover(spans, stage_before, start_frame, moving, strike_points(version)),
         is_seen=is_seen,
     )
     staged_now.placed = place_samples(frozen, staged_now.listening, clock, staged_now.rate)

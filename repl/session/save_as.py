@@ -49,8 +49,10 @@ def _uses(score_texts: Texts) -> Iterator[tuple[str, edit.Path, str, str]]:
     """Every `use`: its file, its path in that file, the name written there, and the file that it
     means.
     """
-    home = Path(score_texts.path).parent
-    finder = Files(Collector(), home, score_texts.overlay, bounds=score_texts.bounds, sealed=True)
+    score_folder = Path(score_texts.path).parent
+    finder = Files(
+        Collector(), score_folder, score_texts.overlay, bounds=score_texts.bounds, sealed=True
+    )
     for file_name in (score_texts.path, *score_texts.overlay):
         root = score_texts.document(file_name).root
         use_node = root.get("use") if isinstance(root, document.Mapping) else None

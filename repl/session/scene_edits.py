@@ -33,11 +33,11 @@ def scene_of(score_texts: Texts, scene_name: str) -> Scene:
     folder = folder_of(score_texts)
     path = next((p for suffix in SUFFIXES if is_file(p := folder / f"{scene_name}{suffix}")), None)
     if path is None:
-        near = nearest(scene_name, [one.stem for one in scores_in(folder)])
+        suggestion = nearest(scene_name, [score_file.stem for score_file in scores_in(folder)])
         raise NotTakenError(
             f"there is no scene {scene_name} beside the score; `keep 8bar as {scene_name}` makes "
             "one",
-            None if near is None else f"scene {near}",
+            None if suggestion is None else f"scene {suggestion}",
         )
     bounds = FileBounds.around(
         folder, trust=score_texts.bounds is not None and score_texts.bounds.allows_any_file
@@ -93,8 +93,8 @@ def _scene(command: versions.Scene) -> VersionEdit:
             if command.before is None
             else [scene(version, command.before), scene_found]
         )
-        for each in missing_text:
-            edited_texts = scene_matter.with_matter(edited_texts, piece, each)
+        for missing_name in missing_text:
+            edited_texts = scene_matter.with_matter(edited_texts, piece, missing_name)
             piece = piece if edited_texts is version.texts else piece_of(edited_texts)
         new_texts = {
             file: text

@@ -42,11 +42,11 @@ if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
 # A change is handed to the engine this long before the last moment at which it is in time [s].
-_AHEAD = 0.3
+_AHEAD_SECONDS = 0.3
 # A line that ends what plays passes one that is not made yet this long before it would be late [s].
-_PASSES = 0.05
+_PASS_SECONDS = 0.05
 # Lines among the last ones to take effect may still change places: those of a few changes.
-_UNSETTLED = 256
+_UNSETTLED_MAX = 256
 
 
 class Schedule:
@@ -101,8 +101,15 @@ class Schedule:
     def line(self, number: int) -> WaitingLine | None:
         """A line that waits or is under way, by its number."""
         with self.lock:
-            sent = (line for one in self.changes.under_way for line in one.lines)
-            return next((one for one in (*self.waiting, *sent) if one.number == number), None)
+            sent = (line for change in self.changes.under_way for line in change.lines)
+            return next(
+                (
+                    waiting_line
+                    for waiting_line in (*self.waiting, *sent)
+                    if waiting_line.number == number
+                ),
+                None,
+            )
 
     # --- when ------------------------------------------------------------------------------------
 
@@ -175,9 +182,9 @@ class Schedule:
         """
         starts = {line.number: line.start for line in (self.waiting if before is None else before)}
         for waiting_line in lines.lines:
-            where = waiting_line.result().piece.tempo_map.written(waiting_line.beat)
+            place_text = waiting_line.result().piece.tempo_map.written(waiting_line.beat)
             self.past_versions[waiting_line.number] = PastVersion.from_version(
-                waiting_line.result(), where
+                waiting_line.result(), place_text
             )
             if starts.get(waiting_line.number, waiting_line.start) != waiting_line.start:
                 self.reports.append(Moved(waiting_line))
@@ -190,9 +197,9 @@ class Schedule:
 
     def _arranged(self, lines: Sequence[WaitingLine], soonest: int) -> WaitingLines:
         """Lines after the running version, not before a frame; those that cannot be are dropped."""
-        begun = WaitingLines(self.running.version, self.running.clock, self.timing)
-        arranged, lost = begun.followed_by(lines, soonest)
-        self.reports.extend(Dropped(one.line, one.why) for one in lost)
+        waiting_lines = WaitingLines(self.running.version, self.running.clock, self.timing)
+        arranged, lost = waiting_lines.followed_by(lines, soonest)
+        self.reports.extend(Dropped(lost_line.line, lost_line.why) for lost_line in lost)
         return arranged
 
     def _wait_again(self, returned: Returned) -> None:
@@ -203,9 +210,11 @@ class Schedule:
 
     def _fail(self, failed: Sequence[WaitingLine], why: str) -> None:
         """Drop waiting lines."""
-        self.reports.extend(Dropped(one, why) for one in failed)
-        numbers = {one.number for one in failed}
-        self._let_wait([one for one in self.waiting if one.number not in numbers])
+        self.reports.extend(Dropped(waiting_line, why) for waiting_line in failed)
+        numbers = {waiting_line.number for waiting_line in failed}
+        self._let_wait(
+            [waiting_line for waiting_line in self.waiting if waiting_line.number not in numbers]
+        )
 
     # --- handing over ----------------------------------------------------------------------------
 
@@ -236,7 +245,7 @@ class Schedule:
     def _first_due(self) -> tuple[WaitingLine, ...]:
         """The next lines that can be handed over, or are late; empty if there are none."""
         moments, lines_left = self.moments, self.waiting
-        until, soon = moments.frame_after(_AHEAD), moments.frame_after(_PASSES)
+        until, soon_frame = moments.frame_after(_AHEAD_SECONDS), moments.frame_after(_PASS_SECONDS)
         while lines_left and lines_left[0].frame <= until:
             due_group = group_of(lines_left)
             due_kind, group_start = due_group[0].kind, due_group[0].frame
@@ -247,7 +256,7 @@ class Schedule:
                 # A beat counts from the beginning of the piece, which then comes first.
                 begins = any(line.sets_running for line in self.waiting[: -len(lines_left)])
                 can_pass = not begins or any(line.is_now for line in due_group)
-                is_due = is_first or (group_start <= soon and can_pass)
+                is_due = is_first or (group_start <= soon_frame and can_pass)
             else:
                 is_late = group_start < moments.first_frame(0.0)
                 is_due = is_first and (is_late or self._is_staged(due_group))
@@ -266,7 +275,7 @@ class Schedule:
         beat, start = self.moments.place_after_slip(late_group)
         slipped_lines, lost, moved = self.lines.slipped(late_group, beat, start)
         self.reports.append(Slipped(moved))
-        self.reports.extend(Dropped(one.line, one.why) for one in lost)
+        self.reports.extend(Dropped(lost_line.line, lost_line.why) for lost_line in lost)
         self._set_lines(slipped_lines)
 
     def _move_faders(self, fader_group: Sequence[WaitingLine]) -> None:
@@ -275,7 +284,9 @@ class Schedule:
         assert start is not None
         self.changes.send_gains(start, fader_group)
         self.past_versions.update(self.changes.past_versions(self.past_versions))
-        self._let_wait([one for one in self.waiting if one not in fader_group])
+        self._let_wait(
+            [waiting_line for waiting_line in self.waiting if waiting_line not in fader_group]
+        )
 
     def _end(self, group: Sequence[WaitingLine]) -> None:
         """End what plays: a cut of the running stage, before all that waits."""
@@ -289,7 +300,9 @@ class Schedule:
         ]
         lines_left = [line for line in ending_lines if line not in also]
         group = sorted((*also, *group), key=lambda line: line.number)
-        stops = [one.number for one in group if one.sets_running is False]
+        stops = [
+            waiting_line.number for waiting_line in group if waiting_line.sets_running is False
+        ]
         if stops:
             lines_left = self._without_start(lines_left, max(stops))
         ending = self._arranged(group, end_frame).lines
@@ -309,10 +322,14 @@ class Schedule:
         """Lines that wait after a stop: those that start the piece and were typed before the line
         `stop_frame` are dropped.
         """
-        started = [one for one in waiting_lines if one.sets_running and one.number < stop_frame]
+        started = [
+            waiting_line
+            for waiting_line in waiting_lines
+            if waiting_line.sets_running and waiting_line.number < stop_frame
+        ]
         why = "the piece was stopped before it began"
-        self.reports.extend(Dropped(one, why) for one in started)
-        return [one for one in waiting_lines if one not in started]
+        self.reports.extend(Dropped(waiting_line, why) for waiting_line in started)
+        return [waiting_line for waiting_line in waiting_lines if waiting_line not in started]
 
     def _hand_staged(self, group: Sequence[WaitingLine]) -> None:
         staged_group = self._staged
@@ -331,7 +348,7 @@ class Schedule:
             running_after.start,
             running_after.stage,
             running_before.stage,
-            any(one.resets for one in line_group),
+            any(waiting_line.resets for waiting_line in line_group),
             gains=changed_ratios(running_before, running_after),
             damp=running_after.damp,
             force_bounds=running_after.force_bounds,
@@ -354,7 +371,13 @@ class Schedule:
             )
             if self.running is not running:  # the withdrawal came too late
                 numbers = {line.number for line in finished.lines}
-                self._let_wait([one for one in self.waiting if one.number not in numbers])
+                self._let_wait(
+                    [
+                        waiting_line
+                        for waiting_line in self.waiting
+                        if waiting_line.number not in numbers
+                    ]
+                )
 
     # --- making ----------------------------------------------------------------------------------
 
@@ -364,28 +387,30 @@ class Schedule:
         Any thread may call it; the lock is free while the version is made.
         """
         with self.lock:
-            on, unmade_group = self.running, self._first_unmade()
+            running, unmade_group = self.running, self._first_unmade()
         if not unmade_group:
             return False
-        began = self.making_time.began()
+        start_frame = self.making_time.began()
         try:
-            staged_group = StagedGroup(unmade_group, on, self.makings.stage(on, unmade_group))
+            staged_group = StagedGroup(
+                unmade_group, running, self.makings.stage(running, unmade_group)
+            )
         except StoppedError:  # the session is closed
             raise
         except REFUSALS:
-            failed, why = self.makings.first_failing(on, unmade_group)
+            failed, why = self.makings.first_failing(running, unmade_group)
             with self.lock:
                 if unmade_group == staged_group_of(self.waiting):
                     self._fail([failed], why)
             return True
         finally:
-            self.making_time.add(began)
+            self.making_time.add(start_frame)
         with self.lock:
             self._staged = staged_group
         return True
 
     def _first_unmade(self) -> tuple[WaitingLine, ...]:
-        until = self.moments.frame_after(_AHEAD + self.making_time.expected)
+        until = self.moments.frame_after(_AHEAD_SECONDS + self.making_time.expected)
         unmade_group = staged_group_of(self.waiting)
         if not unmade_group or unmade_group[0].frame > until:
             return ()
@@ -398,20 +423,20 @@ class Schedule:
         Any thread may call it; the lock is free while the extension is made.
         """
         with self.lock:
-            on, extension_frame = self.running, self._extension_frame()
+            running, extension_frame = self.running, self._extension_frame()
         if extension_frame is None:
             return False
         try:
-            extended_running = self._extensions.extended(on, extension_frame)
+            extended_running = self._extensions.extended(running, extension_frame)
         except StoppedError:
             raise
         except REFUSALS as error:  # a value that automation reaches later, under a real hand
             with self.lock:
-                if on is self.running:
+                if running is self.running:
                     self._extensions.give_up(error)
             return True
         with self.lock:
-            if on is self.running and extension_frame >= self.moments.first_frame(0.0):
+            if running is self.running and extension_frame >= self.moments.first_frame(0.0):
                 self._extensions.send(extended_running)
         return True
 
@@ -422,8 +447,8 @@ class Schedule:
 
     def effect_order(self) -> dict[int, float]:
         """The place of the last lines in the order in which they take effect, by number."""
-        done = self.changes.done[-_UNSETTLED:]
-        numbers = [*done, *(one.number for one in self.waiting)]
+        last_numbers = self.changes.done[-_UNSETTLED_MAX:]
+        numbers = [*last_numbers, *(waiting_line.number for waiting_line in self.waiting)]
         return {number: float(place) for place, number in enumerate(numbers)}
 
     def rebase(self, base: Texts) -> None:

@@ -251,8 +251,8 @@ class Session(SessionCore):
             self.is_over = True
             if self.journal is not None:
                 self.journal.close()
-                if trouble := self.journal.pop_failure():
-                    self.say(trouble)
+                if journal_error := self.journal.pop_failure():
+                    self.say(journal_error)
 
 
 def _not_taken(message: str, try_: str | None = None, help: str | None = None) -> Reply:

@@ -70,8 +70,8 @@ def _play(session: SessionCore, command: Play) -> Reply:
         enter=play_beat,
         restores=-1,
     )
-    where, _ = session.queue(play_entry)
-    return Reply(True, f"ok from {where}")
+    place, _ = session.queue(play_entry)
+    return Reply(True, f"ok from {place}")
 
 
 @executes(Hear)
@@ -83,15 +83,15 @@ def _hear(session: SessionCore, command: Hear) -> Reply:
 
 @executes(Stop)
 def _stop(session: SessionCore, command: Stop) -> Reply:
-    is_starting = any(one.sets_running for one in session.schedule.waiting)
+    is_starting = any(waiting_line.sets_running for waiting_line in session.schedule.waiting)
     if not (session.schedule.running.clock.is_running or is_starting):
         raise NotTakenError("the piece is already stopped; `play` continues it")
     when = NOW if command.when is None else command.when
     stop_entry = Entry(
         "stop", version_edits.unchanged, LineKind.ENDS, when, sets_running=False, restores=-1
     )
-    where, _ = session.queue(stop_entry)
-    return Reply(True, f"ok {where} the piece stops; `play` continues from there")
+    place, _ = session.queue(stop_entry)
+    return Reply(True, f"ok {place} the piece stops; `play` continues from there")
 
 
 @executes(Panic)
@@ -161,15 +161,19 @@ def _back_by(
         raise NotTakenError(f"{none}; `history` lists the versions")
     reverted_numbers = history.numbers[target_index + 1 : history.index + 1]
     undone = history.undone
-    waiting = [one for one in session.schedule.waiting if one.number in reverted_numbers]
+    waiting = [
+        waiting_line
+        for waiting_line in session.schedule.waiting
+        if waiting_line.number in reverted_numbers
+    ]
     for cancelled in reversed(session.schedule.waiting):
         if cancelled.number in (*reverted_numbers, *undone):
             session.drop(cancelled)
             session.cancelled.append(cancelled)
-    restoring = (one for one in session.schedule.waiting if one.sets_all)
-    is_restored = any(one.number > min(reverted_numbers) for one in restoring)
+    restoring = (waiting_line for waiting_line in session.schedule.waiting if waiting_line.sets_all)
+    is_restored = any(waiting_line.number > min(reverted_numbers) for waiting_line in restoring)
     if len(waiting) == len(reverted_numbers) and not is_restored:
-        lines = " and ".join(f"'{first_line(one.line)}'" for one in waiting)
+        lines = " and ".join(f"'{first_line(waiting_line.line)}'" for waiting_line in waiting)
         predicate = "is cancelled before it" if len(waiting) == 1 else "are cancelled before they"
         return Reply(True, f"ok {lines} {predicate} took effect")
     return _restore(session, command, target_index, line_text)
@@ -194,9 +198,9 @@ def _redo(session: SessionCore, command: Redo) -> Reply:
         reads_files=cancelled_line.reads_files,
         redoes=True,
     )
-    where, _ = session.queue(redo_entry)
+    place, _ = session.queue(redo_entry)
     session.cancelled.pop()
-    return Reply(True, f"ok {where} {first_line(cancelled_line.line)}")
+    return Reply(True, f"ok {place} {first_line(cancelled_line.line)}")
 
 
 def _restore(session: SessionCore, command: Command, index: int, line_text: str) -> Reply:
@@ -221,9 +225,9 @@ def _history(session: SessionCore, command: History) -> Reply:
     history_rows = []
     for history_index, number in enumerate(session.history.numbers):
         version = session.schedule.past_versions[number]
-        here = ">" if history_index == session.history.index else " "
+        marker = ">" if history_index == session.history.index else " "
         history_rows.append(
-            f"{here} {history_index:3}  {version.where:>8}  "
+            f"{marker} {history_index:3}  {version.where:>8}  "
             f"{first_line(version.line) or '(the score)'}"
         )
     return Reply(True, "", lines=tuple(history_rows))

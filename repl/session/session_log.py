@@ -111,14 +111,14 @@ class SessionLog:
         typed = [line for line in lines if line.line]
         if not typed:
             return
-        first, *more = typed
+        first, *lines_after = typed
         assert first.start is not None
         delay = (first.start - schedule.engine.frame) / schedule.rate
         is_soon = first.is_now or not schedule.running.clock.is_running
         if is_soon and delay <= _DELAY_TOLD:
             return
         delay_text = f"in {delay:.1f} s" if is_soon else "at the next bar"
-        others = f", together with {len(more)} typed after it" if more else ""
+        others = f", together with {len(lines_after)} typed after it" if lines_after else ""
         self.say(
             f"'{first_line(first.line)}' was not ready in time; it takes effect "
             f"{delay_text}{others}"

@@ -26,7 +26,9 @@ _LARGEST = 1000  # places in one answer; those beyond are left out
 
 @dataclass(frozen=True, slots=True)
 class _Begun:
-    """What begins [s of the engine], when it ends, where it is written, and what it is."""
+    """A gesture or strike that has begun [s of the engine]: its start, its end, its place in the
+    score, and its name.
+    """
 
     start: float
     end: float
@@ -48,12 +50,12 @@ class SoundingPlaces:
 
     def __call__(self) -> Sounding:
         """What has begun since the last call, in order of time."""
-        engine_frame, began = self._schedule.engine.frame, []
+        engine_frame, sounding_places = self._schedule.engine.frame, []
         for running, first, last in self._played.pop_before(engine_frame):
             rate, texts = running.stage.rate, running.version.texts
-            for begun in self._between(running, first / rate, last / rate):
-                began.append(_shown(begun, texts))
-        return Sounding(engine_frame / self._schedule.rate, tuple(began[:_LARGEST]))
+            for event in self._between(running, first / rate, last / rate):
+                sounding_places.append(_shown(event, texts))
+        return Sounding(engine_frame / self._schedule.rate, tuple(sounding_places[:_LARGEST]))
 
     def _between(self, running: RunningVersion, since: float, before: float) -> Iterator[_Begun]:
         """What begins in a version between two instants [s]."""
@@ -68,11 +70,11 @@ class SoundingPlaces:
         yield from (begun for begun in self._known if since <= begun.start < before)
 
 
-def _shown(begun: _Begun, score_texts: Texts) -> SoundingPlace:
+def _shown(event: _Begun, score_texts: Texts) -> SoundingPlace:
     """A place with the characters that stand there in the session's text, which may differ from
     the file.
     """
-    begun_place = begun.place
+    begun_place = event.place
     shown_text = (
         score_texts.text
         if begun_place.file == score_texts.path
@@ -83,7 +85,7 @@ def _shown(begun: _Begun, score_texts: Texts) -> SoundingPlace:
     marked = line[begun_place.column - 1 : begun_place.column - 1 + begun_place.length]
     file = str(Path(begun_place.file).absolute())
     return SoundingPlace(
-        file, begun_place.line, begun_place.column, marked, begun.start, begun.end, begun.what
+        file, begun_place.line, begun_place.column, marked, event.start, event.end, event.what
     )
 
 

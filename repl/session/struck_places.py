@@ -335,11 +335,13 @@ def _act(piece: Piece, target: str, part_name: str) -> Act:
         raise NotTakenError(
             f"{instrument_name} does not say how it is played; write impulses, as 1mNs..20mNs"
         )
-    act = acts[act_name] if act_name else next(iter(acts.values()))
+    played_act = acts[act_name] if act_name else next(iter(acts.values()))
     known_modules = {module.name for module in instrument.modules} if instrument else set()
-    if not {module.name for module in act.modules} <= known_modules:
-        raise NotTakenError(f"{part_name} has nothing for {act.name} yet; play it by a line first")
-    return act
+    if not {module.name for module in played_act.modules} <= known_modules:
+        raise NotTakenError(
+            f"{part_name} has nothing for {played_act.name} yet; play it by a line first"
+        )
+    return played_act
 
 
 def _members(strike_target: Target, target_text: str) -> list[Place]:

@@ -48,15 +48,15 @@ def _link(command: Link, version: Version, beat: float) -> Texts:
 
 
 @edits_texts(Takes)
-def _takes(command: Takes, version: Version, beat: float) -> Texts:
+def _take_key(command: Takes, version: Version, beat: float) -> Texts:
     edited_texts, piece = version.texts, version.piece
     if command.key not in piece.keys:
-        like = command.like or next(iter(piece.keys), None)
-        if like is None:
+        model_key = command.like or next(iter(piece.keys), None)
+        if model_key is None:
             raise NotTakenError(
                 "the score has no key to copy; write a key in the file and type `reload`"
             )
-        edited_texts = structure.key(edited_texts, command.key, like)
+        edited_texts = structure.key(edited_texts, command.key, model_key)
     elif command.like is not None:
         raise NotTakenError(f"{command.key} exists already: leave out 'like {command.like}'")
     return structure.player(edited_texts, piece, command.player, command.key)
@@ -95,8 +95,8 @@ def _filter(command: Filter, version: Version, beat: float) -> Texts:
     edited_texts, piece = families.defined(version.texts, version.piece, [command.name])
     if not command.fields:
         return space.without_route_field(edited_texts, piece, command.name, command.kind)
-    plain = command.fields.get("")
-    text = edit.flow(dict(command.fields)) if plain is None else plain
+    filter_text = command.fields.get("")
+    text = edit.flow(dict(command.fields)) if filter_text is None else filter_text
     return space.set_route_fields(edited_texts, piece, command.name, {command.kind: text})
 
 

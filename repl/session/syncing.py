@@ -24,8 +24,10 @@ def next_beginning(piece: Piece, voice_name: str, after_beat: float) -> float:
     coming = [_next(beats, after_beat) for beats in _beginnings(piece, voice_name, after_beat)]
     begins = [beat for beat in coming if beat is not None]
     if not begins:
-        where = piece.tempo_map.written(after_beat)
-        raise NotTakenError(f"{voice_name} does not begin again after {where}: nothing to wait for")
+        place_text = piece.tempo_map.written(after_beat)
+        raise NotTakenError(
+            f"{voice_name} does not begin again after {place_text}: nothing to wait for"
+        )
     return min(begins)
 
 

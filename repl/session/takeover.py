@@ -30,119 +30,125 @@ class Takeovers:
     real: Real
 
     def stage(
-        self, on: RunningVersion, lines: Sequence[WaitingLine], latest: float = math.inf
+        self, running: RunningVersion, lines: Sequence[WaitingLine], latest: float = math.inf
     ) -> RunningVersion:
-        """The version after lines that take over together from `on`.
+        """The version after lines that take over together from `running`.
 
         Nothing begins on beat `latest` or later. Raises StageError, NotTakenError.
         """
-        after = self._after(on, lines, latest)
-        return replace(after, stage=self._staged(after, on), serial=on.serial + 1)
+        after = self._after(running, lines, latest)
+        return replace(after, stage=self._staged(after, running), serial=running.serial + 1)
 
-    def cut(self, on: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
+    def cut(self, running: RunningVersion, lines: Sequence[WaitingLine]) -> RunningVersion:
         """The version after lines that only end what plays, without making a stage.
 
         Raises EngineError.
         """
-        running_after = self._after(on, lines, on.timeline_end)
+        running_after = self._after(running, lines, running.timeline_end)
         stage = cut_stage(
-            on.stage,
+            running.stage,
             running_after.start,
-            ends_gestures=any(one.result().ends_gestures for one in lines),
+            ends_gestures=any(waiting_line.result().ends_gestures for waiting_line in lines),
             stops=not running_after.clock.is_running,
-            resets=any(one.resets for one in lines),
+            resets=any(waiting_line.resets for waiting_line in lines),
         )
         stage.placed = place_samples(
             running_after.frozen, stage.listening, running_after.clock, stage.rate
         )
-        return replace(running_after, stage=stage, serial=on.serial + 1)
+        return replace(running_after, stage=stage, serial=running.serial + 1)
 
-    def extended(self, on: RunningVersion, start: int, latest: float = math.inf) -> RunningVersion:
+    def extended(
+        self, running: RunningVersion, start: int, latest: float = math.inf
+    ) -> RunningVersion:
         """A version whose timeline goes on from frame `start`; it is inaudible at any frame.
 
         Nothing begins on beat `latest` or later. Raises StageError, NotTakenError.
         """
-        tempo = on.version.piece.tempo_map
-        enter = on.clock.beat(tempo, start / self.timing.rate + self.timing.lead)
-        spans, until, skipped_from = self._spans(on, on, start, enter, enter, latest)
-        after = replace(on, spans=spans, start=start, timeline_end=until, skipped_from=skipped_from)
-        return replace(after, stage=self._staged(after, on))
+        tempo = running.version.piece.tempo_map
+        enter = running.clock.beat(tempo, start / self.timing.rate + self.timing.lead)
+        spans, until, skipped_from = self._spans(running, running, start, enter, enter, latest)
+        after = replace(
+            running, spans=spans, start=start, timeline_end=until, skipped_from=skipped_from
+        )
+        return replace(after, stage=self._staged(after, running))
 
-    def _staged(self, after: RunningVersion, on: RunningVersion) -> Stage:
-        """The stage of a version that takes over from `on`."""
+    def _staged(self, after: RunningVersion, running: RunningVersion) -> Stage:
+        """The stage of a version that takes over from `running`."""
         return staged(
             after.version,
             after.clock,
             after.spans,
-            on.stage,
+            running.stage,
             after.start,
             self.real,
             None,
             after.glides,
             after.leaving,
             frozen=after.frozen,
-            is_seen=on.is_seen,
+            is_seen=running.is_seen,
         )
 
     def _after(
-        self, on: RunningVersion, lines: Sequence[WaitingLine], latest: float
+        self, running: RunningVersion, lines: Sequence[WaitingLine], latest: float
     ) -> RunningVersion:
         """What the lines make of a running version, with the stage of before."""
-        running_after = replace(on, damp=None, skipped_from=None)
+        running_after = replace(running, damp=None, skipped_from=None)
         for line in lines:
             running_after = self._followed(running_after, line, latest)
         return running_after
 
-    def _followed(self, on: RunningVersion, line: WaitingLine, latest: float) -> RunningVersion:
+    def _followed(
+        self, running: RunningVersion, line: WaitingLine, latest: float
+    ) -> RunningVersion:
         """The running version after one line, with the stage of before."""
         assert line.start is not None
-        version_before, version, start_frame = on.version, line.result(), line.start
-        clock, leave, enter = entry(on.clock, version_before, version, line, self.timing)
-        running_after = replace(on, version=version, clock=clock)
+        version_before, version, start_frame = running.version, line.result(), line.start
+        clock, leave, enter = entry(running.clock, version_before, version, line, self.timing)
+        running_after = replace(running, version=version, clock=clock)
         spans, timeline_end, skipped_from = self._spans(
-            on, running_after, start_frame, leave, enter, latest
+            running, running_after, start_frame, leave, enter, latest
         )
         start_seconds = start_frame / self.timing.rate
         pieces = version_before.sounding, version.sounding
-        moving = glides(*pieces, on.glides, start_seconds, version.glide)
-        leaving = leaving_links(*pieces, on.glides, on.leaving, start_seconds)
+        moving = glides(*pieces, running.glides, start_seconds, version.glide)
+        leaving = leaving_links(*pieces, running.glides, running.leaving, start_seconds)
         return replace(
             running_after,
             spans=spans,
             start=start_frame,
             timeline_end=timeline_end,
-            skipped_from=on.skipped_from if skipped_from is None else skipped_from,
+            skipped_from=running.skipped_from if skipped_from is None else skipped_from,
             glides=(*moving, *(link.glide for link in leaving)),
             leaving=leaving,
-            frozen=still_frozen(on.frozen, version_before, version, self.real),
-            damp=on.damp if version.damp is None else version.damp,
+            frozen=still_frozen(running.frozen, version_before, version, self.real),
+            damp=running.damp if version.damp is None else version.damp,
         )
 
     def _spans(
         self,
-        on: RunningVersion,
+        running: RunningVersion,
         after: RunningVersion,
         start: int,
         leave: float,
         enter: float,
         latest: float,
     ) -> tuple[tuple[Span, ...], float, float | None]:
-        """What plays of the versions up to `on`, which ends on beat `leave`, and of that `after`
-        it, which goes on from beat `enter`; up to which beat; and from which beat on nothing
-        began.
+        """What plays of the versions up to `running`, which ends on beat `leave`, and of that
+        `after` it, which goes on from beat `enter`; up to which beat; and from which beat on
+        nothing began.
         """
         start_seconds = start / self.timing.rate
         version, clock = after.version, after.clock
         old_spans: Sequence[Span] = ()
-        if after is on or not version.ends_gestures:
-            old_spans = continuing_spans(on, leave, start_seconds, on.stage)
+        if after is running or not version.ends_gestures:
+            old_spans = continuing_spans(running, leave, start_seconds, running.stage)
         timeline_end = min(horizon(version.piece.tempo_map, enter)[0], latest)
         piece = replace(
             version.sounding, tempo_map=clock.tempo(version.piece.tempo_map, start_seconds)
         )
         new = (Span(piece, Window(enter, timeline_end, start_seconds)),) if clock.is_running else ()
-        is_skipped = on.clock.is_running and leave > on.timeline_end + SAME
-        return (*old_spans, *new), timeline_end, on.timeline_end if is_skipped else None
+        is_skipped = running.clock.is_running and leave > running.timeline_end + SAME
+        return (*old_spans, *new), timeline_end, running.timeline_end if is_skipped else None
 
 
 def continuing_spans(
@@ -151,14 +157,15 @@ def continuing_spans(
     """The spans of earlier versions, the last one cut at a beat, of which something goes on after
     `after_seconds` [s].
     """
-    on = [(gesture.begins, gesture.stop) for gesture in stage.gestures]
+    tracked_spans = [(gesture.begins, gesture.stop) for gesture in stage.gestures]
     running_spans = []
     for index, (piece, window) in enumerate(running_before.spans):
         is_last = index == len(running_before.spans) - 1 and running_before.clock.is_running
         span_end = min(window.until, leave) if is_last else window.until
         first, last = (piece.tempo_map.seconds(beat) for beat in (window.since, span_end))
         if last > after_seconds or any(
-            first - JOIN_SECONDS <= start <= last and stop > after_seconds for start, stop in on
+            first - JOIN_SECONDS <= start <= last and stop > after_seconds
+            for start, stop in tracked_spans
         ):
             running_spans.append(Span(piece, Window(window.since, span_end, after_seconds)))
     return running_spans

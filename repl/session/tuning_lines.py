@@ -11,7 +11,7 @@ from ergon.notation.text.errors import TextError
 if TYPE_CHECKING:
     from ergon.scores.reading.piece import Piece
 
-_SHOWN = 24  # notes of an instrument
+_NOTES_SHOWN_MAX = 24  # notes of an instrument
 
 
 def tuning_lines(piece: Piece) -> Iterator[str]:
@@ -25,9 +25,11 @@ def tuning_lines(piece: Piece) -> Iterator[str]:
         if tuning_name in piece.tunings:
             yield f"tuning of {tuning_name}: {tuned.words()}"
         words = [member.rpartition(".")[2] for member in members]
-        shown = [f"{word} {_hertz(tuned, word)}" for word in words[:_SHOWN]]
-        more = [f"and {len(words) - _SHOWN} more"] if len(words) > _SHOWN else []
-        yield f"{tuning_name}: {', '.join([*shown, *more])}"
+        shown = [f"{word} {_hertz(tuned, word)}" for word in words[:_NOTES_SHOWN_MAX]]
+        others_text = (
+            [f"and {len(words) - _NOTES_SHOWN_MAX} more"] if len(words) > _NOTES_SHOWN_MAX else []
+        )
+        yield f"{tuning_name}: {', '.join([*shown, *others_text])}"
 
 
 def _hertz(tuned: tuning.Tuning, word: str) -> str:

@@ -42,7 +42,11 @@ def check_unheard(piece_before: Piece, stage: Stage) -> None:
     except UnstableError:  # if the part is heard, the plan takes a stable method
         return
     except EngineError as error:
-        refusals = [each for each in error.refusals or [error] if _is_in(changed, each.module)]
+        refusals = [
+            module_error
+            for module_error in error.refusals or [error]
+            if _is_in(changed, module_error.module)
+        ]
         if refusals:
             error.refusals = refusals
             raise refused(piece, Collector(), error) from error

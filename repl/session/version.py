@@ -217,8 +217,8 @@ class PastVersion:
 
 def first_line(line: str) -> str:
     """A line as messages and the history show it: only the first of several lines."""
-    first, *more = line.strip().split("\n")
-    return f"{first} …" if more else first
+    first, *lines_after = line.strip().split("\n")
+    return f"{first} …" if lines_after else first
 
 
 def piece_from_files(score_texts: Texts) -> Piece:
@@ -229,10 +229,12 @@ def piece_from_files(score_texts: Texts) -> Piece:
     if loaded.piece is None:
         errors = [found for found in loaded.diagnostics if found.severity == "error"]
         first_error, error_place = errors[0], errors[0].place
-        meant = f"; did you mean {quote(first_error.suggestion)}?" if first_error.suggestion else ""
-        more = f" (`ergon check` shows {len(errors)} mistakes)" if len(errors) > 1 else ""
-        where = f"{Path(error_place.file).name}:{error_place.line}:{error_place.column}"
-        raise NotTakenError(f"{where}: {first_error.message}{meant}{more}")
+        suggestion_text = (
+            f"; did you mean {quote(first_error.suggestion)}?" if first_error.suggestion else ""
+        )
+        others_text = f" (`ergon check` shows {len(errors)} mistakes)" if len(errors) > 1 else ""
+        place_text = f"{Path(error_place.file).name}:{error_place.line}:{error_place.column}"
+        raise NotTakenError(f"{place_text}: {first_error.message}{suggestion_text}{others_text}")
     return loaded.piece
 
 

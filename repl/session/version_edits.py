@@ -129,8 +129,15 @@ def _do_strikes(command: DoStrikes, version: Version, beat: float) -> Texts:
 
 @edits_texts(Automate)
 def _automate(command: Automate, version: Version, beat: float) -> Texts:
-    own = command
-    return automation.automate(version.texts, version.piece, own.target, beat, own.kind, own.fields)
+    playing_command = command
+    return automation.automate(
+        version.texts,
+        version.piece,
+        playing_command.target,
+        beat,
+        playing_command.kind,
+        playing_command.fields,
+    )
 
 
 @edits_texts(StopLfo)
@@ -162,8 +169,8 @@ def _nudge(command: Nudge, version: Version, beat: float) -> Texts:
     """
     tempo = version.piece.tempo_map
     bpm = tempo.bpm(beat)
-    by = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
-    beat_length = 60.0 / bpm + by
+    shift_seconds = tempo.seconds(tempo.after(beat, command.by)) - tempo.seconds(beat)
+    beat_length = 60.0 / bpm + shift_seconds
     if not 30.0 / bpm <= beat_length <= 120.0 / bpm:
         raise NotTakenError(
             "this nudge is too large: it may make one beat half or twice "
@@ -315,11 +322,11 @@ def _reload(command: Reload) -> VersionEdit:
             new_name,
         ) in version.renames:  # a renamed thing is what it was: its edits meet there
             with contextlib.suppress(EditError, NotTakenError):
-                both = [
+                block_lines = [
                     renaming.rename(renamed_texts, piece_of(renamed_texts), old_name, new_name)
                     for renamed_texts in (texts_before, current_texts)
                 ]
-                texts_before, current_texts = both
+                texts_before, current_texts = block_lines
         texts, dropped = merging.merged(texts_before, current_texts, version.texts)
         edited = with_texts(version, texts)
         return replace(edited, read_texts=now, base=now, discarded_spots=tuple(dropped))
@@ -357,8 +364,8 @@ def summary(command: Command, running: RunningVersion, where_text: str) -> str:
     if isinstance(command, Plays):
         return f"{command.player}: {command.words['play'].text}"
     if isinstance(command, Scene):
-        begun = "" if command.before is None else f"{command.before}, then "
-        reply_sentence = f"{begun}{command.name}, from its beginning, again and again"
+        text_before = "" if command.before is None else f"{command.before}, then "
+        reply_sentence = f"{text_before}{command.name}, from its beginning, again and again"
         if not running.version.freed_parameters:
             return reply_sentence
         many = len(running.version.freed_parameters) > 1
@@ -371,11 +378,11 @@ def summary(command: Command, running: RunningVersion, where_text: str) -> str:
     if isinstance(command, Load) and running.version.enter_beat == 0.0 and where_text != "1|1":
         return f"{Path(command.file).name} begins at 1|1, because the present bar is behind its end"
     if isinstance(command, Guide):
-        by = command.by
+        source = command.by
         return (
             f"{command.player}: no longer guided"
-            if by is None
-            else f"{command.player}: guided by {by}"
+            if source is None
+            else f"{command.player}: guided by {source}"
         )
     return ""
 

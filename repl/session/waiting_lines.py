@@ -178,7 +178,9 @@ class WaitingLines:
 
     def without(self, number: int, soonest: int) -> WaitingLines:
         """The lines without that of a number. Raises NotTakenError if one after it would fail."""
-        place = next(i for i, one in enumerate(self.lines) if one.number == number)
+        place = next(
+            i for i, waiting_line in enumerate(self.lines) if waiting_line.number == number
+        )
         arranged_lines, lost = self._arranged(self.lines[:place], self.lines[place + 1 :], soonest)
         if lost:
             raise NotTakenError(
@@ -188,32 +190,37 @@ class WaitingLines:
         return arranged_lines
 
     def followed_by(
-        self, more: Sequence[WaitingLine], soonest: int
+        self, new_lines: Sequence[WaitingLine], soonest: int
     ) -> tuple[WaitingLines, list[LostLine]]:
-        """These lines and `more` behind them, sorted by their frames."""
-        return self._arranged(self.lines, more, soonest)
+        """These lines and `new_lines` behind them, sorted by their frames."""
+        return self._arranged(self.lines, new_lines, soonest)
 
     def slipped(
-        self, late: Sequence[WaitingLine], line_beat: float, start_frame: int
+        self, late_lines: Sequence[WaitingLine], line_beat: float, start_frame: int
     ) -> tuple[WaitingLines, list[LostLine], list[WaitingLine]]:
         """The lines after some were late and wait for another beat; also those that could not be
         made any more, and those that moved.
 
         A fence: lines that were typed after them and would overtake them move too.
         """
-        follow = {one.number for one in late}
-        first_number = min((one.number for one in late if one.rule.is_fenced), default=math.inf)
-        for waiting in sorted(self.lines, key=lambda one: one.number):
+        follow = {slipped_line.number for slipped_line in late_lines}
+        first_number = min(
+            (slipped_line.number for slipped_line in late_lines if slipped_line.rule.is_fenced),
+            default=math.inf,
+        )
+        for waiting in sorted(self.lines, key=lambda waiting_line: waiting_line.number):
             # What restores a version comes after every line that was typed before it.
             is_later = waiting.number > (min(follow) if waiting.sets_all else first_number)
-            is_later |= any(self._begins_after(waiting, line) for line in late)
+            is_later |= any(self._begins_after(waiting, line) for line in late_lines)
             if is_later and waiting.rule.is_fenced and waiting.frame < start_frame:
                 follow.add(waiting.number)
                 first_number = min(first_number, waiting.number)
         while True:
             slipped_lines, lost, moved = self._moved(follow, line_beat, start_frame)
             # What needs a late line waits for it too.
-            needy = {one.line.number for one in lost if one.line.number > min(follow)} - follow
+            needy = {
+                lost_line.line.number for lost_line in lost if lost_line.line.number > min(follow)
+            } - follow
             if not needy:
                 return slipped_lines, lost, moved
             follow |= needy
@@ -222,13 +229,17 @@ class WaitingLines:
         self, numbers: Container[int], beat: float, start: int
     ) -> tuple[WaitingLines, list[LostLine], list[WaitingLine]]:
         """The lines after some have moved to another beat, in the order of typing."""
-        moved = [_slipped(one, beat, start) for one in self.lines if one.number in numbers]
-        moved.sort(key=lambda one: one.number)
-        rest = [one for one in self.lines if one.number not in numbers]
-        stays = [one for one in rest if one.frame <= start]
-        after = [one for one in rest if one.frame > start]
-        begun = replace(self, lines=())
-        lines, lost = begun._arranged((), [*stays, *moved, *after], start)
+        moved = [
+            _slipped(waiting_line, beat, start)
+            for waiting_line in self.lines
+            if waiting_line.number in numbers
+        ]
+        moved.sort(key=lambda waiting_line: waiting_line.number)
+        rest = [waiting_line for waiting_line in self.lines if waiting_line.number not in numbers]
+        lines_before = [waiting_line for waiting_line in rest if waiting_line.frame <= start]
+        after = [waiting_line for waiting_line in rest if waiting_line.frame > start]
+        empty_queue = replace(self, lines=())
+        lines, lost = empty_queue._arranged((), [*lines_before, *moved, *after], start)
         return lines, lost, moved
 
     def fence(self, new_line: WaitingLine) -> WaitingLine | None:
@@ -349,9 +360,13 @@ def _slipped(line: WaitingLine, beat: float, start: int) -> WaitingLine:
     return replace(moved, version=None, clock=None, n_slips=line.n_slips + 1)
 
 
-def _effect_key(one: WaitingLine) -> tuple[float, float]:
+def _effect_key(waiting_line: WaitingLine) -> tuple[float, float]:
     """The order of effect, as in `WaitingLine.is_before`."""
-    return (math.inf, one.beat) if one.start is None else (one.start, one.number)
+    return (
+        (math.inf, waiting_line.beat)
+        if waiting_line.start is None
+        else (waiting_line.start, waiting_line.number)
+    )
 
 
 def entry(
@@ -378,8 +393,8 @@ def entry(
 
 def edited(before: Version, line: WaitingLine) -> Version:
     """The version after a line. Raises one of `REFUSALS`."""
-    goes = before.is_running if line.sets_running is None else line.sets_running
-    return line.edit(replace(before.taken_over(), is_running=goes), line.beat)
+    is_running = before.is_running if line.sets_running is None else line.sets_running
+    return line.edit(replace(before.taken_over(), is_running=is_running), line.beat)
 
 
 def _differ_by_faders(waiting_line: WaitingLine, version: Version) -> bool:
@@ -401,9 +416,9 @@ def names_of(version: Version) -> frozenset[str]:
     """The names of a version that lines may use."""
     piece = version.piece
     listed = (
-        [one.name for one in piece.strikes],
-        [one.name for one in piece.marks],
-        [one.name for one in piece.mix.rooms],
+        [strikes.name for strikes in piece.strikes],
+        [mark.name for mark in piece.marks],
+        [room.name for room in piece.mix.rooms],
     )
     matter = chain(piece.players, piece.keys, piece.instruments, piece.families)
     return frozenset(

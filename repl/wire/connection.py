@@ -128,6 +128,6 @@ class Connection:
     def _mark_closed(self) -> None:
         with self._lock:
             self.is_closed = True
-            left, self._waiting = self._waiting, {}
-        for answer in left.values():
+            waiting_requests, self._waiting = self._waiting, {}
+        for answer in waiting_requests.values():
             answer.set_exception(ConnectionLostError())

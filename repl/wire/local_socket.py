@@ -168,9 +168,9 @@ def is_same_user(connection: socket.socket) -> bool:
     """Whether the process at the other end belongs to the same user; True if the system cannot
     tell.
     """
-    how = getattr(socket, "SO_PEERCRED", None)
-    if how is None:  # this system cannot tell: the file mode protects
+    peer_option = getattr(socket, "SO_PEERCRED", None)
+    if peer_option is None:  # this system cannot tell: the file mode protects
         return True
     form = struct.Struct("3i")
-    _, user, _ = form.unpack(connection.getsockopt(socket.SOL_SOCKET, how, form.size))
+    _, user, _ = form.unpack(connection.getsockopt(socket.SOL_SOCKET, peer_option, form.size))
     return bool(user == os.geteuid())

@@ -89,25 +89,28 @@ def request_id(fields: dict[str, Any]) -> int | str | None:
 
 def parse_request(request_fields: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """The name of a request, and its fields. Raises ProtocolError."""
-    do = request_fields.get("do")
-    wanted = REQUESTS.get(do) if isinstance(do, str) else None
-    if not isinstance(do, str) or wanted is None:
+    request_name = request_fields.get("do")
+    wanted = REQUESTS.get(request_name) if isinstance(request_name, str) else None
+    if not isinstance(request_name, str) or wanted is None:
         raise ProtocolError(f"unknown request; known are {', '.join(REQUESTS)}")
     request_arguments = {}
     for field_name, field_kind in wanted.items():
         field_value = request_fields.get(field_name)
         if type(field_value) is not field_kind:  # bool is not int here
             raise ProtocolError(
-                f"the field '{field_name}' of '{do}' must be of type {field_kind.__name__}"
+                f"the field '{field_name}' of '{request_name}' must be of type "
+                f"{field_kind.__name__}"
             )
         if isinstance(field_value, str) and len(field_value) > MAX_TEXT:
             raise ProtocolError(too_long(field_value))
         request_arguments[field_name] = field_value
-    for field_name, unsaid in OPTIONAL_FIELDS.get(do, {}).items():
+    for field_name, unsaid in OPTIONAL_FIELDS.get(request_name, {}).items():
         request_arguments[field_name] = request_fields.get(field_name, unsaid)
         if type(request_arguments[field_name]) is not bool:
-            raise ProtocolError(f"the field '{field_name}' of '{do}' must be of type bool")
-    return do, request_arguments
+            raise ProtocolError(
+                f"the field '{field_name}' of '{request_name}' must be of type bool"
+            )
+    return request_name, request_arguments
 
 
 def too_long(text: str) -> str:
@@ -167,7 +170,9 @@ def decode_state(state_data: Any) -> State:
             bar=int(state_data["bar"]),
             beat=float(state_data["beat"]),
             tempo=float(state_data["tempo"]),
-            playing=tuple((str(who), str(what)) for who, what in state_data["playing"]),
+            playing=tuple(
+                (str(player), str(played_name)) for player, played_name in state_data["playing"]
+            ),
             load=float(state_data["load"]),
             late=int(state_data["late"]),
             level=-math.inf if state_data["level"] is None else float(state_data["level"]),

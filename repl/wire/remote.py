@@ -180,8 +180,8 @@ class RemoteSession:
             if messages.is_due():
                 messages = _PendingAnswer(server_link.ask("messages"), self._messages.extend)
 
-    def _set_state(self, said: Any) -> None:
-        self._state = decode_state(said)
+    def _set_state(self, state_data: Any) -> None:
+        self._state = decode_state(state_data)
         self._slow = False
 
     def _reconnect(self) -> None:
@@ -193,8 +193,8 @@ class RemoteSession:
         if not self._is_lost:
             self._is_lost = True
             journal = self.about.get("journal", "JOURNAL")
-            how = f"`{self._command} --resume {journal}` in another terminal restores it"
-            self._messages.append(f"the session no longer answers; {how}")
+            resume_advice = f"`{self._command} --resume {journal}` in another terminal restores it"
+            self._messages.append(f"the session no longer answers; {resume_advice}")
         try:
             connection = Connection(self._path)
         except (SocketError, ProtocolError):

@@ -106,7 +106,7 @@ class SessionServer:
             "cancel": self._cancel,
             "let_go": lambda prompt: self._let_go(),
             "complete": self._complete,
-            "tokens": lambda prompt, line: [list(one) for one in self._session.tokens(line)],
+            "tokens": lambda prompt, line: [list(token) for token in self._session.tokens(line)],
             "is_whole": lambda prompt, text: bool(self._session.is_whole(text)),
             "leave": lambda prompt: True,
             "end": lambda prompt: self._end(f"ended by prompt {prompt.number}"),
@@ -240,14 +240,15 @@ class SessionServer:
         try:
             fields = decode(line)
             request_number = request_id(fields)
-            do, request_arguments = parse_request(fields)
-            if do == "submit":
+            request_name, request_arguments = parse_request(fields)
+            if request_name == "submit":
                 self._queue_line(prompt, request_number, **request_arguments)
             else:
                 prompt.send(
-                    id=request_number, **{"is": self._handlers[do](prompt, **request_arguments)}
+                    id=request_number,
+                    **{"is": self._handlers[request_name](prompt, **request_arguments)},
                 )
-            return do
+            return request_name
         except ProtocolError as error:
             prompt.send(id=request_number, error=str(error))
         except Exception as error:  # an error of the session, which goes on
@@ -256,7 +257,10 @@ class SessionServer:
 
     def _complete(self, prompt: PromptConnection, line: str, cursor: int) -> list[list[Any]]:
         cursor = max(0, min(cursor, len(line)))
-        return [[one.text, one.start, one.hint] for one in self._session.complete(line, cursor)]
+        return [
+            [completion.text, completion.start, completion.hint]
+            for completion in self._session.complete(line, cursor)
+        ]
 
     def _sounding(self, prompt: PromptConnection) -> dict[str, Any]:
         if prompt.look is None:
@@ -315,8 +319,10 @@ class SessionServer:
         if line_text.strip():
             became = f"{'' if reply.taken else 'not taken: '}{reply.text}"
             line = " / ".join(line_text.split("\n"))
-            short = line if len(line) <= _LINE_SHOWN_MAX else f"{line[:_LINE_SHOWN_MAX]} …"
-            self._broadcast(f"prompt {prompt.number} > {short}   {became}".rstrip(), but=prompt)
+            shown_line = line if len(line) <= _LINE_SHOWN_MAX else f"{line[:_LINE_SHOWN_MAX]} …"
+            self._broadcast(
+                f"prompt {prompt.number} > {shown_line}   {became}".rstrip(), but=prompt
+            )
         if reply.leaves:
             self._end(f"prompt {prompt.number}: {line_text.strip()[:_LINE_SHOWN_MAX]}")
 

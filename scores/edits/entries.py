@@ -157,7 +157,7 @@ def _lines(
     score_texts: Texts, piece: Piece, player: str, line_numbers: Iterable[int]
 ) -> Iterator[PlacedEntry]:
     """Entries of a player's part, by their numbers."""
-    part_node, plays = _part(score_texts, player), _plays(piece, player)
+    part_node, playing_entries = _part(score_texts, player), _plays(piece, player)
     table_rows: list[tuple[int, Entry, str]] = []
     if isinstance(part_node, Scalar) and not part_node.is_empty:
         number = offset_counted = 0
@@ -175,7 +175,7 @@ def _lines(
                 )
             )
     for number in line_numbers:
-        part_play, starts = plays[number]
+        part_play, starts = playing_entries[number]
         begin_beat = piece.tempo_map.resolve(part_play.at)
         if isinstance(part_node, document.Sequence):
             yield PlacedEntry(

@@ -109,10 +109,10 @@ def ready(score_texts: Texts, path: str) -> Texts:
     piece = score_texts.load().piece
     instrument = None if piece is None else piece.playable(act_owner)
     acts = {} if instrument is None else {act.name: act for act in instrument.acts}
-    act = acts.get(act_name) if act_name else next(iter(acts.values()), None)
-    if instrument is None or act is None:
+    drawn_act = acts.get(act_name) if act_name else next(iter(acts.values()), None)
+    if instrument is None or drawn_act is None:
         return score_texts
     modules = {module.name for module in instrument.modules}
-    if all(module.name in modules for module in act.modules):
+    if all(module.name in modules for module in drawn_act.modules):
         return score_texts
-    return score_texts.put(("instruments", act_owner, "ready"), act.name)
+    return score_texts.put(("instruments", act_owner, "ready"), drawn_act.name)

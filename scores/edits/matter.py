@@ -30,8 +30,13 @@ from ergon.scores.reading.key_tables import KEY
 from ergon.scores.reading.piece import Piece
 
 # Two equivalent pairs of fields: a CEL or a key has one of them.
-_TUNED, _PLAIN = ("f", "t60"), ("K", "Z")
-_OTHERS = {"K": _TUNED, "Z": _TUNED, "f": _PLAIN, "t60": _PLAIN}
+_TUNED_FIELDS, _STIFFNESS_FIELDS = ("f", "t60"), ("K", "Z")
+_REPLACED_FIELDS = {
+    "K": _TUNED_FIELDS,
+    "Z": _TUNED_FIELDS,
+    "f": _STIFFNESS_FIELDS,
+    "t60": _STIFFNESS_FIELDS,
+}
 TRANSPOSE = "transpose"  # the interval by which an instrument is moved
 _RETUNED = ("f", "t60", "M")  # fields beside `like` or `from` for a single generator
 _UNITS = {
@@ -107,15 +112,15 @@ def _set_value(score_texts: Texts, piece: Piece, target_path: str, value_text: s
         )
     value_owner, field_name = _owner(score_texts, target_path)
     field_changes = _changes(value_owner, piece, target_path, field_name, value_text)
-    home = value_owner.home(field_name)
-    field_changes = _as_written(value_owner, home, field_changes)
-    if home is not None:
-        written_tree = edit.tree(_written_node(score_texts, home, value_owner.file))
+    field_path = value_owner.home(field_name)
+    field_changes = _as_written(value_owner, field_path, field_changes)
+    if field_path is not None:
+        written_tree = edit.tree(_written_node(score_texts, field_path, value_owner.file))
         for field, text in field_changes.items():
             if text is not None:
-                score_texts = score_texts.put((*home, field), text, value_owner.file)
+                score_texts = score_texts.put((*field_path, field), text, value_owner.file)
             elif isinstance(written_tree, dict) and field in written_tree:
-                score_texts = score_texts.remove((*home, field), file=value_owner.file)
+                score_texts = score_texts.remove((*field_path, field), file=value_owner.file)
         return score_texts
     texts_by_field = {field: text for field, text in field_changes.items() if text is not None}
     if not value_owner.module:
@@ -166,9 +171,9 @@ def set_list(score_texts: Texts, target_path: str, value_changes: Mapping[int, s
         return score_texts.put(
             (*list_owner.base, list_owner.kind), f"{{{list_name}: {list_text}}}", list_owner.file
         )
-    home = list_owner.home(list_name)
-    if home is not None:
-        return score_texts.put((*home, list_name), list_text, list_owner.file)
+    list_path = list_owner.home(list_name)
+    if list_path is not None:
+        return score_texts.put((*list_path, list_name), list_text, list_owner.file)
     path = (*list_owner.base, "modules", list_owner.module)
     return score_texts.put(
         path, f"{{{list_owner.kind}: {{{list_name}: {list_text}}}}}", list_owner.file
@@ -388,11 +393,11 @@ def _changes(
     """The fields to write for a value, and those to remove because they contradict it."""
     current_values = _current_values(value_owner, piece)
     field_changes: dict[str, str | None] = {}
-    contrary_names = _OTHERS.get(field_name, ()) if value_owner.kind in ("", "CEL") else ()
+    contrary_names = _REPLACED_FIELDS.get(field_name, ()) if value_owner.kind in ("", "CEL") else ()
     if value_owner.followed.written(*contrary_names):
         twin = (
             _stiffness_and_viscosity(current_values)
-            if contrary_names == _TUNED
+            if contrary_names == _TUNED_FIELDS
             else _frequency_and_decay(current_values, target_path)
         )
         field_changes = dict.fromkeys(contrary_names)
@@ -456,7 +461,7 @@ def _is_as_written(owner: _Owner, field_name: str, field_text: str) -> bool:
 
 
 def _as_written(
-    value_owner: _Owner, home: tuple[str, ...] | None, field_changes: Changes
+    value_owner: _Owner, field_path: tuple[str, ...] | None, field_changes: Changes
 ) -> Changes:
     """Changes in the values that must be written so that `transpose` turns them into those asked
     for.
@@ -470,7 +475,7 @@ def _as_written(
     field_table = KINDS[value_owner.kind].table
     changes_written = dict(field_changes)
     for field_name, value_text in field_changes.items():
-        is_moved = is_root or (home == value_owner.base and field_name == "f")
+        is_moved = is_root or (field_path == value_owner.base and field_name == "f")
         shape = field_table.by_name[field_name].shape if field_name in field_table.by_name else None
         if not is_moved or value_text is None or not isinstance(shape, Text):
             continue

@@ -53,10 +53,10 @@ def merged(texts_before: Texts, texts_now: Texts, typed: Texts) -> tuple[Texts, 
     while count != len(spots_left):
         count = len(spots_left)
         for spot in spots_left[:]:
-            single, lost = _with_spots(texts_before, merge, typed, [spot])
-            if lost or single.load().piece is not None:
+            merged_text, lost = _with_spots(texts_before, merge, typed, [spot])
+            if lost or merged_text.load().piece is not None:
                 spots_left.remove(spot)
-                merge, dropped = (merge, [*dropped, spot]) if lost else (single, dropped)
+                merge, dropped = (merge, [*dropped, spot]) if lost else (merged_text, dropped)
     return merge, [*dropped, *spots_left]
 
 

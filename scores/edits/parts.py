@@ -64,7 +64,9 @@ def transform(
             closed.append(playing_entry)
             later_entry = _rest_of(playing_entry, piece, later_entry, from_beat)
         else:
-            always = takewhile(lambda do: not is_turn(do), playing_entry.entry.do)
+            always = takewhile(
+                lambda entry_transform: not is_turn(entry_transform), playing_entry.entry.do
+            )
             later_entry = Entry(playing_entry.entry.fields, (*always, *chain))
             later_entry = later_entry.with_fields(
                 at=written(piece, from_beat), every=None, times=None, until=None

@@ -86,8 +86,10 @@ def _check(piece: Piece, changed: Texts, sounding_names: SoundingNames, old_name
     found.
     """
     piece_after = changed.load().piece
-    back = None if piece_after is None else sounding_names.piece(piece_after)
-    if back is None or digest_of(replace(back, takes={})) != digest_of(replace(piece, takes={})):
+    names_after = None if piece_after is None else sounding_names.piece(piece_after)
+    if names_after is None or digest_of(replace(names_after, takes={})) != digest_of(
+        replace(piece, takes={})
+    ):
         raise EditError(
             f"`rename` cannot find every use of {old_name}, so nothing was changed; rename it in "
             "the "

@@ -31,8 +31,9 @@ class _Used(NamedTuple):
 
 
 def with_matter(score_texts: Texts, piece: Piece, scene: Scene) -> Texts:
-    """The texts with what a scene plays and they lack, written and routed as in the scene; the same
-    object if they lack nothing. What both have stays as it is. Raises EditError.
+    """The texts with what a scene plays and they lack, written and routed as in the scene; the
+    same object if they lack nothing. Parts that both pieces have do not change. Raises
+    EditError.
     """
     needed = _played_names(scene.piece)
     names_here = {*piece.keys, *piece.instruments, *piece.families, *piece.players}

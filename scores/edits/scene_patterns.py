@@ -42,14 +42,14 @@ def entries(
     for place_index in range(place_count):
         if (played_name := course.played(place_index)) is not None:
             chain = tuple(
-                text[do.offset : do.offset + do.length]
+                text[transform.offset : transform.offset + transform.length]
                 for turn, text in turns
-                for do in course.due(place_index, (turn,))
-                if do is not None
+                for transform in course.due(place_index, (turn,))
+                if transform is not None
             )
             played.setdefault(chain, []).append((pattern_steps[place_index], played_name))
     for chain, starts_found in played.items():
-        always = takewhile(lambda do: not is_turn(do), pattern_entry.do)
+        always = takewhile(lambda transform: not is_turn(transform), pattern_entry.do)
         occurrence = Entry(pattern_entry.with_fields(**_PATTERN_FIELDS).fields, (*always, *chain))
         for begin, play, every in _written_out(starts_found, round_beats):
             yield begin, occurrence.with_fields(play=play).with_step(f"{every:.12g}")
@@ -59,12 +59,12 @@ def _turns(pattern_entry: Entry) -> list[tuple[Turn, str]]:
     """The turns of an entry as its reading numbers them, each with its text. Raises EditError."""
     text = pattern_entry.fields.get(words.NTH, "")
     turn_pairs = [(turn, text) for turn in parse_turns(text)] if text else []
-    later_turns = [*dropwhile(lambda do: not is_turn(do), pattern_entry.do)]
-    for do in later_turns:
+    later_turns = [*dropwhile(lambda transform: not is_turn(transform), pattern_entry.do)]
+    for later_turn in later_turns:
         try:
-            turn_pairs.append((as_turn(parse_change(do)), do))
+            turn_pairs.append((as_turn(parse_change(later_turn)), later_turn))
         except TextError as error:
-            raise EditError(f"{quote(do)} cannot be written out: {error.message}") from None
+            raise EditError(f"{quote(later_turn)} cannot be written out: {error.message}") from None
     turns = numbered(turn for turn, _ in turn_pairs)
     return [*zip(turns, (text for _, text in turn_pairs), strict=True)]
 

@@ -88,13 +88,15 @@ def play_scene(
         ]
         edits.append(parts.ending(score_texts, piece, player, from_beat, new_entries))
     score_texts = entries.change(score_texts, *edits)
-    score_texts = _defined(score_texts, names_here, scene)
-    score_texts = _coupled(
+    score_texts = _with_definitions(score_texts, names_here, scene)
+    score_texts = _with_couplings(
         score_texts, piece, scene, from_beat, None if until_beat is None else stop_text
     )
     for strikes in scene.piece.strikes:
-        score_texts = _struck(score_texts, piece, scene, strikes, from_beat, last_beat, stop_text)
-    return _automated(
+        score_texts = _with_strikes(
+            score_texts, piece, scene, strikes, from_beat, last_beat, stop_text
+        )
+    return _with_automation(
         score_texts, piece, scene, from_beat, last_beat, None if until_beat is None else stop_text
     )
 
@@ -176,7 +178,7 @@ def _repeated_entries(
         yield begin, repeated_entry
 
 
-def _defined(score_texts: Texts, names_here: Names | None, scene: Scene) -> Texts:
+def _with_definitions(score_texts: Texts, names_here: Names | None, scene: Scene) -> Texts:
     """Write the gestures and takes of a scene that are missing `names_here`, or that differ."""
     scene_names = scene.texts.load().names
     assert names_here is not None  # a score without a text has no scenes
@@ -233,7 +235,7 @@ def _changed_parameters(piece_now: Piece, scene_piece: Piece) -> Iterator[tuple[
                     )
 
 
-def _coupled(
+def _with_couplings(
     score_texts: Texts, piece: Piece, scene: Scene, from_beat: float, until_text: str | None
 ) -> Texts:
     """Write the couplings with which a scene begins, from a beat on; all others end there."""
@@ -259,7 +261,7 @@ def _coupled(
     return score_texts
 
 
-def _automated(
+def _with_automation(
     score_texts: Texts,
     piece: Piece,
     scene: Scene,
@@ -296,7 +298,7 @@ def _automated(
     return automation.end_all(score_texts, piece, from_beat)
 
 
-def _struck(
+def _with_strikes(
     score_texts: Texts,
     piece: Piece,
     scene: Scene,
@@ -315,7 +317,7 @@ def _struck(
     if strikes.span is not None:
         stop_beat = tempo.after(begin_beat, strikes.span)
     if strikes.is_melody:
-        return _melody(score_texts, piece, scene, strikes, start_beat, last_beat, until)
+        return _with_melody(score_texts, piece, scene, strikes, start_beat, last_beat, until)
     node = scene.texts.section("strikes")
     entry_tree = edit.tree(node)
     assert isinstance(entry_tree, dict)
@@ -368,7 +370,7 @@ def _note(module_name: str, amount: Amount) -> str:
     return f"{amount.value!r}Hz" if "." in module_name else module_name
 
 
-def _melody(
+def _with_melody(
     score_texts: Texts,
     piece: Piece,
     scene: Scene,

@@ -16,7 +16,7 @@ from ergon.scores.reading.mixing import Fade
 from ergon.scores.reading.outputs import Route
 from ergon.scores.reading.piece import Piece
 
-_SOON = 0.02  # [s] to silence, before a fade in
+_SILENCE_SECONDS = 0.02  # [s] to silence, before a fade in
 
 
 def set_route_fields(
@@ -234,9 +234,9 @@ def _points(
             {"at": written(piece, from_beat), "gain": _ratio(level(fade, tempo, from_beat))}
         )
     else:
-        soon = tempo.beats(tempo.seconds(from_beat) + _SOON)
+        last_beat = tempo.beats(tempo.seconds(from_beat) + _SILENCE_SECONDS)
         points_written.append({"at": written(piece, from_beat), "gain": "0dB"})
-        points_written.append({"at": written(piece, soon), "gain": "x0"})
+        points_written.append({"at": written(piece, last_beat), "gain": "x0"})
     return [*points_written, {"at": written(piece, end_beat), "gain": "0dB" if is_in else "x0"}]
 
 

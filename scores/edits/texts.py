@@ -132,12 +132,12 @@ class Texts:
         """Every name that the score knows, with the node where it is written."""
         with self.memory.lock:
             collector = self.memory.begin(is_whole=False)
-            home = Path(self.path).parent
+            score_folder = Path(self.path).parent
             files = Files(
-                collector, home, self.overlay, self.memory, self.bounds, sealed=self.sealed
+                collector, score_folder, self.overlay, self.memory, self.bounds, sealed=self.sealed
             )
             uses = Uses(files, collector)
-            score_text = files.text(self.path, self.text, home)
+            score_text = files.text(self.path, self.text, score_folder)
             return uses.read(score_text), uses
 
     def edited(
@@ -239,15 +239,15 @@ class Texts:
             )
         for change in changes_left:
             change_text = partial(_changed_text, change)
-            short = (
+            short_text = (
                 edited_texts._edited_elided(path, change_text)
                 if path and section_lines is not None
                 else None
             )
             edited_texts = (
                 edited_texts.edited(section_name, change_text, file_name)
-                if short is None
-                else short
+                if short_text is None
+                else short_text
             )
         return edited_texts
 
@@ -296,8 +296,8 @@ class Texts:
         """Set a value. Raises EditError."""
         list_path, first_index = _list_in(path)
 
-        def change(document_now: Document, lacks: int) -> str:
-            return edit.put(document_now, _shifted(path, lacks), text, SECTIONS)
+        def change(document_now: Document, n_missing_lines: int) -> str:
+            return edit.put(document_now, _shifted(path, n_missing_lines), text, SECTIONS)
 
         if first_index is None:
             return self._edited_line(path, lambda document_now: change(document_now, 0), file)
@@ -323,8 +323,8 @@ class Texts:
                 paths[0], lambda document_now: edit.remove(document_now, *paths), file
             )
 
-        def change(document_now: Document, lacks: int) -> str:
-            return edit.remove(document_now, *(_shifted(path, lacks) for path in paths))
+        def change(document_now: Document, n_missing_lines: int) -> str:
+            return edit.remove(document_now, *(_shifted(path, n_missing_lines) for path in paths))
 
         # Include the item before the first one that is removed, so that the list never becomes
         # empty.
@@ -343,11 +343,11 @@ def _list_in(path: edit.Path) -> tuple[edit.Path, int | None]:
     return path, None
 
 
-def _shifted(path: edit.Path, lacks: int) -> edit.Path:
-    """A path in a document that lacks the first `lacks` items of its first list."""
+def _shifted(path: edit.Path, n_missing_lines: int) -> edit.Path:
+    """A path in a document that lacks the first `n_missing_lines` items of its first list."""
     list_path, first_index = _list_in(path)
     return (
         path
         if first_index is None
-        else (*list_path, first_index - lacks, *path[len(list_path) + 1 :])
+        else (*list_path, first_index - n_missing_lines, *path[len(list_path) + 1 :])
     )

@@ -81,7 +81,7 @@ def _transforms(body: Body, do: str) -> Body:
     """The transformations after more are added; an empty text if there are none."""
     chain_text = body.get("do", "")
     if isinstance(chain_text, list):
-        chain_text = ", ".join(str(each) for each in chain_text)
+        chain_text = ", ".join(str(change) for change in chain_text)
     if do == NONE:
         return {"do": ""}
     return {"do": f"{chain_text}, {do}" if chain_text else do}

@@ -18,7 +18,7 @@ from ergon.scores.reading.piece import Piece
 VARIANTS_MAX = 10_000
 SEED = "seed"
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_RANGE = re.compile(
+_RANGE_PATTERN = re.compile(
     rf"(?P<low>{_NUMBER})(?P<unit>(?:[^\d.:][^.:]*)?)\.\.(?P<high>{_NUMBER})(?P<unit2>(?:[^\d.:\s][^.:\s]*)?)"
     r"(?::(?P<count>\d+))?(?P<log>\s+log)?"
 )
@@ -53,8 +53,10 @@ def parse(varied_text: str) -> Varied:
     value_texts = tuple(word.strip() for word in values_text.split(","))
     if not all(value_texts):
         raise EditError(f"{quote(varied_text)} has an empty value; write {target_path}=1,2,5")
-    if twice := next((value for value in value_texts if value_texts.count(value) > 1), None):
-        raise EditError(f"{quote(varied_text)} has the value {twice} twice")
+    if repeated_value := next(
+        (value for value in value_texts if value_texts.count(value) > 1), None
+    ):
+        raise EditError(f"{quote(varied_text)} has the value {repeated_value} twice")
     return Varied(target_path, value_texts)
 
 
@@ -63,8 +65,8 @@ def combined(varied: Sequence[Varied], *, is_zipped: bool) -> list[tuple[str, ..
     EditError.
     """
     targets = [variation.target for variation in varied]
-    if twice := next((name for name in targets if targets.count(name) > 1), None):
-        raise EditError(f"{twice} varies twice; give all its values at once")
+    if repeated_name := next((name for name in targets if targets.count(name) > 1), None):
+        raise EditError(f"{repeated_name} varies twice; give all its values at once")
     value_counts = [len(variation.values) for variation in varied]
     if is_zipped and len(set(value_counts)) > 1:
         counts_text = ", ".join(
@@ -113,7 +115,7 @@ def _with(score_texts: Texts, piece: Piece, target_path: str, value_text: str) -
 
 
 def _range(target_path: str, range_text: str) -> Iterator[str]:
-    range_match = _RANGE.fullmatch(range_text)
+    range_match = _RANGE_PATTERN.fullmatch(range_text)
     if range_match is None:
         raise EditError(f"{quote(f'{target_path}={range_text}')} is not a range, {_EXAMPLE}")
     unit_text, second_unit = range_match["unit"].strip(), range_match["unit2"].strip()

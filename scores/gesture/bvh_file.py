@@ -27,10 +27,12 @@ from ergon.scores.gesture.take_file import (
     opened_text,
 )
 
-_CHANNELS = tuple(f"{axis}{what}" for what in ("position", "rotation") for axis in "xyz")
+_CHANNELS = tuple(
+    f"{axis}{channel_kind}" for channel_kind in ("position", "rotation") for axis in "xyz"
+)
 _KEYWORDS = frozenset(["ROOT", "JOINT", "OFFSET", "CHANNELS", "MOTION"])
 _BRACE = re.compile(r"[{}]")
-_HIGH = 1e6  # largest length or angle in an intact file
+_VALUE_MAX = 1e6  # largest length or angle in an intact file
 
 
 @dataclass(slots=True)
@@ -81,7 +83,7 @@ class _Words:
                 read_value = float(read_word)
             except ValueError:
                 read_value = math.nan
-            if not abs(read_value) <= _HIGH:
+            if not abs(read_value) <= _VALUE_MAX:
                 raise self.wrong(f"{what} must be {count:,} numbers", line_number)
             read_numbers.append(read_value)
         return read_numbers

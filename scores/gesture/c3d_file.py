@@ -153,7 +153,7 @@ def _fitting(
         return fits[0]
     stated = " or ".join(
         dict.fromkeys(
-            f"{each.n_points} points with {each.n_analog} analog values" for each in layouts
+            f"{layout.n_points} points with {layout.n_analog} analog values" for layout in layouts
         )
     )
     count = "several of them fit" if fits else "none of them fits"

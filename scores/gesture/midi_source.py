@@ -14,7 +14,7 @@ from ergon.scores.gesture.midi_bytes import (
 )
 from ergon.scores.gesture.midi_notes import note_number
 
-# What moves, as it is written, and what that is.
+# The moving source as written, and its meaning.
 SOURCES = {
     "cc 21": "controller 21, in 128 steps",
     "cc 1/33": "controllers 1 and 33 together, in 16,384 steps",

@@ -20,7 +20,7 @@ MAX_POINTS = 100_000  # movements of notes
 _CENTRE = 8192  # middle of the wheel, which has 14 bits
 # The controllers that say the range of a wheel, and zones.
 CONTROLLERS = _DATA, _DATA_FINE, _RPN_FINE, _RPN = 6, 38, 100, 101
-_RANGE, _ZONE = 0, 6  # registered parameters
+_RANGE_PARAMETER, _ZONE_PARAMETER = 0, 6  # registered parameters
 _MASTERS = {1: range(2, 17), 16: range(15, 0, -1)}  # of the zones, with the channels that they take
 _MEMBER_CENTS = 4800.0  # [cents] range of the wheel of a channel in a zone (MPE, section 2.4)
 _MASTER_CENTS = 200.0  # [cents]
@@ -134,10 +134,14 @@ class Wheels:
         if controller_number in (_RPN, _RPN_FINE):
             wheel.parameter[controller_number == _RPN_FINE] = controller_value
             return False
-        if wheel.parameter == [0, _ZONE] and controller_number == _DATA and channel in _MASTERS:
+        if (
+            wheel.parameter == [0, _ZONE_PARAMETER]
+            and controller_number == _DATA
+            and channel in _MASTERS
+        ):
             self._set_zone(channel, controller_value)
             return False
-        if wheel.parameter != [0, _RANGE] or controller_number not in (_DATA, _DATA_FINE):
+        if wheel.parameter != [0, _RANGE_PARAMETER] or controller_number not in (_DATA, _DATA_FINE):
             return False
         semitones, hundredths = divmod(wheel.range, 100.0)
         wheel.range = (

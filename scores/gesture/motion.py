@@ -24,14 +24,14 @@ AXES = ("x", "y", "z", "auto")
 BLOCK = 1 << 18  # numbers that are read at once
 _HIDDEN_MAX = 0.2  # s that a spline runs across
 _STRAIGHT = 0.8  # smallest share of the variance along the line of `auto`
-_LISTED = 8
+_NAMES_LISTED_MAX = 8
 _HIDDEN = ("", "NULL")  # cells of a hidden point
 _UNIT_WORDS = {
     **dict.fromkeys(("millimeters", "millimetres", "millimeter", "millimetre"), "mm"),
     **dict.fromkeys(("centimeters", "centimetres", "centimeter", "centimetre"), "cm"),
     **dict.fromkeys(("meters", "metres", "meter", "metre"), "m"),
 }
-_HIGH = 1e9  # largest coordinate in an intact file, in any unit
+_COORDINATE_MAX = 1e9  # largest coordinate in an intact file, in any unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def positions(
         positions_read = [nan if word.upper() in _HIDDEN else float(word) for word in words]
     except ValueError:
         raise TakeError("this line is not a row of numbers", path, line_number) from None
-    if any(abs(value) > _HIGH for value in positions_read):
+    if any(abs(value) > _COORDINATE_MAX for value in positions_read):
         raise TakeError("this line has a position that no camera sees", path, line_number)
     return positions_read
 
@@ -117,8 +117,8 @@ def in_blocks(frame_rows: Iterable[list[float]], n: int, path: Path) -> Iterator
 
 def chosen(point_names: Sequence[str], channel_name: str | None, path: Path) -> tuple[int, str]:
     """The index of a point and the axis of a channel. Raises TakeError."""
-    listed = ", ".join(point_names[:_LISTED])
-    if (n_unlisted := len(point_names) - _LISTED) > 0:
+    listed = ", ".join(point_names[:_NAMES_LISTED_MAX])
+    if (n_unlisted := len(point_names) - _NAMES_LISTED_MAX) > 0:
         listed += f" and {n_unlisted} more"
     if channel_name is None:
         example = f"{point_names[0]}.x"

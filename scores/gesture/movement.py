@@ -14,9 +14,9 @@ RATE = 50.0  # times the cutoff: samples a second at which derivatives are taken
 _CUTOFF_MAX = 0.45  # largest cutoff over the sample rate
 _TURN = 0.05  # smallest reversal over the range
 _STRIKE = 3.0  # times the rms of the acceleration
-_REMEMBERED = 4.0  # periods of the cutoff, after which the filter has forgotten
+_FILTER_MEMORY_PERIODS = 4.0  # periods of the cutoff, after which the filter has forgotten
 _EDGE = 4  # samples beyond each end: two for each of two derivatives
-_NEAR = 0.01  # s before and after a reversal: its acceleration is the peak there
+_REVERSAL_SECONDS = 0.01  # s before and after a reversal: its acceleration is the peak there
 _SAL_CUTOFF = 20.0  # Hz: 40π rad/s (Balasubramanian & others, 2012)
 _SAL_PADDED = 64  # times the length of a movement
 _STROKE_MIN, _STROKE_MAX = 0.02, 10.0  # s: strokes whose smoothness is computed
@@ -71,7 +71,7 @@ def movement_stats(t: Floats, x: Floats, cutoff: float = CUTOFF) -> MovementStat
     smooth, v = smooth[_EDGE:-_EDGE], v[_EDGE // 2 : -_EDGE // 2]
     centre, bandwidth = _spread(v, rate)
     turn_samples = _reversals(smooth)
-    near_frames = max(1, round(_NEAR * rate))
+    near_frames = max(1, round(_REVERSAL_SECONDS * rate))
     peaks = [
         float(np.abs(a[max(0, i - near_frames) : i + near_frames + 1]).max()) for i in turn_samples
     ]
@@ -109,7 +109,7 @@ def _smooth(t: Floats, x: Floats, cutoff: float, is_filtered: bool, n: int) -> F
     The samples are extended by point reflection at both ends, for as long as the filter
     remembers.
     """
-    longest = max(_REMEMBERED / cutoff, _EDGE * 2 * float(t[-1]) / n)
+    longest = max(_FILTER_MEMORY_PERIODS / cutoff, _EDGE * 2 * float(t[-1]) / n)
     n_before = min(len(t) - 1, int(np.searchsorted(t, longest)))
     n_after = min(len(t) - 1, int(np.searchsorted(t[-1] - t[::-1], longest)))
     mirrored_start, mirrored_end = slice(n_before, 0, -1), slice(-2, -2 - n_after, -1)

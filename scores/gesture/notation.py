@@ -253,8 +253,8 @@ def _joined(notation_events: list[_Event]) -> Notation:
             checks.append(BarCheck(check_time, next_event.offset))
             continue
         if last_event is not None and last_event.x is not None:
-            still = abs(x - last_event.x) <= SAME
-            if next_event.curve == "hold" and not still:
+            is_still = abs(x - last_event.x) <= SAME
+            if next_event.curve == "hold" and not is_still:
                 raise HoldMovesError(
                     f"'hold' keeps the position {_millimetres(last_event.x)}; "
                     f"this point is at {_millimetres(x)}",
@@ -268,7 +268,7 @@ def _joined(notation_events: list[_Event]) -> Notation:
                 abs(check_time[0] - last_event.beats) <= SAME
                 and abs(check_time[1] - last_event.seconds) <= SAME
             ):
-                if still:
+                if is_still:
                     continue
                 raise TextError(
                     "this point has the same time as the point before it",

@@ -13,7 +13,7 @@ from pathlib import Path
 from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unique_names
 from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened, opened_text
 
-_FIRST = b"Format Version,"
+_FIRST_BYTES = b"Format Version,"
 _METRES = {"meters": 1.0, "centimeters": 0.01, "millimeters": 1e-3}
 _RATES = ("Export Frame Rate", "Capture Frame Rate")
 _COUNTS = ("Total Exported Frames", "Total Frames in Take")
@@ -23,7 +23,7 @@ _HEADER_MAX = 16  # lines before the one that begins with Frame
 def is_optitrack(path: Path) -> bool:
     """Whether a file begins as files of Motive do. Raises TakeError, OSError."""
     with opened(path) as file:
-        return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(_FIRST)
+        return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(_FIRST_BYTES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,11 +108,13 @@ def _header(path: Path) -> tuple[Mapping[str, str], _Rows]:
     header_width = len(line_cells)
     if len(header_rows) < 3 or any(len(row) > header_width for row in header_rows[1:]):
         raise TakeError("this file of Motive has no rows of names above Frame", path, line_number)
-    wide = [row + [""] * (header_width - len(row)) for row in header_rows[1:]]
+    padded_rows = [row + [""] * (header_width - len(row)) for row in header_rows[1:]]
     # Older files have no labels before their header rows: the first is the kind, the second the
     # name.
-    column_names = next((row for row in wide if "Name" in row[:2]), wide[min(1, len(wide) - 1)])
-    column_kinds = wide[-1]
+    column_names = next(
+        (row for row in padded_rows if "Name" in row[:2]), padded_rows[min(1, len(padded_rows) - 1)]
+    )
+    column_kinds = padded_rows[-1]
     starts = [
         column
         for column in range(2, header_width - 2)

@@ -15,7 +15,7 @@ import numpy as np
 from ergon.scores.gesture.motion import Motion, in_blocks, judged, positions, unique_names
 from ergon.scores.gesture.take_file import Floats, TakeError, lines, opened, opened_text
 
-_FIRST = (b"FILE_VERSION", b"NO_OF_FRAMES")
+_FIRST_WORDS = (b"FILE_VERSION", b"NO_OF_FRAMES")
 _AFTER_NAMES = ("TRAJECTORY_TYPES", "EVENT")
 _LEADING_MAX = 2  # columns before the positions: the number of the frame, its time
 _WIDTHS = {"MARKER_NAMES": 3, "BODY_NAMES": 16}  # columns of each
@@ -24,7 +24,7 @@ _WIDTHS = {"MARKER_NAMES": 3, "BODY_NAMES": 16}  # columns of each
 def is_qtm(path: Path) -> bool:
     """Whether a file begins as files of QTM do. Raises TakeError, OSError."""
     with opened(path) as file:
-        return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(_FIRST)
+        return file.read(64).removeprefix(b"\xef\xbb\xbf").startswith(_FIRST_WORDS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,11 +44,11 @@ def sampled(
         raise _wrong(gesture_points, error.index or 0, error.sentence) from None
     n = int(t[-1] * rate + 0.5) + 1
     path = np.empty(n)
-    nothing = np.empty((1, 0))
+    no_samples = np.empty((1, 0))
     for i in range(n):
         path[i] = simulation.positions()[hand_mass]
         try:
-            simulation.process(nothing)
+            simulation.process(no_samples)
         except DivergedError:
             index = next((k for k, instant in enumerate(t) if instant * rate >= i + 1), len(t) - 1)
             message = "the path to this point, or on from it, is too fast for any mass"

@@ -30,10 +30,10 @@ _MATRIX = struct.Struct(">4sIII")  # name, type, rows, columns
 _TYPES = {0x0004: ">f4", 0x0008: ">f8", 0x0101: "i1", 0x0102: ">i2", 0x0104: ">i4", 0x0108: ">i8"}
 _TYPES |= {0x0201: "u1", 0x0202: ">u2", 0x0204: ">u4", 0x0208: ">u8"}
 _FRAME_MAX = 1 << 24  # bytes of a frame
-_TEXTS = (b"1NVT", b"1IDS")
+_TEXT_CHUNKS = (b"1NVT", b"1IDS")
 _TEXT_MAX = 1 << 20  # largest text of declarations
 _DECLARED = re.compile(r"1MTD\s+(\S{4})\s*\{([^{}]*)\}")
-_LISTED = 12
+_STREAMS_LISTED_MAX = 12
 _TOO_MANY = f"the file has more than {MAX_CHANNELS:,} columns in its matrices"
 
 _Key = tuple[bytes, int, int, int]  # matrix, stream, row, column; from 0
@@ -80,8 +80,8 @@ def track(path: Path, channel_name: str | None, metre_unit: float | None) -> tup
     all_columns = columns(path)
     if channel_name is None and len(all_columns) == 1:
         (channel_name,) = all_columns
-    listed = ", ".join(list(all_columns)[:_LISTED])
-    if (n_unlisted := len(all_columns) - _LISTED) > 0:
+    listed = ", ".join(list(all_columns)[:_STREAMS_LISTED_MAX])
+    if (n_unlisted := len(all_columns) - _STREAMS_LISTED_MAX) > 0:
         listed += f" and {n_unlisted} more"
     if channel_name is None:
         raise TakeError(f"the file has several columns; write `channel` as one of {listed}", path)
@@ -107,7 +107,7 @@ def _named(
     for matrix_name, stream, row_index, column_index in columns_by_key:
         streams[matrix_name, row_index, column_index].add(stream)
         rows_by_column[matrix_name, stream, column_index].add(row_index)
-    by_word = {}
+    columns_by_name = {}
     for key, column_of in columns_by_key.items():
         matrix_name, stream, row_index, column_index = key
         titles = declared.get(matrix_name, [])
@@ -117,10 +117,12 @@ def _named(
             column_word += f" stream {stream}"
         if len(rows_by_column[matrix_name, stream, column_index]) > 1:
             column_word += f" row {row_index + 1}"
-        by_word[
-            column_word if column_word not in by_word else f"{column_word} ({column_index + 1})"
+        columns_by_name[
+            column_word
+            if column_word not in columns_by_name
+            else f"{column_word} ({column_index + 1})"
         ] = column_of
-    return by_word
+    return columns_by_name
 
 
 def _matrices(
@@ -140,18 +142,18 @@ def _matrices(
             if frame_header == b"1TYP":
                 _declare(frame_bytes, declared)
                 continue
-            if frame_header in _TEXTS or len(frame_bytes) < _FRAME.size:
-                skipped[f"frame {_printed(frame_header)} without columns"] += 1
+            if frame_header in _TEXT_CHUNKS or len(frame_bytes) < _FRAME.size:
+                skipped[f"frame {_printable_name(frame_header)} without columns"] += 1
                 continue
             t, stream, matrix_count = _FRAME.unpack_from(frame_bytes)
             if not math.isfinite(t):  # it applies to the whole file
-                skipped[f"frame {_printed(frame_header)} without an instant"] += 1
+                skipped[f"frame {_printable_name(frame_header)} without an instant"] += 1
                 continue
             matrices = _frame_matrices(frame_bytes, matrix_count, path, skipped)
             yield from ((name, t, stream, x) for name, x in matrices)
 
 
-def _printed(name: bytes) -> str:
+def _printable_name(name: bytes) -> str:
     return name.decode("latin-1")
 
 
@@ -194,5 +196,5 @@ def _frame_matrices(
             )
             yield matrix_name, cell_values.astype(np.float64).reshape(n_rows, n_columns)
         else:
-            skipped[f"matrix {_printed(matrix_name)} without numbers"] += 1
+            skipped[f"matrix {_printable_name(matrix_name)} without numbers"] += 1
         matrix_offset += matrix_bytes + -matrix_bytes % 8  # padded

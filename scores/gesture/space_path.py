@@ -18,7 +18,7 @@ from ergon.scores.gesture.notation import MAX_EVENTS, Notation
 
 # Brackets with a comma and without a time (a group has times).
 _POSITIONS = re.compile(r"\(([^()|@]*,[^()|@]*)\)")
-_ALONE = re.compile(r"[^\s()|@]*@\S*")
+_POSITION_WITHOUT_BRACKETS = re.compile(r"[^\s()|@]*@\S*")
 
 
 class _Brackets(NamedTuple):
@@ -93,7 +93,7 @@ def _check(path_text: str, points: Sequence[_Brackets], n_axes: int) -> None:
         if path_text[bracket_stop : bracket_stop + 1] != "@":
             message = f"'{point_text[:40]}' has no time; write {point_text[:40]}@1/4"
             raise TextError(message, offset=bracket_start, length=bracket_stop - bracket_start)
-    for alone_match in _ALONE.finditer(path_text):
+    for alone_match in _POSITION_WITHOUT_BRACKETS.finditer(path_text):
         if (
             path_text[alone_match.start() - 1 : alone_match.start()] != ")"
             or alone_match[0][0] != "@"

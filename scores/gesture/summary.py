@@ -124,14 +124,14 @@ def _table(path: Path) -> Table:
 def _mistake(columns: Sequence[Column]) -> str | None:
     """What keeps a take of a table from being played, if anything does."""
     words = [column.name.partition("[")[0].strip() for column in columns]
-    if (twice := next((word for word in words if words.count(word) > 1), None)) is not None:
-        return f"two columns are called {twice[:40]!r}: a take of them is refused"
+    if (repeated_word := next((word for word in words if words.count(word) > 1), None)) is not None:
+        return f"two columns are called {repeated_word[:40]!r}: a take of them is refused"
     units = {column.name: column.name.partition("[")[2].rstrip("] ") for column in columns}
     for column in columns:
         known = UNITS_PER_SECOND if column.is_time else UNITS_PER_METRE
         if (unit := units[column.name]) and unit not in known:
-            what = "time" if column.is_time else "position"
-            return f"{column.name[:40]!r} has no unit of a {what}: a take of it is refused"
+            column_noun = "time" if column.is_time else "position"
+            return f"{column.name[:40]!r} has no unit of a {column_noun}: a take of it is refused"
     counts = {column.n for column in columns}
     time = next((column for column in columns if column.is_time), None)
     if time is not None and len(counts) > 1:

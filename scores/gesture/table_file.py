@@ -19,7 +19,7 @@ from ergon.scores.gesture.take_file import TakeError, lines
 
 _SEPARATORS = ";,\t"
 _QUOTED = re.compile(r'"[^"]*"')
-_STATED = re.compile(r'"?sep=(.)"?[,;\t]*', re.IGNORECASE)
+_STATED_SEPARATOR = re.compile(r'"?sep=(.)"?[,;\t]*', re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?[0-9]*[.,]?[0-9]+([eE][+-]?[0-9]+)?|[+-]?(nan|inf)", re.IGNORECASE)
 _WITH_UNIT = re.compile(r"(.*\S)\s*(?:\((.*)\)|\[(.*)\])")
 _THOUSANDS = re.compile(r"[+-]?[1-9][0-9]{0,2},[0-9]{3}")
@@ -41,7 +41,7 @@ def sheet(file: IO[str], path: Path) -> Sheet:
     numbered = lines(file, path)
     header_number, header = next(numbered, (1, ""))
     separator = None
-    if stated := _STATED.fullmatch(header):
+    if stated := _STATED_SEPARATOR.fullmatch(header):
         separator = stated[1]
         header_number, header = next(numbered, (header_number, ""))
     separator = separator or _separator(header)
@@ -70,8 +70,8 @@ def sheet(file: IO[str], path: Path) -> Sheet:
 
 def _separator(header: str) -> str:
     """The separator between the columns of a header."""
-    bare = _QUOTED.sub("", header)
-    return next((candidate for candidate in _SEPARATORS if candidate in bare), ",")
+    unquoted_header = _QUOTED.sub("", header)
+    return next((candidate for candidate in _SEPARATORS if candidate in unquoted_header), ",")
 
 
 def _units(column_names: list[str], cells: list[str]) -> list[str] | None:

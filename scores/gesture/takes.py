@@ -82,8 +82,8 @@ def read(
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
-        if (foreign := foreign_file(path)) is not None:
-            raise TakeError(foreign, path)
+        if (foreign_kind := foreign_file(path)) is not None:
+            raise TakeError(foreign_kind, path)
         suffixes = ", ".join(_READERS)
         raise TakeError(f"takes in '{path.suffix}' files cannot be read yet; use {suffixes}", path)
     if rate is not None and not 0.0 < rate <= MAX_RATE:
@@ -235,8 +235,8 @@ def _checked(t: Floats, x: Floats, path: Path) -> Samples:
     steps = np.diff(t)
     if not (rising := steps > 0.0).all():
         raise TakeError(f"times must rise: sample {int(rising.argmin()) + 2} does not", path)
-    if not (apart := steps > 0.9 / MAX_RATE).all():
-        number = int(apart.argmin()) + 2
+    if not (is_step_valid := steps > 0.9 / MAX_RATE).all():
+        number = int(is_step_valid.argmin()) + 2
         raise TakeError(f"sample {number} follows the one before in less than a microsecond", path)
     if x.size and float(np.abs(x).max()) > MAX_POSITION:
         raise TakeError(f"the file has positions of more than {MAX_POSITION:,.0f} m", path)
@@ -351,9 +351,9 @@ def _judge_wav(path: Path) -> dict[int, bytes]:
 
 def _read_npz(path: Path, channel: str | None, rate: float | None, unit: float | None) -> Samples:
     _check_unit(unit, path)
-    bare = {"t": "t [s]"}
+    column_headers = {"t": "t [s]"}
     with npz(path) as arrays:
-        headers = [n if "[" in n else bare.get(n, f"{n} [m]") for n in arrays.names]
+        headers = [n if "[" in n else column_headers.get(n, f"{n} [m]") for n in arrays.names]
         columns_by_name = _columns(headers, path, None)
         column_index, x_unit = _chosen(columns_by_name, channel, path)
         timed = "t" in columns_by_name

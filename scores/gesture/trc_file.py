@@ -23,10 +23,12 @@ from ergon.scores.gesture.motion import (
 )
 from ergon.scores.gesture.take_file import MAX_CHANNELS, Floats, TakeError, lines, opened_text
 
-_FIRST = "PathFileType"
+_FIRST_WORD = "PathFileType"
 _LEADING = 2  # columns before the positions: the number of the frame, its instant
 _RATE_MAX = 1e6  # Hz
-_UNEVEN = 0.05  # part of a frame by which the first instants may differ from the stated rate
+_RATE_TOLERANCE = (
+    0.05  # part of a frame by which the first instants may differ from the stated rate
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +70,7 @@ def _head(path: Path) -> _Head:
         )
     marker_names = [name.strip() for name in markers[1].split("\t")[_LEADING:] if name.strip()]
     if (
-        not first_number[1].startswith(_FIRST)
+        not first_number[1].startswith(_FIRST_WORD)
         or not markers[1].startswith("Frame#")
         or not axis_fields[0]
     ):
@@ -131,7 +133,7 @@ def _rate(header: _Head, path: Path) -> float:
         raise TakeError("DataRate in the head of this file is not a number above 0", path)
     instants = [_number(cells[1]) for _, cells in islice(_rows(header, path), 2)]
     frame_step = instants[1] - instants[0] if len(instants) == 2 else 1 / rate
-    if not abs(frame_step * rate - 1) <= _UNEVEN:
+    if not abs(frame_step * rate - 1) <= _RATE_TOLERANCE:
         message = (
             f"its head says {rate:g} frames a second, but its first two frames are {frame_step:g} "
             "s "

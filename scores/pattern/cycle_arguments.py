@@ -56,9 +56,9 @@ class Reader:
         read_value = self.read(typed_word)
         if read_value is None:
             message = f"{quote(typed_word)} is not {self.what}; write for instance {example}"
-            near = nearest(typed_word.strip("\"'"), self.known)
+            suggestion = nearest(typed_word.strip("\"'"), self.known)
             raise TextError(
-                message, offset=word_offset, length=max(1, len(typed_word)), suggestion=near
+                message, offset=word_offset, length=max(1, len(typed_word)), suggestion=suggestion
             )
         return read_value
 
@@ -186,6 +186,6 @@ def _beat(typed_word: str, word_offset: int) -> bool:
         message = (
             f"{quote(typed_word)} is not a beat; write t for a beat, and ~ or f for a rest: t ~ t t"
         )
-        near = nearest(typed_word, _BEATS)
-        raise TextError(message, offset=word_offset, length=len(typed_word), suggestion=near)
+        suggestion = nearest(typed_word, _BEATS)
+        raise TextError(message, offset=word_offset, length=len(typed_word), suggestion=suggestion)
     return named_beat

@@ -21,7 +21,7 @@ MAX_TRANSFORMS = 32
 _NUMBERS = 1 << 24  # more than the operators of a text: each transformation has as many numbers
 
 # Words of other languages and of gestures, with ours.
-_SUGGESTED = {
+_SUGGESTED_WORDS = {
     "reverse": "rev",
     "mirror": "rev",
     "hurry": "fast",
@@ -43,7 +43,7 @@ _SUGGESTED = {
     "tremolando": "tremolo",
 }
 _NO_SOUND_FILE = "a stroke makes its sound anew, and there is no recording to change"
-_REFUSED = {
+_REFUSED_WORDS = {
     "jux": "a struck body sounds where it is, and strokes have no sides; use superimpose",
     "pan": "a struck body sounds where it is; move it by the route of its instrument",
     "chop": f"{_NO_SOUND_FILE}; use ply",
@@ -62,7 +62,7 @@ def parse_transforms(transforms_text: str, text_start: int = 0) -> tuple[CycleTr
     return _Parser(transforms_text, text_start).chain()
 
 
-_DEEPER, _HIGHER = "([{<", ")]}>"
+_OPENING_BRACKETS, _CLOSING_BRACKETS = "([{<", ")]}>"
 
 
 class _Parser(ChainParser[CycleTransform]):
@@ -116,7 +116,9 @@ class _Parser(ChainParser[CycleTransform]):
         while next_sign := self.text[self.place : self.place + 1]:
             if depth == 0 and next_sign in ",)":
                 break
-            depth += (next_sign in _DEEPER) - (next_sign in _HIGHER and depth > 0)
+            depth += (next_sign in _OPENING_BRACKETS) - (
+                next_sign in _CLOSING_BRACKETS and depth > 0
+            )
             self.place += 1
         if first_place == self.place:
             message = f"'{word}' needs a rhythm; write for instance {form.example}"
@@ -132,9 +134,9 @@ class _Parser(ChainParser[CycleTransform]):
             message = f"a transformation is missing here; known are {verb_names}"
             last_offset = len(self.text[: self.place].rstrip()) - 1
             return self.mistake(message, self.place if self.peek() else max(0, last_offset))
-        if word in _REFUSED:
-            message = f"{quote(word)} is not a transformation here: {_REFUSED[word]}"
+        if word in _REFUSED_WORDS:
+            message = f"{quote(word)} is not a transformation here: {_REFUSED_WORDS[word]}"
             return self.mistake(message, self.place, len(word))
         message = f"unknown transformation {quote(word)}; known are {verb_names}"
-        near = _SUGGESTED.get(word) or nearest(word, TABLE)
-        return self.mistake(message, self.place, len(word), near)
+        suggestion = _SUGGESTED_WORDS.get(word) or nearest(word, TABLE)
+        return self.mistake(message, self.place, len(word), suggestion)

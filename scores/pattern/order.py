@@ -155,8 +155,8 @@ def name_of(leaf_word: str, word_offset: int) -> str:
     """The word, if it may be the name of a gesture or a take. Raises TextError."""
     if not all(NAME.fullmatch(part) for part in leaf_word.split(".")):
         message = f"'{leaf_word[:40]}' is not the name of a gesture or a take"
-        near = nearest(leaf_word, WAYS)
-        raise TextError(message, offset=word_offset, length=len(leaf_word), suggestion=near)
+        suggestion = nearest(leaf_word, WAYS)
+        raise TextError(message, offset=word_offset, length=len(leaf_word), suggestion=suggestion)
     return leaf_word
 
 

@@ -14,7 +14,7 @@ from ergon.scores.pattern.order import Group, Leaf
 from ergon.scores.pattern.rhythm import EVEN, Euclid, swung
 from ergon.scores.pattern.turns import Occasion, Turn, due, iterations
 
-_ROUNDS = 1024  # kept for each line
+_ROUNDS_CACHED = 1024  # kept for each line
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,9 +39,9 @@ class Pattern:
     @property
     def is_plain(self) -> bool:
         """Whether the pattern is one name without options."""
-        single = self.order.way == "in turn" and len(self.order.items) == 1
+        is_single = self.order.way == "in turn" and len(self.order.items) == 1
         item = self.order.items[0]
-        is_name = single and isinstance(item, Leaf) and item.name is not None
+        is_name = is_single and isinstance(item, Leaf) and item.name is not None
         return is_name and Pattern(self.order) == self
 
 
@@ -85,10 +85,10 @@ class PlaceSequence:
         """Take the pattern, and the draws of its line."""
         self.pattern = pattern
         self.draws = draws
-        self._round = lru_cache(_ROUNDS)(self._drawn)
-        self._names = lru_cache(_ROUNDS)(self._named)
+        self._round = lru_cache(_ROUNDS_CACHED)(self._drawn)
+        self._names = lru_cache(_ROUNDS_CACHED)(self._named)
         pattern_order = pattern.order
-        self._steps = lru_cache(_ROUNDS)(self._split)
+        self._steps = lru_cache(_ROUNDS_CACHED)(self._split)
         # By how many names each round begins later than the round before.
         self.later = sum(pattern_order.places // shares for shares in iterations(pattern.turns))
         self._steady = _split(_places(pattern_order, None, 0)) if pattern_order.is_steady else None
@@ -143,7 +143,9 @@ class PlaceSequence:
 
     def do(self, place: int) -> tuple[Transform, ...]:
         """The transformations of a place, besides those of the whole line."""
-        return tuple(do for do in self.due(place, self.pattern.turns) if do is not None)
+        return tuple(
+            transform for transform in self.due(place, self.pattern.turns) if transform is not None
+        )
 
     def due(self, place: int, turns: tuple[Turn, ...]) -> tuple[Transform | None, ...]:
         """What turns do in a place; None where one leaves it out."""

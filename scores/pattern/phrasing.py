@@ -23,8 +23,8 @@ from ergon.scores.pattern.struck import Repeats, Struck, by_pitch, single_notes
 Pattern = Cycles[Struck]
 
 FARTHEST = 8  # cycles in which the next stroke of a line is looked for
-_ASKED = 4  # cycles: where strokes are near, those around an instant say what follows it
-_REMEMBERED = 32  # cycles whose beginnings are: each is asked for by the cycles before it
+_CYCLES_SEARCHED = 4  # cycles: where strokes are near, those around an instant say what follows it
+_CYCLES_CACHED = 32  # cycles whose beginnings are: each is asked for by the cycles before it
 _MANY = 100  # notes
 _INSTANT = Fraction(1, 64)  # of a cycle: which strokes begin at an instant is seen in less
 
@@ -38,7 +38,7 @@ def legato(length_factor: Fraction, changed_pattern: Pattern) -> Pattern:
     Of a note that is repeated at a rate each stroke does until the next one of the note.
     """
 
-    @lru_cache(_REMEMBERED)
+    @lru_cache(_CYCLES_CACHED)
     def onsets(cycle: int, chance: Chance) -> Mapping[int, Sequence[Fraction]]:
         return _onsets(changed_pattern, cycle, chance)
 
@@ -61,7 +61,7 @@ def legato(length_factor: Fraction, changed_pattern: Pattern) -> Pattern:
             )
         return fragments_made
 
-    return node(query, (changed_pattern,), changed_pattern.cost * _ASKED)
+    return node(query, (changed_pattern,), changed_pattern.cost * _CYCLES_SEARCHED)
 
 
 def _onsets(
@@ -267,8 +267,8 @@ def strum(step_seconds: float, changed_pattern: Pattern) -> Pattern:
         chord: Sequence[Struck], first_instant: Fraction, last_instant: Fraction, *_: Fraction
     ) -> Iterator[tuple[Fraction, Fraction, Struck]]:
         for turn, note in enumerate(chord if step_seconds > 0 else chord[::-1]):
-            late = note.delay + turn * abs(step_seconds)
-            yield first_instant, last_instant, _joined(replace(note, delay=late), turn)
+            onset_delay = note.delay + turn * abs(step_seconds)
+            yield first_instant, last_instant, _joined(replace(note, delay=onset_delay), turn)
 
     leaves = [*_notes(changed_pattern)]
     latest = max((leaf.delay for leaf in leaves), default=0.0) + abs(step_seconds) * (

@@ -10,7 +10,7 @@ from ergon.scores.pattern import phrasing as act
 from ergon.scores.pattern.cycle_forms import CycleTransform, Form, Pattern
 from ergon.scores.pattern.struck import Repeats
 
-_SOFTER = 0.5  # the impulse of a grace note, as a factor of that of its stroke
+_GRACE_IMPULSE_RATIO = 0.5  # the impulse of a grace note, as a factor of that of its stroke
 _SWELL = (Fraction(1, 4), Fraction(1))  # the factors of the first and the last stroke of a roll
 _QUARTER = Fraction(1, 4)  # default share of a chord's length for `rolled`
 
@@ -32,7 +32,7 @@ def _roll(t: CycleTransform, changed_pattern: Pattern) -> Pattern:
 def _grace(t: CycleTransform, changed_pattern: Pattern) -> Pattern:
     time, *other_values = t.values
     semitones = other_values[0] if other_values else 0
-    factor = other_values[1] if len(other_values) > 1 else _SOFTER
+    factor = other_values[1] if len(other_values) > 1 else _GRACE_IMPULSE_RATIO
     return act.grace(time, semitones, factor, changed_pattern)
 
 

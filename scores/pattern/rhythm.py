@@ -13,7 +13,7 @@ from ergon.notation.text.numbers import stripped
 MAX_STEPS = 256  # steps of a Euclidean rhythm
 EVEN = 0.5  # the share of the first of two steps that are not swung
 _EUCLID = re.compile(r"([0-9]{1,4})\s+([0-9]{1,4})(?:\s+rotate\s+([0-9]{1,4}))?")
-_LOW, _HIGH = 0.25, 0.9
+_LEVEL_MIN, _LEVEL_MAX = 0.25, 0.9
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +52,10 @@ def parse_swing(swing_text: str) -> float:
     Raises TextError.
     """
     swing_share = q.quantity(swing_text, q.CHANCE)
-    if not _LOW <= swing_share <= _HIGH:
+    if not _LEVEL_MIN <= swing_share <= _LEVEL_MAX:
         message = (
             f"'{swing_text.strip()}' is not a swing: the first of two steps takes "
-            f"from {_LOW:g} to {_HIGH:g}"
+            f"from {_LEVEL_MIN:g} to {_LEVEL_MAX:g}"
             " of both, 0.5 is even, 2/3 is a triplet"
         )
         raise TextError(message, length=max(1, len(swing_text)), code="E202")

@@ -197,8 +197,8 @@ class _Parser(Scanner, Generic[V]):
 
     def dot(self, steps: list[_Step[V]]) -> None:
         """Read a dot that groups steps."""
-        around = self.text[max(0, self.place - 1) : self.place + 2]
-        if not steps or len(around) < 3 or around.strip() != ".":
+        characters_around = self.text[max(0, self.place - 1) : self.place + 2]
+        if not steps or len(characters_around) < 3 or characters_around.strip() != ".":
             message = "a dot that groups has steps and a space on each side: kick hat . snare hat"
             if _HITS_AND_DOTS.fullmatch(self.text):
                 message = "a hit is the name of an instrument, and a rest is ~: kick ~ kick kick"

@@ -71,9 +71,9 @@ def notes_of(note_word: str) -> tuple[str, ...]:
         return (low_note,)
     if chord not in notes.SCALES:
         message = f"{quote(chord)} is not the name of a chord or a scale"
-        near = nearest(chord, notes.SCALES)
+        suggestion = nearest(chord, notes.SCALES)
         offset = len(note_word) - len(chord)
-        raise TextError(message, offset=offset, length=len(chord), suggestion=near)
+        raise TextError(message, offset=offset, length=len(chord), suggestion=suggestion)
     return tuple(notes.chord(low_note, chord))
 
 
@@ -93,11 +93,11 @@ def by_pitch(chord: Sequence[Struck]) -> list[Struck]:
     """The single notes of strokes, from the lowest to the highest, each once; in the order of
     writing if any is no note.
     """
-    single = list(dict.fromkeys(note for struck in chord for note in single_notes(struck)))
-    pitches = {struck: _pitch(struck) for struck in single}
+    distinct_notes = list(dict.fromkeys(note for struck in chord for note in single_notes(struck)))
+    pitches = {struck: _pitch(struck) for struck in distinct_notes}
     if None in pitches.values():
-        return single
-    return sorted(single, key=lambda struck: pitches[struck] or 0.0)
+        return distinct_notes
+    return sorted(distinct_notes, key=lambda struck: pitches[struck] or 0.0)
 
 
 def _pitch(struck_word: Struck) -> float | None:

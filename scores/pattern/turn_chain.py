@@ -87,7 +87,7 @@ _DONE: Mapping[str, tuple[Transform, ...]] = {
     "degrade": (),
     "iter": (),
 }
-_KNOWN = {word: form.example for word, form in FORMS.items()}
+_KNOWN_RULES = {word: form.example for word, form in FORMS.items()}
 
 
 def parse_chain(text: str) -> tuple[Change, ...]:
@@ -206,7 +206,7 @@ class _Parser(ChainParser[Change]):
             transform_text = transform_text[: words_taken[-1].end()] if words_taken else ""
         begin = self.place
         self.place += len(transform_text)
-        return parse_do(transform_text, self.start + begin, _KNOWN)
+        return parse_do(transform_text, self.start + begin, _KNOWN_RULES)
 
     def is_value(self, word: re.Match[str]) -> bool:
         """Whether a word may be a value of a transformation."""

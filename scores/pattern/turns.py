@@ -20,8 +20,8 @@ _CLAUSE = re.compile(rf"\s*+(?:{ORDINAL.pattern})\s++do(?:\s++|$)")
 _NEXT = re.compile(rf"(?<=\s)every\s+(?={ORDINAL.pattern}(?:\s|$))")
 _OMIT_EMPTY = {"hash_omits_empty": True}
 # One transformation: from its word up to a comma or to the word of the next transformation.
-_WORDS = "|".join(ARGUMENTS)
-_TRANSFORM = re.compile(rf"[^\s,]+(?:\s+(?!(?:{_WORDS})(?:[\s,]|$))[^\s,]+)*")
+_RULE_WORDS = "|".join(ARGUMENTS)
+_TRANSFORM = re.compile(rf"[^\s,]+(?:\s+(?!(?:{_RULE_WORDS})(?:[\s,]|$))[^\s,]+)*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +68,12 @@ class Occasion(NamedTuple):
 
 
 _RULES: Mapping[str, Callable[[Rule, Occasion], bool]] = {
-    "every": lambda rule, where: where.round % rule.values[0] == 0,
-    "whenmod": lambda rule, where: where.round % rule.values[0] >= rule.values[1],
-    "chunk": lambda rule, where: (
-        floor(where.share * rule.values[0] + _ROUNDING) == where.round % rule.values[0]
+    "every": lambda rule, occasion: occasion.round % rule.values[0] == 0,
+    "whenmod": lambda rule, occasion: occasion.round % rule.values[0] >= rule.values[1],
+    "chunk": lambda rule, occasion: (
+        floor(occasion.share * rule.values[0] + _ROUNDING) == occasion.round % rule.values[0]
     ),
-    "sometimes": lambda rule, where: where.draw(rule.number, rule.values[0]),
+    "sometimes": lambda rule, occasion: occasion.draw(rule.number, rule.values[0]),
     "iter": lambda *_: True,  # see `iterations`
 }
 _ROUNDING = 1e-9

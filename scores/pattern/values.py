@@ -61,12 +61,12 @@ def _scale(scale_word: str) -> dict[str, Amount]:
     base_frequency = q.frequency(root_note)
     if scale_name not in SCALES:
         message = f"{quote(scale_name)} is not the name of a scale or a chord"
-        near = nearest(scale_name, SCALES)
+        suggestion = nearest(scale_name, SCALES)
         raise TextError(
             message,
             offset=len(scale_word) - len(scale_name),
             length=max(1, len(scale_name)),
-            suggestion=near,
+            suggestion=suggestion,
         )
     if not tuning.current().is_plain:
         words = zip(SCALES[scale_name], chord(root_note, scale_name), strict=True)

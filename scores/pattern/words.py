@@ -44,7 +44,7 @@ OPTIONS = {
 NTH = "nth"
 # Options of a pattern that may also be names of gestures: the first word of a play is a name.
 _PATTERN_WORDS = ("chance", "euclid", "swing", "skip")
-_KNOWN = (*OPTIONS, "do", *ARITY)
+_KNOWN_WORDS = (*OPTIONS, "do", *ARITY)
 _SIGNS = frozenset(",()*~")  # signs that a single name does not have
 _WORD = re.compile(r",|[^\s,]+")
 _COMMENT = re.compile(r"(?:^|(?<=\s))#.*")
@@ -98,7 +98,10 @@ def parse(pattern_text: str, text_start: int = 0, called: Called | None = None) 
             Word(placed_words[0].text, text_start + placed_words[0].offset), placed_options
         )
     words_stop = 1
-    while words_stop < len(placed_words) and placed_words[words_stop].text not in (*_KNOWN, ","):
+    while words_stop < len(placed_words) and placed_words[words_stop].text not in (
+        *_KNOWN_WORDS,
+        ",",
+    ):
         words_stop += 1
     what_word, play_order = _order(pattern_text, placed_words[:words_stop], text_start, called)
     chain: list[Change] = []
@@ -108,7 +111,7 @@ def parse(pattern_text: str, text_start: int = 0, called: Called | None = None) 
         option_word, option_offset = placed_words[i]
         option_place = text_start + option_offset
         if option_word in ARITY or wanting is not None:
-            change, change_end = parse_first(pattern_text, option_offset, text_start, _KNOWN)
+            change, change_end = parse_first(pattern_text, option_offset, text_start, _KNOWN_WORDS)
             chain.append(change)
             wanting, i = (
                 None,
@@ -271,7 +274,9 @@ def _value(
         while [value.text for value in value_words[value_count : value_count + 1]] == ["->"]:
             value_count += 3
     value_words = value_words[:value_count]
-    misplaced = next((v for v in value_words if v.text in (*examples_by_word, *_KNOWN, ",")), None)
+    misplaced = next(
+        (v for v in value_words if v.text in (*examples_by_word, *_KNOWN_WORDS, ",")), None
+    )
     if len(value_words) < value_count or misplaced is not None:
         example = f"{option_word} {examples_by_word[option_word]}"
         example += " rotate 2" if option_word == "euclid" and value_count == 4 else ""
@@ -286,7 +291,9 @@ def _value(
     )
 
 
-def _unknown(unknown_word: Word, text_start: int, known_words: Iterable[str] = _KNOWN) -> TextError:
+def _unknown(
+    unknown_word: Word, text_start: int, known_words: Iterable[str] = _KNOWN_WORDS
+) -> TextError:
     return TextError(
         f"unknown word '{unknown_word.text[:40]}'",
         offset=text_start + unknown_word.offset,
@@ -318,7 +325,7 @@ def parse_row(row_text: str, row_offset: int = 0, name_reader: Called | None = N
             length=len(first_cell),
         )
     if (
-        len(row_cells) == 2 and not _SIGNS & set(row_cells[1]) and row_cells[1] not in _KNOWN
+        len(row_cells) == 2 and not _SIGNS & set(row_cells[1]) and row_cells[1] not in _KNOWN_WORDS
     ):  # most rows of most tables
         name = Word(row_cells[1], row_offset + row_text.index(row_cells[1], lead + len(first_cell)))
         return Row(Word(first_cell, row_offset + lead), PlayWords(name, {}))
@@ -361,7 +368,7 @@ def _end_of_transform(placed_words: list[Word], first_word: int) -> int:
     words_stop = first_word + 1
     limit = words_stop + ARGUMENTS.get(placed_words[first_word].text, 0)
     while words_stop < min(limit, len(placed_words)) and placed_words[words_stop].text not in (
-        *_KNOWN,
+        *_KNOWN_WORDS,
         ",",
     ):
         words_stop += 1

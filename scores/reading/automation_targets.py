@@ -43,8 +43,8 @@ class AutomationTargets:
         if is_family:
             note_modules = self._played_notes(Name(module_path, target_name.place))
         else:
-            known = self._changed(target_name, module_path, parameter_name)
-            note_modules = [] if known is None else [known]
+            changed_module = self._changed_module(target_name, module_path, parameter_name)
+            note_modules = [] if changed_module is None else [changed_module]
         if not note_modules or not self._may_change(
             note_modules[0], target_name, module_path, parameter_name
         ):
@@ -112,7 +112,7 @@ class AutomationTargets:
             self.collector.error("E304", message, module_path.place)
         return played
 
-    def _changed(self, name: Name, module_path: str, parameter: str) -> Automatable | None:
+    def _changed_module(self, name: Name, module_path: str, parameter: str) -> Automatable | None:
         """The module of a name; reports a name without one."""
         keys_by_name, instruments = self.matter.keys, self.matter.instruments
         automatable_module = automatable.named_module(module_path, keys_by_name, instruments)

@@ -162,8 +162,8 @@ def take(values: Values, files: Files) -> TakeFile | None:
         path = files.locate(file, folder, v.place_of("file"), label, is_text=False) or path
     is_midi = path.suffix.lower() in note_files.SUFFIXES
     for name in v.written(*(("trim", "smooth", "rate", "unit") if is_midi else _MIDI_NAMES)):
-        which = "a file of notes" if is_midi else "a take that is not a MIDI or MusicXML file"
-        v.error("E111", f"{v.context.label(name)}: {which} has no {name}; remove it", name)
+        source_noun = "a file of notes" if is_midi else "a take that is not a MIDI or MusicXML file"
+        v.error("E111", f"{v.context.label(name)}: {source_noun} has no {name}; remove it", name)
     if note_files.is_musicxml(path) and v.written("bend"):
         message = f"{v.context.label('bend')}: a MusicXML file has no pitch wheel; remove it"
         v.error("E111", message, "bend")
@@ -218,8 +218,8 @@ def _input(v: Values, files: Files, label: str) -> TakeFile | None:
     highpass = _HIGHPASS if v["highpass"] is None else v["highpass"]
     glide = _GLIDE if v["glide"] is None else v["glide"]
     for name in v.written("highpass" if is_osc else "glide"):
-        which = "an input by OSC" if is_osc else "an input of the sound card"
-        v.error("E111", f"{v.context.label(name)}: {which} has no {name}; remove it", name)
+        source_noun = "an input by OSC" if is_osc else "an input of the sound card"
+        v.error("E111", f"{v.context.label(name)}: {source_noun} has no {name}; remove it", name)
     if glide > _GLIDE_MAX:
         message = f"{v.context.label('glide')}: the longest glide is {_GLIDE_MAX:g} s"
         v.error("E202", message, "glide")
@@ -299,8 +299,10 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
     has_pattern = v.written(*PATTERN_FIELDS, "notes")
     written = cast("PatternValues", v.by_name)
     pattern = pattern_of(written, order) if has_pattern else None
-    bare = _bare_strikes(v, to)
-    return replace(bare, span=v["for"], rate=v["rate"], pattern=pattern, notes=notes)
+    strikes_without_notes = _bare_strikes(v, to)
+    return replace(
+        strikes_without_notes, span=v["for"], rate=v["rate"], pattern=pattern, notes=notes
+    )
 
 
 def _bare_strikes(v: Values, to: tuple[Target, ...]) -> Strikes:

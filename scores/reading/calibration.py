@@ -14,10 +14,10 @@ from ergon.notation.text.files import Files
 from ergon.notation.text.values import Place
 from ergon.scores.reading.measured_tables import CALIBRATION
 
-_DECAY = 3.0 * log(10.0)  # σ·T60
+_SIGMA_T60 = 3.0 * log(10.0)  # σ·T60
 # The end of travel under a key that no spring carries: its least stiffness [N/m], and the largest
 # distance by which the weight may press it in [m].
-_END_STIFFNESS, _END_YIELDS = 20e3, 20e-6
+_END_STIFFNESS, _END_YIELD_MAX = 20e3, 20e-6
 
 
 def measured_values(key_values: Values, files: Files) -> Values | None:
@@ -140,7 +140,7 @@ def key_constants(measured: Values) -> tuple[float, float, float | None] | None:
 
 
 def _mode(mode_name: str, mode_values: Values, cel: Module) -> tuple[Module, Module]:
-    omega, sigma = 2.0 * pi * mode_values["f"], _DECAY / mode_values["t60"]
+    omega, sigma = 2.0 * pi * mode_values["f"], _SIGMA_T60 / mode_values["t60"]
     mass = mode_values["M"]
     point_fields = {"M": mass, "X0": cel.fields["X0"], "V0": cel.fields["V0"]}
     spring = {"K": mass * omega * omega, "Z": 2.0 * mass * sigma, "rest": 0.0}
@@ -178,7 +178,7 @@ def _weight(measured: Values, travel_end: float, cel: Module) -> tuple[Module, .
     """
     key_weight, weight_place = measured["weight"], measured.place_of("weight")
     contact_force = abs(key_weight + (cel.fields["K"] or 0.0) * travel_end)
-    stiffness = max(_END_STIFFNESS, contact_force / _END_YIELDS)
+    stiffness = max(_END_STIFFNESS, contact_force / _END_YIELD_MAX)
     contact_position = travel_end + math.copysign(contact_force / stiffness, key_weight)
     key_name, stop_name = Name("", weight_place), Name("end of travel", weight_place)
     contact = {

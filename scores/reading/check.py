@@ -85,7 +85,7 @@ class Checker:
         automation_targets = AutomationTargets(self.matter, self.part_names, self.uses.midi)
         for struck in strikes:
             automation_targets.check_glides(struck)
-        plays = self._plays(score_times.known)
+        part_plays = self._plays(score_times.known)
         automation_changes = KnownEntries(memory, "automation", score_file).read(
             self.score["automation"] or (),
             automation_targets.read,
@@ -94,7 +94,7 @@ class Checker:
             self.matter.by_name.get,
         )
         for _, included_piece in included:
-            plays = *plays, *included_piece.parts
+            part_plays = *part_plays, *included_piece.parts
             strikes += included_piece.strikes
             automation_changes += included_piece.automation
             duet += included_piece.duet
@@ -113,7 +113,7 @@ class Checker:
             strikes=strikes,
             players=players,
             duet=tuple(duet),
-            parts=plays,
+            parts=part_plays,
             mix=mix,
             render=build_mix.render(score["render"], self.uses.files),
             accuracy=build_mix.accuracy(score["accuracy"]),
@@ -159,7 +159,7 @@ class Checker:
             struck = (target for line in strikes for target in line.to)
             end_targets = (end for coupling in duet for end in (coupling.a, coupling.b))
             yield from ((target.part, target.module) for target in chain(struck, end_targets))
-            yield from (where for line in changes for where in line.modules)
+            yield from (module_line for line in changes for module_line in line.modules)
 
         parts, rate = self.matter.instruments, self.matter.rate
         return without_modes_above(parts, transposed, used(), rate, self.collector, memory)
@@ -259,7 +259,7 @@ class Checker:
         section = self.score.nodes.get("parts")
         entries = getattr(section, "entries", {})
         parts_by_player = self.score["parts"] or {}
-        plays, names_by_part = known_plays.plays(parts_by_player)
+        part_plays, names_by_part = known_plays.plays(parts_by_player)
         first_play = 0
         for player_name, part_rows in parts_by_player.items():
             if player_name not in (self.score["players"] or {}):
@@ -274,14 +274,14 @@ class Checker:
                 if not self._reaches(word, part_label)
             }
             n_plays = 0 if part_rows is MISSING else len(part_rows)
-            for play in plays[first_play : first_play + n_plays] if unknown else ():
+            for play in part_plays[first_play : first_play + n_plays] if unknown else ():
                 for played_word in play.names:
                     if played_word in unknown and not any(
                         played_word is unknown_word for unknown_word in unknown
                     ):
                         self._reaches(played_word, part_label)
             first_play += n_plays
-        return plays
+        return part_plays
 
     def _reaches(self, word: str, label: str) -> bool:
         """Make what a line plays; False if an error was reported. A rest is not made."""

@@ -27,12 +27,12 @@ _METER = "a meter stands in the tempo: `tempo: {bpm: 96, meter: 3/4}`"
 OTHER_METER = f"{_METER}; `meter: {{from: tune.mid}}` takes over those of a file"
 _BPM = "write `tempo: {bpm: 96}`; with changes `tempo: [{bpm: 96}, {at: 9|1, bpm: 60}]`"
 _RATE = "write `rates: {audio: 48kHz}` as a section of the score"
-_ROOM = (
+_ROOM_ADVICE = (
     "a reverberation is a room: `mix: {rooms: {hall: {size: 12m, t60: 2s}}}`, with "
     "`send: {hall: -6dB}` in a route"
 )
 _LOOP = "write how often, `times: 4`, or until when, `until: 9|1`"
-_LENGTH = (
+_LENGTH_ADVICE = (
     "a piece ends after its last event and `render: {tail: 2s}`; `ergon render --until 30s` "
     "renders a part"
 )
@@ -40,10 +40,10 @@ _LOUDNESS = "write it in the mix: `mix: {master: {loudness: -20LUFS}}`"
 _LEVEL = "the level is that of its route: `mix: {route: [{from: bell, to: 1, gain: -6dB}]}`"
 _CREDIT = "put it into `title`, or behind '#' as a comment"
 
-_SILENT = dict.fromkeys(("mute", "solo"), _MUTE)
+_SILENT_ADVICE = dict.fromkeys(("mute", "solo"), _MUTE)
 _METERS = dict.fromkeys(("time", "time_signature", "timesignature", "time-signature"), _METER)
 _RATES = dict.fromkeys(("rate", "samplerate", "sample_rate", "sample-rate", "sr"), _RATE)
-_ROOMS = dict.fromkeys(("reverb", "wet", "fx", "effects"), _ROOM)
+_ROOMS = dict.fromkeys(("reverb", "wet", "fx", "effects"), _ROOM_ADVICE)
 _LASTS = dict.fromkeys(("duration", "dur", "length", "lasting", "legato"), _LASTING)
 _PEDALS = dict.fromkeys(("pedal", "sustain"), _PEDAL)
 
@@ -62,7 +62,7 @@ MEANT: Mapping[str, Mapping[str, str]] = {
 }
 ELSEWHERE: Mapping[str, Mapping[str, str]] = {
     "score": {
-        **_SILENT,
+        **_SILENT_ADVICE,
         **_PEDALS,
         **_METERS,
         **_RATES,
@@ -70,8 +70,8 @@ ELSEWHERE: Mapping[str, Mapping[str, str]] = {
         "bpm": _BPM,
         "key": "a score has no key: notes have their own signs, such as F#4 and Bb3; the keys of "
         "hands stand in `keys`",
-        "length": _LENGTH,
-        "duration": _LENGTH,
+        "length": _LENGTH_ADVICE,
+        "duration": _LENGTH_ADVICE,
         "volume": _LOUDNESS,
         "gain": _LOUDNESS,
         **dict.fromkeys(("author", "composer", "artist", "date", "comment", "notes"), _CREDIT),
@@ -82,13 +82,17 @@ ELSEWHERE: Mapping[str, Mapping[str, str]] = {
         "loop": _LOOP,
         "gain": _LEVEL,
         "volume": _LEVEL,
-        **dict.fromkeys(_SILENT, _MUTE_STRIKES),
+        **dict.fromkeys(_SILENT_ADVICE, _MUTE_STRIKES),
     },
     "strike": _LASTS,
-    "route": {**_SILENT, **_ROOMS, "eq": "write `lowpass`, `highpass`, `lowshelf` or `highshelf`"},
+    "route": {
+        **_SILENT_ADVICE,
+        **_ROOMS,
+        "eq": "write `lowpass`, `highpass`, `lowshelf` or `highshelf`",
+    },
     "render": {
         **_RATES,
-        **dict.fromkeys(("length", "duration", "until", "end"), _LENGTH),
+        **dict.fromkeys(("length", "duration", "until", "end"), _LENGTH_ADVICE),
         **dict.fromkeys(("loudness", "normalise", "normalize", "gain"), _LOUDNESS),
         "format": "the ending of `file` says it: .wav or .flac",
     },

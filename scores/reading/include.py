@@ -187,7 +187,7 @@ class _Copy(NamedTuple):
             to=self.targets(item.to),
             at=moved(item.at),
             until=self.until(item.until),
-            voices={word: self.targets(own) for word, own in item.voices.items()},
+            voices={word: self.targets(names) for word, names in item.voices.items()},
             rhythm=item.rhythm and retargeted(item.rhythm, self.target),
             reaches={named(part): reach for part, reach in item.reaches.items()},
             glides=tuple(replace(g, target=self.target(g.target)) for g in item.glides),

@@ -76,7 +76,7 @@ class KnownEntries:
             return earlier.meanings
         section_entries = tuple(section.values() if isinstance(section, Mapping) else section)
         replaced = changed_part(earlier.entries, section_entries)
-        gone = earlier.known[replaced.start : replaced.start + len(replaced.before)]
+        removed = earlier.known[replaced.start : replaced.start + len(replaced.before)]
         known_results: list[_Meaning | None] = replaced.put(
             earlier.known, [None] * len(replaced.now)
         )
@@ -86,11 +86,11 @@ class KnownEntries:
                 for result in known_results
                 if result and not changed.isdisjoint(result.modules or ())
             ]
-            gone += stale
+            removed += stale
             ids = {*map(id, stale)}
             known_results = [None if id(result) in ids else result for result in known_results]
         uses = earlier.uses.copy()
-        uses.subtract(chain.from_iterable(result.modules or () for result in gone if result))
+        uses.subtract(chain.from_iterable(result.modules or () for result in removed if result))
         unknown = [number for number, result in enumerate(known_results) if result is None]
         for entry_index in unknown:
             n_reports = names.collector.n_reports

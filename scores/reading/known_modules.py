@@ -16,7 +16,7 @@ from ergon.notation.text.memory import Memory
 # Kinds of which a name needs to know no more than that they are there.
 _SIMPLE = frozenset(("MAS", "CEL", "SOL", *LINKS))
 # Kinds that depend on more than the modules that they name, or on modules before them.
-_ALONE = frozenset(("ENX", "ENF", "LNL", "PROXY", "SURFACE"))
+_SPECIAL = frozenset(("ENX", "ENF", "LNL", "PROXY", "SURFACE"))
 
 
 class _Module(NamedTuple):
@@ -117,7 +117,7 @@ def resolve_names(
     if is_known and memory is not None:
         searched_parts = frozenset[str]().union(*(entry.searched for entry in entries_now.values()))
         lasting_entries = {
-            name: entry for name, entry in entries_now.items() if entry.written.kind not in _ALONE
+            name: entry for name, entry in entries_now.items() if entry.written.kind not in _SPECIAL
         }
         needed = {name: parts_by_name[name] for name in (owning_part.name, *searched_parts)}
         complete = resolved_modules if len(lasting_entries) == len(entries_now) else None

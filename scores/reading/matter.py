@@ -407,8 +407,8 @@ def _bodies(instrument_values: Values) -> dict[str, Values]:
 def _is_refused(checked_value: Any) -> bool:
     """Whether a value that was read, or one in it, was refused."""
     if isinstance(checked_value, Values):
-        lacks = len(checked_value.by_name) < len(checked_value.nodes)
-        return lacks or any(map(_is_refused, checked_value.by_name.values()))
+        is_incomplete = len(checked_value.by_name) < len(checked_value.nodes)
+        return is_incomplete or any(map(_is_refused, checked_value.by_name.values()))
     return checked_value is MISSING or (
         isinstance(checked_value, dict) and any(map(_is_refused, checked_value.values()))
     )

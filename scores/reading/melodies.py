@@ -46,7 +46,7 @@ _NEEDED = {"entries": ("entries",), "play": ("play", "at"), "rhythm": ("rhythm",
 _NEEDED |= dict.fromkeys(("sweep", "path"), ("to", "at", "for"))
 MELODIES = ("entries", "play")
 # Fields that only strikes of one kind have.
-_ONLY = {"transpose": "play", "width": "path", "cycle": "rhythm"}
+_FIELDS_OF_ONE_KIND = {"transpose": "play", "width": "path", "cycle": "rhythm"}
 
 
 def kind_of(values: Values) -> str:
@@ -68,13 +68,17 @@ def has_required_fields(strike_fields: Values) -> bool:
             )
             strike_values.error("E103", message)
     fields = _FIELDS_BY_KIND.get(
-        strikes_kind, tuple(name for name in strike_values.record.by_name if name not in _ONLY)
+        strikes_kind,
+        tuple(name for name in strike_values.record.by_name if name not in _FIELDS_OF_ONE_KIND),
     )
     for field_name in strike_values.nodes:
         if field_name not in fields:
             advice = f"cannot be used together with `{strikes_kind}`; remove it"
             if not strikes_kind:
-                advice = f"needs `{_ONLY[field_name]}` beside it; write that, or remove this"
+                advice = (
+                    f"needs `{_FIELDS_OF_ONE_KIND[field_name]}` beside it; write that, or remove "
+                    "this"
+                )
             strike_values.error(
                 "E111", f"{strike_values.context.label(field_name)} {advice}", field_name
             )

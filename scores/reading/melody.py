@@ -22,7 +22,7 @@ from ergon.scores.pattern import words
 from ergon.scores.reading.foreign_words import ELSEWHERE, MEANT
 
 MAX_ROWS = 100_000  # rows of one melody
-_STILL = Length()
+_ZERO_LENGTH = Length()
 MAX_CHORD = 256  # names of one strike
 _WORD = re.compile(r"\S+")
 _HELP = "an entry says `what` is struck; `to`, beside `entries`, is whose notes they are"
@@ -37,7 +37,7 @@ class Row:
     level: Level | None
     place: Place
     before: tuple[Name, ...] = ()  # names before a transposition
-    jitter: Length = _STILL  # how far chance moves it, earlier or later
+    jitter: Length = _ZERO_LENGTH  # how far chance moves it, earlier or later
     lasting: Length | None = None  # None: it has no end
     swells: bool = False  # whether the level swells to the next written one
     act: str = ""  # by which notes are played, if the instrument has it; "": the usual one

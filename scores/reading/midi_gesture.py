@@ -12,8 +12,8 @@ from ergon.scores.gesture.midi_file import MidiNote
 from ergon.scores.reading.melodies import between, midi_notes
 from ergon.scores.reading.playing import NO_OPTIONS, Gesture
 
-_REACH = 0.125  # [quarters] from rest to the depth of a note, and back
-_ROOM = 0.45  # largest share of the time to the next note
+_APPROACH_QUARTERS = 0.125  # [quarters] from rest to the depth of a note, and back
+_APPROACH_SHARE_MAX = 0.45  # largest share of the time to the next note
 
 
 def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gesture | None:
@@ -45,8 +45,8 @@ def gesture(take: Values, files: Files, room: int, has_quarters: bool) -> Gestur
 def _points(
     notes: Sequence[MidiNote], depth: tuple[float, float], curve: Curve, take_length: float
 ) -> tuple[Point, ...]:
-    """The key is at rest except within `_REACH` of each note; of simultaneous notes the hardest
-    counts.
+    """The key is at rest except within `_APPROACH_QUARTERS` of each note; of simultaneous notes the
+    hardest counts.
     """
     hardest: dict[float, int] = {}
     for note in notes:
@@ -65,9 +65,19 @@ def _points(
         if note_instant > 0.0:
             if not key_points:
                 add(0.0, 0.0, "smooth")
-            add(note_instant - min(_REACH, _ROOM * (note_instant - instant_before)), 0.0, "hold")
+            add(
+                note_instant
+                - min(_APPROACH_QUARTERS, _APPROACH_SHARE_MAX * (note_instant - instant_before)),
+                0.0,
+                "hold",
+            )
         add(note_instant, between(hardest[note_instant], depth, curve), "smooth")
-        add(note_instant + min(_REACH, _ROOM * (instant_after - note_instant)), 0.0, "smooth")
+        add(
+            note_instant
+            + min(_APPROACH_QUARTERS, _APPROACH_SHARE_MAX * (instant_after - note_instant)),
+            0.0,
+            "smooth",
+        )
     if take_length > key_points[-1].at.beats:
         add(take_length, 0.0, "hold")
     return tuple(key_points)

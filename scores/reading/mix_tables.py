@@ -31,7 +31,7 @@ def _channels(channels_text: str) -> Any:
 
 
 CHANNEL = k.integer(1, MAX_CHANNELS, "1")
-_TO = Either(
+_TARGET_SHAPE = Either(
     scalar=Text(_channels, "a channel from 1, or nearest", "^([0-9]+|nearest)$"),
     sequence=ListOf(CHANNEL, 1, MAX_CHANNELS),
 )
@@ -47,7 +47,12 @@ ROUTE = Record(
             None,
             True,
         ),
-        Field("to", _TO, "channels, or the loudspeaker nearest to each module", required=True),
+        Field(
+            "to",
+            _TARGET_SHAPE,
+            "channels, or the loudspeaker nearest to each module",
+            required=True,
+        ),
         Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
         Field("level", LOUDNESS, "loudness of a stroke at mf, from which `gain` counts"),
         Field("highpass", k.HERTZ, "second-order high-pass", shown="8Hz in 16 and 24 bits"),

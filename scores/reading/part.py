@@ -135,7 +135,7 @@ _PLAYED = _PlayedShape(
     "a gesture or a take, or several, such as knock lean knock", ("gestures", "takes")
 )
 _TURNS = Text(parse_turns, "transformations of some rounds, such as 4th do mirror", has_values=True)
-_WHEN = Field("at", k.WHEN, "when it begins", required=True)
+_WHEN_FIELD = Field("at", k.WHEN, "when it begins", required=True)
 _OPTIONS = (
     Field("every", k.LENGTH, "time between repetitions or steps", shown="its own length"),
     Field(
@@ -154,7 +154,7 @@ PLAY = Record(
     "part entry",
     "a gesture or take, when, how often and how",
     (
-        _WHEN,
+        _WHEN_FIELD,
         Field("play", _PLAYED, "what is played: a name or a pattern", required=True),
         *_OPTIONS,
         Field("do", PLAY_DO, "transformations, left to right"),
@@ -163,7 +163,7 @@ PLAY = Record(
     meant={"repeat": "times"},
 )
 # The shape that reads each word's value, here and at the prompt.
-SHAPES = {f.name: f.shape for f in (_WHEN, *_OPTIONS)}
+SHAPES = {f.name: f.shape for f in (_WHEN_FIELD, *_OPTIONS)}
 
 
 @dataclass(frozen=True)

@@ -213,9 +213,11 @@ class Strikes:
             if not since - SAME <= stroke.beat < before - SAME:
                 continue
             for to, reach in rhythm.voices[stroke.word]:
-                long = Length(beats=stroke.lasting)
+                lasting_length = Length(beats=stroke.lasting)
                 word, level = stroke.word, stroke.level
-                hit = Hit(Length(), to, level, self.place, word, reach=reach, lasting=long)
+                hit = Hit(
+                    Length(), to, level, self.place, word, reach=reach, lasting=lasting_length
+                )
                 yield stroke.beat, stroke.number, hit
 
     def steps(self, piece: Piece) -> Steps:

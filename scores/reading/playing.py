@@ -62,7 +62,9 @@ class PlayingOptions:
         if self == NO_OPTIONS:
             return base_options
         pairs = ((getattr(self, f.name), getattr(base_options, f.name)) for f in fields(self))
-        return PlayingOptions(*(mine if mine is not None else theirs for mine, theirs in pairs))
+        return PlayingOptions(
+            *(option if option is not None else default for option, default in pairs)
+        )
 
 
 NO_OPTIONS = PlayingOptions()

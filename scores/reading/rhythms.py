@@ -35,7 +35,7 @@ HERE = "x"  # the word for what `to` names
 LONGEST_CYCLES = 8.0  # longest note [cycles] that earlier cycles are searched for
 _SAME_STROKE = 1e-9  # tolerance, in strokes, for a rate times a length
 MAX_CYCLES = 200_000  # cycles of one rhythm: more than two days at one a second
-_REMEMBERED = 32  # rhythms whose cycles are remembered: a thousand bars of each take 1.5 MB
+_RHYTHMS_CACHED = 32  # rhythms whose cycles are remembered: a thousand bars of each take 1.5 MB
 
 # Where in its cycle an event begins, its span and how long it sounds in cycles, and its word.
 _CycleEvent = tuple[float, float, float, Struck]
@@ -106,19 +106,28 @@ class Rhythm:
             strokes: list[_Placed] = []
             for event, loud in zip(events, _levels(events, levels), strict=True):
                 share, span, lasting, struck_word = event
-                stroke_beat, long = (
+                stroke_beat, duration = (
                     cycle_begin + share * (cycle_end - cycle_begin),
                     lasting * (cycle_end - cycle_begin),
                 )
                 strokes += _placed(
-                    tempo, stroke_beat, span * (cycle_end - cycle_begin), long, struck_word, loud
+                    tempo,
+                    stroke_beat,
+                    span * (cycle_end - cycle_begin),
+                    duration,
+                    struck_word,
+                    loud,
                 )
                 if len(strokes) > MAX_EVENTS:
                     raise TextError(_TOO_MANY)
             strokes.sort(key=_BEAT)
-            for index, (stroke_beat, long, struck_word, loud) in enumerate(strokes):
+            for index, (stroke_beat, duration, struck_word, loud) in enumerate(strokes):
                 yield Stroke(
-                    stroke_beat, cycle_number * MAX_EVENTS + index, key_of(struck_word), loud, long
+                    stroke_beat,
+                    cycle_number * MAX_EVENTS + index,
+                    key_of(struck_word),
+                    loud,
+                    duration,
                 )
 
     def strokes_per_cycle(self, tempo: TempoMap, begin_beat: float, draws: tuple[int, str]) -> int:
@@ -126,8 +135,8 @@ class Rhythm:
 
         Raises TextError.
         """
-        counts = [0] * _TRIED
-        for stroke in self.strokes(tempo, begin_beat, _PLAIN, draws, range(_TRIED)):
+        counts = [0] * _CYCLES_SAMPLED
+        for stroke in self.strokes(tempo, begin_beat, _PLAIN_LEVELS, draws, range(_CYCLES_SAMPLED)):
             cycle = stroke.number // MAX_EVENTS - self.first
             counts[cycle] += sum(len(to) for to, _ in self.voices[stroke.word])
         return max(counts)
@@ -137,8 +146,8 @@ class Rhythm:
         return _late(self.text, self.do, self.tuning)
 
 
-_TRIED = 8  # cycles from which the number of strokes is estimated
-_PLAIN = Levels((MEZZO_FORTE,))
+_CYCLES_SAMPLED = 8  # cycles from which the number of strokes is estimated
+_PLAIN_LEVELS = Levels((MEZZO_FORTE,))
 _TOO_MANY = (
     f"a cycle of the rhythm would have more than {MAX_EVENTS:,} strokes; repeat them less often"
 )
@@ -227,7 +236,7 @@ def compiled(rhythm_text: str, do: str) -> Cycles[Struck]:
     return compiled_in(rhythm_text, do, tuning.written())
 
 
-@lru_cache(_REMEMBERED)
+@lru_cache(_RHYTHMS_CACHED)
 def compiled_in(rhythm_text: str, do: str, tuned: Tuning | None) -> Cycles[Struck]:
     """The cycles of a text after its transformations, in a tuning. Raises TextError."""
     begins = line_begins(rhythm_text)
@@ -240,7 +249,7 @@ def compiled_in(rhythm_text: str, do: str, tuned: Tuning | None) -> Cycles[Struc
         return apply(cycles, parse_transforms(do)) if do else cycles
 
 
-@lru_cache(_REMEMBERED)
+@lru_cache(_RHYTHMS_CACHED)
 def _cycles_of(
     rhythm_text: str, do: str, tuned: Tuning | None, seed: int, owner: str
 ) -> Callable[[int], list[_CycleEvent]]:

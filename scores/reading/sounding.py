@@ -14,7 +14,7 @@ from ergon.scores.reading.playing import Coupling, Key, Player
 from ergon.scores.reading.rhythms import Rhythm, renamed
 
 # Types of which a field may hold a target or the name of a part.
-_HOLDING = (
+_HOLDING_KINDS = (
     *(Automation, Coupling, Hit, Instrument, Key, Mix, Module, Output, Player, Route, Strikes),
     *(Rhythm, Act, Hold),
 )
@@ -102,7 +102,7 @@ class SoundingNames:
         if isinstance(value, Mapping):
             entries = {name: self._renamed(entry, known_before) for name, entry in value.items()}
             return value if all(entries[name] is value[name] for name in value) else entries
-        if not isinstance(value, (Target, *_HOLDING)):
+        if not isinstance(value, (Target, *_HOLDING_KINDS)):
             return value
         value_and_renamed = (
             known_before.get(id(value))

@@ -113,7 +113,7 @@ class Times:
     def _mark_exists(self, marked_position: Position, position_place: Place) -> bool:
         if marked_position.mark is None or marked_position.mark in self._known:
             return True
-        meant, help = self._difference(marked_position.mark)
+        suggestion_text, help = self._difference(marked_position.mark)
         self.collector.error(
             "E301",
             f"no mark is called {quote(marked_position.mark)}",
@@ -123,7 +123,7 @@ class Times:
                 position_place.column,
                 len(marked_position.mark),
             ),
-            suggestion=meant,
+            suggestion=suggestion_text,
             help=help,
             word=None if help else marked_position.mark,
             names=self._known,

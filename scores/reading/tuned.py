@@ -61,11 +61,11 @@ def tunings_of(score: Document, files: Files) -> Mapping[str, Tuning]:
 
 
 def _base(nodes: Mapping[str, Node], instrument_name: str) -> str:
-    """The instrument of the same file that an instrument is `like`; the name itself if none."""
+    """The name that `like` gives an instrument of this file; without `like`, the name itself."""
     node = nodes.get(instrument_name)
-    like = node.get("like") if isinstance(node, document.Mapping) else None
+    base_name = node.get("like") if isinstance(node, document.Mapping) else None
     is_sure = isinstance(node, document.Mapping) and "tuning" not in node.entries
-    return like.text.strip() if is_sure and isinstance(like, Scalar) else instrument_name
+    return base_name.text.strip() if is_sure and isinstance(base_name, Scalar) else instrument_name
 
 
 def _tuning(tuning_node: Node | None, score_files: Files, field_name: str) -> Tuning | None:

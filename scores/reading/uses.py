@@ -166,7 +166,9 @@ class Uses:
                 used_names.score, document.file, written_place, is_played=include is not None
             )
         name_count = sum(
-            len(table) for own in (score_names, used_names) for table in own.tables.values()
+            len(table)
+            for section_table in (score_names, used_names)
+            for table in section_table.tables.values()
         )
         if name_count > MAX_NAMES:
             message = f"files bring more than {MAX_NAMES:,} names, many of them more than once"
@@ -297,8 +299,8 @@ class Uses:
 
     def _base(self, section: str, values: Values, home: Names) -> Entry | None:
         has_from = "from" in values.record.by_name and isinstance(values["from"], Name)
-        like = values["like"]
-        if has_from and like is not None:
+        base_name = values["like"]
+        if has_from and base_name is not None:
             values.error(
                 "E111",
                 f"{values.context.label('from')}: `like` is written too; keep one of the two",
@@ -307,13 +309,15 @@ class Uses:
             return None
         if has_from:
             return self._from_file(section, values["from"], values, home)
-        if like is None:
+        if base_name is None:
             return None
-        like_entry = home.tables[section].get(like)
+        like_entry = home.tables[section].get(base_name)
         if like_entry is None:
-            message = f"{values.context.label('like')}: no {NOUNS[section]} is called {quote(like)}"
+            message = (
+                f"{values.context.label('like')}: no {NOUNS[section]} is called {quote(base_name)}"
+            )
             names = [n for n in home.names(section) if n != values.context.name]
-            values.error("E301", message, "like", word=like, names=names)
+            values.error("E301", message, "like", word=base_name, names=names)
         return like_entry
 
     def _from_file(

@@ -54,11 +54,11 @@ def _glides(wheel_strikes: Strikes, curves: NoteCurves, semitones: float) -> Ite
             (target.part, target.place) for target in hit.to
         )
     for note_key, points in curves.items():
-        moved = tuple(
+        glide_points = tuple(
             (Length(quarters=quarter), interval_of_cents(cents).ratio) for quarter, cents in points
         )
         note = tuning.current().key_word(note_key)
         if semitones:
             note = notes.moved(note, semitones)
         for part, place in places_by_part.get(note, {}).items():
-            yield NoteGlide(Target(part, "", 0, 1, part, place), moved)
+            yield NoteGlide(Target(part, "", 0, 1, part, place), glide_points)

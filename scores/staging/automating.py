@@ -128,12 +128,12 @@ def _is_settled(
     """
     for name, order in tracks.entries.items():
         last_entry, curve_times = order[-1], curves[name].t
-        stays = last_entry.stop <= point_beat or (
+        holds_value = last_entry.stop <= point_beat or (
             last_entry.stop == math.inf and bool(last_entry.automation.points)
         )
         if (
             last_entry.begin > point_beat
-            or not stays
+            or not holds_value
             or not curve_times
             or curve_times[-1] > instant_seconds
         ):

@@ -87,8 +87,8 @@ def _standing(piece: Piece, instant: float) -> Piece:
 
 def _watched(piece: Piece, plan: _core.Plan) -> Watched:
     """The parts that are computed to be seen, as in an earlier plan."""
-    everything = (*piece.keys, *piece.instruments) if plan.seen() else ()
-    return Watched(seen=everything, seen_every=piece.motion_every)
+    all_parts = (*piece.keys, *piece.instruments) if plan.seen() else ()
+    return Watched(seen=all_parts, seen_every=piece.motion_every)
 
 
 def _paths_from(

@@ -13,7 +13,7 @@ Place = tuple[str, str]  # part and module of a MAT
 
 NoteKey = tuple[str, Place, int, int]
 
-_SOON = 0.01  # [s] more than from the instant of a takeover to what plays from there on
+_TAKEOVER_MARGIN = 0.01  # [s] more than from the instant of a takeover to what plays from there on
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,10 @@ class DrawnNotes:
         number = self._counts[note.key, within]
         self._counts[note.key, within] += 1
         note = replace(note, number=number)
-        begins, follows = within[0] <= note.begin < within[1], within[0] > self._since - _SOON
+        begins, follows = (
+            within[0] <= note.begin < within[1],
+            within[0] > self._since - _TAKEOVER_MARGIN,
+        )
         note_before = self._before.pop(note.key, None) if follows and not begins else None
         if begins:
             self._push(mat, note.begin, note.impulse, source)

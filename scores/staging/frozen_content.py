@@ -36,12 +36,12 @@ def content(piece: Piece, instrument_name: str) -> tuple[Any, ...]:
     """
     joined_parts = joined(piece, instrument_name)
     players = {name: entry for name, entry in piece.players.items() if entry.key in joined_parts}
-    plays = tuple(play for play in piece.parts if play.player in players)
+    played_parts = tuple(play for play in piece.parts if play.player in players)
     strikes = tuple(entry for entry in piece.strikes if _hits(entry, joined_parts))
     part_modules = [
         module for module_part, module in piece.modules() if module_part in joined_parts
     ]
-    played_names = {name for play in plays for name in play.names}
+    played_names = {name for play in played_parts for name in play.names}
     played_names |= {player.standin for player in players.values() if player.standin}
     played_names |= {
         str(module.fields["from"]) for module in part_modules if "from" in module.fields
@@ -56,7 +56,7 @@ def content(piece: Piece, instrument_name: str) -> tuple[Any, ...]:
         {name: key for name, key in piece.keys.items() if name in joined_parts},
         {name: entry for name, entry in piece.instruments.items() if name in joined_parts},
         players,
-        plays,
+        played_parts,
         strikes,
         {name: gesture for name, gesture in piece.gestures.items() if name in played_names},
         {name: take for name, take in piece.takes.items() if name in played_names},

@@ -204,15 +204,17 @@ class Hands:
         `known_lines` remembers them where no key is still.
         """
         since = self.window.since - SAME
-        plays, starts = piece.parts, piece.starts
+        player_parts, starts = piece.parts, piece.starts
         if still_keys:
             moving = [
-                p for p in zip(plays, starts, strict=True) if _key(piece, p[0]) not in still_keys
+                p
+                for p in zip(player_parts, starts, strict=True)
+                if _key(piece, p[0]) not in still_keys
             ]
-            plays, starts = tuple(p for p, _ in moving), tuple(beats for _, beats in moving)
+            player_parts, starts = tuple(p for p, _ in moving), tuple(beats for _, beats in moving)
         lines_not_over = known_lines or NotOver[Played]()
         lines_left, counts = lines_not_over.look(
-            (plays, starts), since, lambda line: _last(line) < since, _plays
+            (player_parts, starts), since, lambda line: _last(line) < since, _plays
         )
         self._occurrences.update(cast(dict[tuple[str, str], int], counts))
         for play, beats in lines_left:

@@ -147,5 +147,5 @@ def _count_needed(mode: HighestMode) -> str:
     radius = ceil(module_fields["radius"] * side)
     if radius > _RADIUS_MAX:
         return f"more than the {_RADIUS_MAX} rings that a plate may have"
-    wider = {**module_fields, "radius": radius}
-    return f"{member_count(part_module.kind, wider):,} masses ({radius} rings)"
+    wider_fields = {**module_fields, "radius": radius}
+    return f"{member_count(part_module.kind, wider_fields):,} masses ({radius} rings)"

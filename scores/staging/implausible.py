@@ -148,8 +148,11 @@ class _Scene:
         half = pi / sqrt(stiffness * inverse)  # of a period; as long as a touch lasts [s]
         if half >= 1.0 / piece.rate:
             return
-        does = "a touch lasts" if is_contact else "half a period lasts"
-        message = f"{quote(name)} is stiffer than the rate can follow: {does} {1e6 * half:.3g} us, "
+        duration_text = "a touch lasts" if is_contact else "half a period lasts"
+        message = (
+            f"{quote(name)} is stiffer than the rate can follow: {duration_text} {1e6 * half:.3g} "
+            "us, "
+        )
         message += f"a frame {1e6 / piece.rate:.3g} us"
         stiffness_max = pi * pi * piece.rate * piece.rate / inverse
         help = f"stay below {stiffness_max:.3g} N/m, or make the masses heavier"

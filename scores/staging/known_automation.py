@@ -24,7 +24,7 @@ from ergon.scores.reading.playing import Key
 from ergon.scores.staging.parameter_curves import Entry
 from ergon.scores.staging.parameter_values import Led, ModuleKey, Points
 
-_REACHED = 0.01  # [s] in which a value of a MIDI file is reached, so that it does not click
+_REACH_SECONDS = 0.01  # [s] in which a value of a MIDI file is reached, so that it does not click
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,7 +259,7 @@ def _glides(
     last_instant = tempo.seconds(start_beat)
     for length, amount in automation_line.moves:
         instant_seconds = tempo.seconds(tempo.after(start_beat, length))
-        since = max(last_instant, instant_seconds - _REACHED)
+        since = max(last_instant, instant_seconds - _REACH_SECONDS)
         yield replace(
             automation_line,
             at=Position(plus=Length(beats=tempo.beats(since))),

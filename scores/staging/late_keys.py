@@ -35,16 +35,19 @@ def check_delays(piece: Piece, collector: Collector) -> None:
     for part_name, end, part_module in links_on_keys(piece):
         delayed_key, stiffness = piece.keys[end.part], part_module.fields.get("K")
         if delayed_key.delay and end.module == delayed_key.struck and isinstance(stiffness, float):
-            met = stiffness * delayed_key.reach**2, f"{part_name}.{part_module.name}"
-            stiffest[delayed_key.name] = max(met, stiffest.get(delayed_key.name, met))
+            stiffness_and_name = stiffness * delayed_key.reach**2, f"{part_name}.{part_module.name}"
+            stiffest[delayed_key.name] = max(
+                stiffness_and_name, stiffest.get(delayed_key.name, stiffness_and_name)
+            )
     for key_name, (stiffness, stiffest_link) in stiffest.items():
         delayed_key = piece.keys[key_name]
         damping = _damping(delayed_key)
         if damping is None or stiffness * delayed_key.delay <= damping:
             continue
-        late = f"{1e3 * delayed_key.delay:g} ms"
+        delay_text = f"{1e3 * delayed_key.delay:g} ms"
         message = (
-            f"{quote(key_name)}: the forces of the piece reach this key {late} late; so the spring "
+            f"{quote(key_name)}: the forces of the piece reach this key {delay_text} late; so the "
+            "spring "
             "of "
             f"{stiffness:,.0f} N/m of {quote(stiffest_link)} removes "
             f"{stiffness * delayed_key.delay:.2g} "

@@ -20,7 +20,7 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.tones import Tone
 from ergon.scores.staging.loudspeakers import Loudspeakers
 
-_NEVER = 1e9  # [s]
+_NEVER_SECONDS = 1e9  # [s]
 _PATH_NS, _ROOM_NS = 10.0, 300.0
 _PRESSURE = 1.0  # pressure of a radiating route at the reference level [Pa]
 _Range = tuple[int, int, float]
@@ -315,7 +315,7 @@ def _frame(piece: Piece, written_position: Position) -> int:
     """The frame of the piece at a position."""
     tempo = piece.tempo_map
     instant = tempo.seconds(tempo.resolve(written_position))
-    return floor(max(-_NEVER, min(instant, _NEVER)) * piece.rate + 0.5)
+    return floor(max(-_NEVER_SECONDS, min(instant, _NEVER_SECONDS)) * piece.rate + 0.5)
 
 
 def _taps(
@@ -355,8 +355,8 @@ def _tap(
         if routed_output.is_movement:
             position_ranges.append(_range(assembly, output_target))
         elif (output_target.part, output_target.module) in assembly.links:
-            where = output_target.part, output_target.module
-            for links in assembly.walls.get(where, [assembly.links[where]]):
+            module_key = output_target.part, output_target.module
+            for links in assembly.walls.get(module_key, [assembly.links[module_key]]):
                 force_ranges.append(
                     (links.start + int(output_target.first), output_target.count, 1.0)
                 )

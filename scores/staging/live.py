@@ -38,7 +38,7 @@ MAX_FRAMES = 160_000_000
 _SETTLED = 5.0
 # In a pause between gestures that is longer than this, a key at rest is not computed [s].
 _PAUSE = 60.0
-_STILL = 1e-12  # largest movement of a key at rest [m]
+_REST_MOVEMENT_MAX = 1e-12  # largest movement of a key at rest [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,11 +175,11 @@ def _tick_frames(piece: Piece, real_hands: Real, collector: Collector) -> int:
 def _is_alone(piece: Piece, player: Player, real_hands: Real, collector: Collector) -> bool:
     playing = {play.player for play in piece.parts}
     for other_player in piece.players.values():
-        plays = other_player.name in playing
+        is_playing = other_player.name in playing
         if (
             other_player is player
             or other_player.key != player.key
-            or not (plays or other_player.name in real_hands)
+            or not (is_playing or other_player.name in real_hands)
         ):
             continue
         message = (
@@ -328,9 +328,9 @@ def _sparse_path(
         anew = _core.Simulation(network, hands.timeline, start=resumed_tick * tick_frames)
         resting_path = _path(anew, tick_frames, 2)
         # A new simulation that does not start at rest cannot replace the one that has come to rest.
-        if np.ptp(resting_path) > _STILL:
+        if np.ptp(resting_path) > _REST_MOVEMENT_MAX:
             n_moving += begins - busy_until
-        while first_tick < resumed_tick and np.ptp(resting_path) <= _STILL:
+        while first_tick < resumed_tick and np.ptp(resting_path) <= _REST_MOVEMENT_MAX:
             tick_count = min(block_ticks, resumed_tick - first_tick)
             n_moving += tick_count
             if n_moving > moving_max:
@@ -339,7 +339,7 @@ def _sparse_path(
                 simulation, tick_frames, tick_count
             )
             first_tick += tick_count
-            if np.abs(computed_path - resting_path[0]).max() <= _STILL:
+            if np.abs(computed_path - resting_path[0]).max() <= _REST_MOVEMENT_MAX:
                 tick_positions[first_tick : resumed_tick + 2] = resting_path[0]
                 simulation, first_tick = anew, resumed_tick + 2
     if n_moving > moving_max:

@@ -15,7 +15,7 @@ from ergon.common.changed import changed_part
 
 _Line = TypeVar("_Line", bound=tuple[Any, ...])
 _Columns = tuple[Sequence[Any], ...]
-_REMEMBERED = 4  # looks; some are at earlier versions that still play
+_LOOKS_CACHED = 4  # looks; some are at earlier versions that still play
 Plays = tuple[Hashable, int]  # an item that a line plays, with its count
 
 
@@ -76,7 +76,7 @@ class NotOver(Generic[_Line]):
                 counted[played_name] = line_number
         if look.since < since:
             look = _Look(columns, since, numbers_left, play_counts, counted)
-            self._looks = [*self._looks[1 - _REMEMBERED :], look]
+            self._looks = [*self._looks[1 - _LOOKS_CACHED :], look]
         return [_line(columns, number) for number in look.left], look.counts
 
     def _last(

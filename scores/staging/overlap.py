@@ -11,7 +11,7 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.hands import StagedGesture
 
 # Overlaps up to this time, which jitter makes between repetitions, are not reported [s].
-_SEAM = 0.02
+_SEAM_SECONDS = 0.02
 
 
 def check_overlaps(piece: Piece, gestures: Sequence[StagedGesture], collector: Collector) -> None:
@@ -27,13 +27,13 @@ def check_overlaps(piece: Piece, gestures: Sequence[StagedGesture], collector: C
             (g for g in on_key if not g.layer), key=lambda gesture: gesture.start
         )
         for latest, gesture in pairwise(sorted_gestures):
-            if gesture.start < latest.stop - _SEAM and gesture.place not in reported:
+            if gesture.start < latest.stop - _SEAM_SECONDS and gesture.place not in reported:
                 reported.add(gesture.place)
                 _tell_cut(piece, latest, gesture, collector)
         tracked = [gesture for gesture in sorted_gestures if gesture.tracked]
         for layer in (gesture for gesture in on_key if gesture.layer and tracked):
-            under = (g for g in tracked if g.start < layer.stop and layer.start < g.stop)
-            path = next(under, None)
+            gestures_below = (g for g in tracked if g.start < layer.stop and layer.start < g.stop)
+            path = next(gestures_below, None)
             if path is not None and layer.place not in reported:
                 reported.add(layer.place)
                 message = (

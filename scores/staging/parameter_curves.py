@@ -24,10 +24,10 @@ from ergon.scores.reading.piece import Piece
 GLIDE = 0.02
 GRID = _core.GRID  # frames between the instants of the engine's points
 # How many places of its pattern are searched backward for the value that holds at a beat.
-_BACK = 256
+_SEGMENTS_BACK = 256
 _PLACE_STEPS = 2_000  # steps of work for a place of a pattern
 _POINTS_MAX = 200_000  # points of a swing
-_FARTHEST = 1 << 24  # segments of a swing that are searched
+_SEGMENTS_MAX = 1 << 24  # segments of a swing that are searched
 # A swing is approximated by straight segments, sixteen in each quarter: sin(j π / 32).
 _QUARTER = (
     *(0.0, 0.0980171403295606, 0.19509032201612825, 0.29028467725446233, 0.3826834323650898),
@@ -35,8 +35,8 @@ _QUARTER = (
     *(0.773010453362737, 0.8314696123025452, 0.8819212643483549, 0.9238795325112867),
     *(0.9569403357322089, 0.9807852804032304, 0.9951847266721968, 1.0),
 )
-_HALF = (*_QUARTER[:-1], *reversed(_QUARTER))
-_SINE = (*_HALF[:-1], *(0.0 - x for x in _HALF))
+_HALF_SINE = (*_QUARTER[:-1], *reversed(_QUARTER))
+_SINE = (*_HALF_SINE[:-1], *(0.0 - x for x in _HALF_SINE))
 PIECES = len(_SINE) - 1  # segments of a period
 # The largest number of positions on the engine's grid at which a glide has points of its own.
 PLACES = 1_024
@@ -134,7 +134,7 @@ def held_places(pattern_steps: Steps, since: float, stop_beat: float) -> tuple[i
     """
     stop_place = n_before(pattern_steps, stop_beat - SAME)
     first_place, n_values_missing = min(stop_place, n_before(pattern_steps, since - SAME)), 2
-    for _ in range(_BACK):
+    for _ in range(_SEGMENTS_BACK):
         if first_place == 0 or n_values_missing == 0:
             break
         first_place -= 1
@@ -206,14 +206,14 @@ def add_glide(
     start_instant = tempo.seconds(automation_entry.begin)
     if isinstance(tempo, StoppedTempoMap):
         if start_instant < NEVER:  # the value on the present beat
-            goes = ShiftedTempoMap(tempo, 0.0)
+            tempo_map = ShiftedTempoMap(tempo, 0.0)
             moving = Curve(
                 parameter_curve.initial,
-                [goes.seconds(automation_entry.begin)],
+                [tempo_map.seconds(automation_entry.begin)],
                 [parameter_curve.evaluate(start_instant)],
             )
-            add_glide(replace(piece, tempo_map=goes), automation_entry, moving)
-            parameter_curve.to(start_instant, moving.evaluate(goes.seconds(tempo.stop_beat)))
+            add_glide(replace(piece, tempo_map=tempo_map), automation_entry, moving)
+            parameter_curve.to(start_instant, moving.evaluate(tempo_map.seconds(tempo.stop_beat)))
         return
     to_path, from_scale = _SCALES.get(automation_line.parameter, (_unscaled, _unscaled))
     point_instants, parameter_values, approaches, stop_instant = glide_path(
@@ -303,7 +303,7 @@ def swing_beats(tempo: TempoMap, automation_entry: Entry, swing: Swing) -> Calla
 
 def swing_points_before(beat_of: Callable[[int], float], beat: float) -> int:
     """The number of points of a swing before a beat; bisection, for the tempo may have changed."""
-    return first_from(beat_of, _FARTHEST, beat)
+    return first_from(beat_of, _SEGMENTS_MAX, beat)
 
 
 def add_swing(

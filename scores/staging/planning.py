@@ -13,7 +13,7 @@ from ergon import _core
 from ergon.scores.reading.outputs import Accuracy, Method
 
 # Errors that are offered if a plan costs too much, the most exact first [dB].
-_LOOSER = (-80.0, -60.0, -40.0, -20.0)
+_LOOSER_ERRORS_DB = (-80.0, -60.0, -40.0, -20.0)
 # Shares of the work for trials: for the requested plan and, if its cost is bounded, for each looser
 # one. They add up to 1.
 _SHARE, _LOOSER_SHARE = 0.5, 0.125
@@ -26,7 +26,7 @@ _NO_TRIAL = "no trial"  # the reason of a record that holds no result of a trial
 # Methods of meshes, whose errors are known only from trials.
 _BY_TRIAL = ("ca", "ca2p", "bm4", "ieq")
 # What has no error but for what is left out.
-_EXACT = ("modes", "complex modes", "oscillators", "unheard", "still")
+_EXACT_KINDS = ("modes", "complex modes", "oscillators", "unheard", "still")
 
 
 class Store(Protocol):
@@ -157,7 +157,7 @@ def make(
     accuracy: Accuracy,
     pins: Sequence[_core.IslandChoice] | None = None,
     store: Store | None = None,
-    like: _core.Plan | None = None,
+    plan_before: _core.Plan | None = None,
     *,
     is_foreseen: bool = True,
     correction: float = 1.0,
@@ -172,7 +172,7 @@ def make(
     by that, because sound that was computed so is recalled.
 
     With `cpu` alone, the plan is the most exact that fits. Parts that are the same in the plan
-    `like` are computed as there. `is_foreseen` is False if hands or a session play too. Real
+    `plan_before` are computed as there. `is_foreseen` is False if hands or a session play too. Real
     work is `correction` times that in the table of costs: notes use it, and so does the
     comparison with `cpu` if an accuracy is given too; the choice of methods uses the table
     alone. Parts that are `watched` are computed even if nobody hears them.
@@ -181,18 +181,21 @@ def make(
     if pins is not None:
         pinned = _core.Plan(network, timeline, **_budget(accuracy), **watched, pins=pins)
         return Planned(pinned, accuracy)
-    planner = _Planner(network, timeline, store, like, watched)
+    planner = _Planner(network, timeline, store, plan_before, watched)
     is_free = accuracy == Accuracy(cpu=accuracy.cpu) and accuracy.cpu is not None
     if is_draft:
-        may_recall = recalls_sound and store is not None and like is None and not is_free
+        may_recall = recalls_sound and store is not None and plan_before is None and not is_free
         return _drafted(planner, accuracy, may_recall=may_recall)
     plan_made = planner.plan(accuracy, 1.0 if accuracy.cpu is None else _SHARE)
     plan_notes = _notes(plan_made, accuracy, is_foreseen=is_foreseen)
     cost_factor = 1.0 if is_free else correction
     if accuracy.cpu is None or (not is_free and cost_factor * cost(plan_made) <= accuracy.cpu):
         return Planned(plan_made, accuracy, plan_notes, planner.finish())
-    looser = {error: Accuracy(error=error) for error in _LOOSER}
-    looser_plans = {error: planner.plan(wished, _LOOSER_SHARE) for error, wished in looser.items()}
+    looser = {error: Accuracy(error=error) for error in _LOOSER_ERRORS_DB}
+    looser_plans = {
+        error: planner.plan(looser_accuracy, _LOOSER_SHARE)
+        for error, looser_accuracy in looser.items()
+    }
     fits = [
         error
         for error, looser_plan in looser_plans.items()
@@ -244,18 +247,18 @@ def plan_again(
     network: _core.Network,
     timeline: _core.Timeline,
     accuracy: Accuracy,
-    like: _core.Plan,
+    plan_before: _core.Plan,
     watched: Watched,
 ) -> _core.Plan:
-    """The plan of an open timeline that takes over from the plan `like` of the same network, made
-    for the same accuracy. Raises EngineError.
+    """The plan of an open timeline that takes over from the plan `plan_before` of the same network,
+    made for the same accuracy. Raises EngineError.
     """
-    return _core.Plan(network, timeline, **_budget(accuracy), **watched, like=like)
+    return _core.Plan(network, timeline, **_budget(accuracy), **watched, like=plan_before)
 
 
 def needs_trial(row: _core.PlanRow) -> bool:
     """Whether the error of a row is known only from a trial."""
-    return row.what not in _EXACT and not row.reference
+    return row.what not in _EXACT_KINDS and not row.reference
 
 
 def draft_error(plan: _core.Plan) -> str:

@@ -215,7 +215,9 @@ def _play(
     for played, window in piece_spans:
         span_hands = hands if window is ALL else hands.other(played, window)
         span_hands.play_parts(played, live_keys, None if live_keys else memory.plays)
-    players = [one for one in piece.players.values() if one.hand == "live" and one.standin]
+    players = [
+        player for player in piece.players.values() if player.hand == "live" and player.standin
+    ]
     players_with_part = {*real_hands}
     if players:
         players_with_part |= {play.player for play in piece.parts}

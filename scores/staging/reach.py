@@ -181,28 +181,28 @@ class _LinkGraph:
         other_players: Mapping[int, str],
     ) -> FreezeObstacle | None:
         """The shortest path to a live hand, or else to an instrument that is not frozen."""
-        came: dict[int, tuple[int, Link] | None] = dict.fromkeys(sorted(start_mats))
-        queue = deque(came)
+        link_from: dict[int, tuple[int, Link] | None] = dict.fromkeys(sorted(start_mats))
+        queue = deque(link_from)
         path = None
         while queue:
             mat = queue.popleft()
             if mat in hands:
-                return FreezeObstacle(part_name, _path_to(mat, came), *hands[mat])
+                return FreezeObstacle(part_name, _path_to(mat, link_from), *hands[mat])
             if mat in other_players and path is None:
-                path = FreezeObstacle(part_name, _path_to(mat, came), other=other_players[mat])
+                path = FreezeObstacle(part_name, _path_to(mat, link_from), other=other_players[mat])
             if mat in self._held:
                 continue
             for other_mat, link in self._links.get(mat, ()):
-                if other_mat not in came:
-                    came[other_mat] = mat, link
+                if other_mat not in link_from:
+                    link_from[other_mat] = mat, link
                     queue.append(other_mat)
         return path
 
 
-def _path_to(mat: int, came: Mapping[int, tuple[int, Link] | None]) -> tuple[Link, ...]:
+def _path_to(mat: int, link_from: Mapping[int, tuple[int, Link] | None]) -> tuple[Link, ...]:
     """The links on the path from the start of the search to a point."""
     path_links: list[Link] = []
-    while (step := came[mat]) is not None:
+    while (step := link_from[mat]) is not None:
         mat, link = step
         path_links.append(link)
     return tuple(reversed(path_links))

@@ -28,15 +28,15 @@ from ergon.scores.staging.version_glides import Glide
 if TYPE_CHECKING:
     from ergon.scores.staging.live import Real
 
-_WHEN_STIFF = (
+_STIFF_ADVICE = (
     "make its springs and contacts softer (a smaller K, or smaller constants of a law), strike or "
     "move it less hard, or write a higher `rates: {audio: …}`"
 )
-_BY_METHOD = (
+_STIFF_ADVICE_WITH_METHOD = (
     "make its springs and contacts softer (a smaller K, or smaller constants of a law), strike or "
     "move it less hard, write a higher `rates: {audio: …}`, or remove `method` from `accuracy`"
 )
-_LOOKED_AT = 5.0  # [s] of a tail `auto` that is analysed
+_TAIL_SECONDS_ANALYSED = 5.0  # [s] of a tail `auto` that is analysed
 
 
 @dataclass(slots=True)
@@ -66,7 +66,7 @@ class Stage:
     placed: Sequence[Placed] = ()  # frozen outputs, mixed with the computed ones
     timeline: _core.Timeline | None = None  # all events
     drawn: Sequence[DrawnNote] = ()  # notes that draw or press until they end
-    # What an earlier simulation reported, where this one was not run because its sound is known.
+    # Reports of an earlier simulation; this one was not run because its sound is stored.
     reports: Reports | None = None
     is_draft: bool = False  # planned for a low cost, whatever the accuracy
 
@@ -92,7 +92,7 @@ class Stage:
         """
         if self.fades_from is None:
             return self.n_frames
-        return min(self.n_frames, self.fades_from + int(_LOOKED_AT * self.rate + 0.5))
+        return min(self.n_frames, self.fades_from + int(_TAIL_SECONDS_ANALYSED * self.rate + 0.5))
 
     @property
     def n_channels(self) -> int:
@@ -110,9 +110,9 @@ class Stage:
     ) -> _core.Mixer:
         """A new mixer of all instruments, or of some `parts`.
 
-        `highpass` [Hz] is for routes without their own; `reference` is the ratio of full scale
-        at which reference quantities are heard, None for samples in SI units. `is_wet`: True for
-        what rooms answer alone, False for all but that. Gains are in units of `unit`.
+        `highpass` [Hz] is for routes without their own; `reference` is the ratio of full scale at
+        which reference quantities are heard, None for samples in SI units. `is_wet`: True for the
+        answer of rooms alone, False for all sound without it. Gains are in units of `unit`.
         """
         mixer = self.listening.mixer(
             self.rate,
@@ -158,7 +158,7 @@ class Stage:
         """For every instrument that is heard, a new mixer in a unit of its own, and that unit: a
         ratio.
 
-        With another gain of its route, its mixer gives what it gave.
+        Its output does not change with the gain of the instrument's route.
         """
         stems = []
         for name, (parts, unit) in self._measured_parts().items():
@@ -233,7 +233,7 @@ class Stage:
         """The help text for a part that is too stiff for its steps."""
         planned_for = self.planned_for
         is_chosen = planned_for is not None and planned_for.method is not None
-        return _BY_METHOD if is_chosen else _WHEN_STIFF
+        return _STIFF_ADVICE_WITH_METHOD if is_chosen else _STIFF_ADVICE
 
     def gains(self) -> list[Diagnostic]:
         """Modules that have generated energy so far, each at the place where it is written
@@ -315,14 +315,14 @@ def stage(
     A draft (`is_draft`) is planned with few trials, for the lowest cost; one that `recalls_sound`
     is planned exactly where that needs no new trial.
 
-    A ledger is available only without a plan, and recording only if no ergon strikes inside a
-    body. With `fine_contacts` and without a plan, contacts are computed several times a frame.
-    `pins` are the choices of an earlier plan, `store` keeps results of trials, `real_hands` has the
-    players whose hands are real with their known positions, `silent` the instruments that are
-    not listened to. `on_fault` says whether a diverging part ends the run or is muted. Work
-    takes `correction` times as long as in the table of costs. With `is_seen` parts that nobody
-    hears are computed too. `going` describes the takeover from another stage. Raises StageError
-    with every mistake that the engine finds.
+    A ledger is available only without a plan, and recording only if no ergon strikes inside a body.
+    With `fine_contacts` and without a plan, contacts are computed several times a frame. `pins` are
+    the choices of an earlier plan, `store` keeps results of trials, `real_hands` has the players
+    whose hands are real with their known positions, `silent` the instruments that are not listened
+    to. `on_fault` says whether a diverging part ends the run or is muted. Work takes `correction`
+    times as long as in the table of costs. With `is_seen`, unheard parts are computed too. `going`
+    describes the takeover from another stage. Raises StageError with every mistake that the engine
+    finds.
     """
     if seed is not None:
         piece = replace(piece, seed=seed)
@@ -337,7 +337,7 @@ def stage(
     plan, planning = None, None
     try:
         if planned:
-            everything = (*piece.keys, *piece.instruments) if is_seen else ()
+            all_parts = (*piece.keys, *piece.instruments) if is_seen else ()
             planning = make(
                 prepared.network,
                 prepared.timeline,
@@ -349,7 +349,7 @@ def stage(
                 correction=correction,
                 is_draft=is_draft,
                 recalls_sound=recalls_sound,
-                watched=Watched(seen=everything, seen_every=piece.motion_every),
+                watched=Watched(seen=all_parts, seen_every=piece.motion_every),
             )
             plan = planning.plan
             _report_planning(piece, planning, prepared.collector, is_seen=is_seen)

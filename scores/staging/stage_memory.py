@@ -16,7 +16,7 @@ from ergon.scores.staging.hands import Played
 from ergon.scores.staging.known_automation import KnownAutomation
 from ergon.scores.staging.not_over import NotOver
 
-_APART = 1e-6  # margin [beats] for strikes to count as over
+_OVER_MARGIN = 1e-6  # margin [beats] for strikes to count as over
 
 
 @dataclass(slots=True)
@@ -34,7 +34,7 @@ class KnownStrikes:
         if (meters := tempo.bars.changes()) != self._meters:  # the end beats depend on the meters
             self._meters = meters
             self._not_over.forget()
-        beat_before = beat - _APART
+        beat_before = beat - _OVER_MARGIN
         strikes_left, _ = self._not_over.look(
             (piece.strikes,),
             beat_before,

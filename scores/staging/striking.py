@@ -27,7 +27,7 @@ from ergon.scores.staging.sweep_members import visits
 ALL_TIME = (-math.inf, math.inf)
 _first, _last = (lambda low, high: low), (lambda low, high: high)
 _STRIKE_STEPS = 2_000  # steps of work for a strike
-_ALONE = 1.0  # [s] for which a bow is drawn where nothing says how long a note is
+_BOW_SECONDS = 1.0  # [s] for which a bow is drawn where nothing says how long a note is
 
 # When a note begins and ends [s]; None where nothing says when it ends.
 Span = tuple[float, float | None]
@@ -243,8 +243,8 @@ class Striking:
 
     def _last_end(self, instant: float) -> float:
         """When strikes end whose last begins at an instant, both in s."""
-        is_drawn = any(holds.is_drawn for holds in self._held_mats.values())
-        return instant + _ALONE if is_drawn else instant
+        is_drawn = any(held_mats.is_drawn for held_mats in self._held_mats.values())
+        return instant + _BOW_SECONDS if is_drawn else instant
 
     def _strike(self, mat: int, span: Span, member: int, number: int, count: int) -> None:
         """Strike a MAT with the impulse of stroke `number` of `count`."""
@@ -274,14 +274,14 @@ class Striking:
             chance = _core.Chance(self.piece.seed, "strikes", name, member, strike_number)
             return chance.uniform(low, high)
 
-        holds = self._held_mats.get(mat)
-        if holds is None and not self._is_inside(stroke_span[0]):
+        held_mats = self._held_mats.get(mat)
+        if held_mats is None and not self._is_inside(stroke_span[0]):
             return  # most notes of a version that plays from its middle
         impulse = stroke_level.impulse(impulse_reach, draw)
         if impulse_reach is not None and impulse_reach.turns and strike_number % 2:
             impulse = -impulse
-        if holds is not None:
-            self._hold(mat, stroke_span, holds.strength(impulse))
+        if held_mats is not None:
+            self._hold(mat, stroke_span, held_mats.strength(impulse))
         if self._is_drawn(mat):
             self._draw(mat, stroke_span, self._gain * impulse)
         elif self._gain > 0.0:
@@ -289,7 +289,7 @@ class Striking:
 
     def _draw(self, mat: int, span: Span, impulse: float) -> None:
         """Strike a MAT, and by the opposite impulse where the note ends."""
-        begin, end = span[0], span[0] + _ALONE if span[1] is None else span[1]
+        begin, end = span[0], span[0] + _BOW_SECONDS if span[1] is None else span[1]
         assert self.drawn is not None
         note = DrawnNote(self.strikes.name, self._places[mat], begin, end, impulse)
         self.drawn.play(note, mat, self.source, self.within)
@@ -301,8 +301,8 @@ class Striking:
 
     def _hold(self, mat: int, stroke_span: Span, strength: float) -> None:
         """Let what lasts as long as a note begin and end with it."""
-        holds = self._held_mats.get(mat)
-        for held, hold in () if holds is None else holds.mats:
+        held_mats = self._held_mats.get(mat)
+        for held, hold in () if held_mats is None else held_mats.mats:
             impulse = hold.impulse(strength)
             if not hold.is_lifted:
                 self._draw(held, stroke_span, impulse if self._gain > 0.0 else 0.0)

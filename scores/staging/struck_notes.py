@@ -13,8 +13,8 @@ from ergon.notation.tables.strengths import MEZZO_FORTE, ImpulseRange
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.stage import Stage
 
-_TOGETHER = 1e-6  # [s] strikes of one stroke on several modules
-_LONGEST = 1.0  # [s] of a note that nothing ends, where no other follows
+_SAME_STROKE_SECONDS = 1e-6  # [s] strikes of one stroke on several modules
+_NOTE_SECONDS_MAX = 1.0  # [s] of a note that nothing ends, where no other follows
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +65,11 @@ def _notes_of_part(stage: Stage, instrument: Instrument, family: str) -> Iterato
     for number, (note_begin, impulse) in enumerate(strokes):
         next_strike = strokes[number + 1][0] if number + 1 < len(strokes) else math.inf
         let_down = next(
-            (instant for instant in lifted if instant > note_begin + _TOGETHER), math.inf
+            (instant for instant in lifted if instant > note_begin + _SAME_STROKE_SECONDS), math.inf
         )
         # A damper that comes down after the next stroke ends that one.
-        is_ended = let_down <= next_strike + _TOGETHER and math.isfinite(let_down)
-        note_end = min(next_strike, let_down if is_ended else note_begin + _LONGEST)
+        is_ended = let_down <= next_strike + _SAME_STROKE_SECONDS and math.isfinite(let_down)
+        note_end = min(next_strike, let_down if is_ended else note_begin + _NOTE_SECONDS_MAX)
         note_spans.append((note_begin, note_end, impulse))
     loudest = max((impulse for *_, impulse in note_spans), default=0.0)
     for note_begin, note_end, impulse in sorted(note_spans):
@@ -116,7 +116,7 @@ def _strokes(stage: Stage, instrument: Instrument, dampers: set[int]) -> list[tu
     drawn_mats = {mat for target in drawn_targets for mat in _members(assembly, target)}
     for mat in sorted(mats - dampers - drawn_mats):
         for stroke in _strikes_on(stage, mat):
-            key = round(stroke.at / _TOGETHER)
+            key = round(stroke.at / _SAME_STROKE_SECONDS)
             release_before = strokes_by_frame.get(key, (stroke.at, 0.0))[1]
             strokes_by_frame[key] = stroke.at, max(release_before, abs(stroke.impulse))
     return [stroke for _, stroke in sorted(strokes_by_frame.items()) if stroke[1] > 0.0]

@@ -16,7 +16,7 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Key
 from ergon.scores.staging.hands import StagedGesture
 
-_SLACK = 1e-9  # metres: a written point on the very end of the travel is inside
+_TRAVEL_TOLERANCE = 1e-9  # metres: a written point on the very end of the travel is inside
 # Near a multiple of half the key's period the strike that meets the next point grows without bound:
 # |sin ωΔt| of 0.2 takes five times the strike of a quarter period.
 _SINGULAR = 0.2
@@ -27,7 +27,7 @@ _BLOCK = 4096  # frames computed at once: of a rehearsal nothing is kept but its
 # A rehearsal takes about this many frames at most, unless that leaves fewer than 64 in a period of
 # the key, or fewer than 1000 in a second if the key is not one underdamped CEL.
 _FRAMES = 1 << 21
-_LONGEST = 24 * 3600.0  # [s]
+_GESTURE_SECONDS_MAX = 24 * 3600.0  # [s]
 _LEAST_RATE, _PER_PERIOD = 1000.0, 64.0
 
 
@@ -49,9 +49,12 @@ def check_travel(
     limits = {name: _limits(key) for name, key in piece.keys.items()}
     for gesture, (low_position, high_position) in zip(gestures, timeline.ranges(), strict=True):
         least, greatest = limits[gesture.key]
-        if gesture.stop - gesture.start > _LONGEST:
+        if gesture.stop - gesture.start > _GESTURE_SECONDS_MAX:
             continue  # too long for a piece: reported elsewhere
-        is_inside = low_position >= least - _SLACK and high_position <= greatest + _SLACK
+        is_inside = (
+            low_position >= least - _TRAVEL_TOLERANCE
+            and high_position <= greatest + _TRAVEL_TOLERANCE
+        )
         if gesture.layer or (is_inside and "throw" not in gesture.curves):
             continue
         player_key = piece.keys[gesture.key]
@@ -79,7 +82,7 @@ def check_travel(
                 max(high_position, thrown_high),
             )
         excess = max(least - low_position, high_position - greatest)
-        if excess > max(_SLACK, farthest.get(gesture.place, (0.0,))[0]):
+        if excess > max(_TRAVEL_TOLERANCE, farthest.get(gesture.place, (0.0,))[0]):
             farthest[gesture.place] = (
                 excess,
                 *_sentence(player_key, gesture, low_position, high_position, swing),
@@ -123,7 +126,11 @@ def _remedy(
     if is_throw:
         return "write `smooth` instead of `throw` to keep the key on a path"
     least, greatest = travel_limits
-    if gesture.x and min(gesture.x) >= least - _SLACK and max(gesture.x) <= greatest + _SLACK:
+    if (
+        gesture.x
+        and min(gesture.x) >= least - _TRAVEL_TOLERANCE
+        and max(gesture.x) <= greatest + _TRAVEL_TOLERANCE
+    ):
         return (
             "write a `hold` at the turning point, or more time, "
             "against the overshoot of the smooth path"

@@ -11,8 +11,8 @@ from planned_sound import off_db, played
 
 from ergon import _core
 from ergon.workshop.api.export import faust_programs
+from ergon.workshop.models.programs.elements import Law
 from ergon.workshop.models.programs.faust_law import Laws
-from ergon.workshop.models.programs.network import Law
 
 pytestmark = pytest.mark.usefixtures("work_folder")
 RATE = 44_100

@@ -54,8 +54,8 @@ BREAKS = {
     ),
     "repl/test_journal_hostile.py::test_replay_of_python_lines": (
         "repl/session/replay.py",
-        '    commands = reparse(line_event.get("line", str), on)\n',
-        '    commands = reparse(line_event.get("line", str), on)\n'
+        '    commands = reparse(line_event.get("line", str), version_before)\n',
+        '    commands = reparse(line_event.get("line", str), version_before)\n'
         '    [exec(getattr(command, "expression", "")) for command in commands]\n',
     ),
     "scores/test_take_files.py::test_npz_with_pickled_objects_is_refused": (

@@ -318,7 +318,8 @@ impl JackCapture {
         Ok(self.open()?.recorded())
     }
 
-    /// Let the server run as fast as its clients, or by its clock again; whether it agreed.
+    /// Switch the freewheel mode of the server, in which it runs as fast as its clients; returns whether the server
+    /// accepted.
     fn freewheel(&self, py: Python<'_>, on: bool) -> PyResult<bool> {
         let capture = self.open()?;
         Ok(py.detach(|| capture.freewheel(on)))

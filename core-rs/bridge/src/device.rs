@@ -204,7 +204,7 @@ impl Device {
     /// Whether it runs in lockstep: it has no clock of its own.
     #[getter]
     fn lockstep(&self) -> bool {
-        self.lock_device().as_ref().is_some_and(|own| own.in_lockstep())
+        self.lock_device().as_ref().is_some_and(|device| device.in_lockstep())
     }
 
     /// The sign of an axis, found by a small force, in ticks of `period` [s]: 1 or -1.
@@ -223,7 +223,7 @@ impl Device {
     fn ends<'py>(&self, py: Python<'py>, seconds: f64, period: f64) -> PyResult<Bound<'py, PyArray2<f64>>> {
         ticks(seconds, period)?;
         let axis_ends = self
-            .with(py, |own, stop| calibrate::travel_ends(own, seconds, period, stop))?
+            .with(py, |device, stop| calibrate::travel_ends(device, seconds, period, stop))?
             .map_err(plain_error)?;
         let end_rows: Vec<_> = axis_ends[..self.spec.dof].iter().map(|row| row.to_vec()).collect();
         PyArray2::from_vec2(py, &end_rows).map_err(plain_error)
@@ -276,8 +276,8 @@ impl Device {
             self.check_axis(axis)?;
         }
         let test_pulse = Pulse::from_spec(&self.spec);
-        self.with(py, |own, stop| {
-            calibrate::directions(own, axes, test_pulse, period, stop)
+        self.with(py, |device, stop| {
+            calibrate::directions(device, axes, test_pulse, period, stop)
         })?
         .map_err(plain_error)
     }

@@ -87,7 +87,7 @@ fn indexed_error(module: &str, message: impl Display, index: Option<usize>) -> P
     })
 }
 
-/// EngineError with a sentence about one hand, which whoever shows it calls by its player.
+/// EngineError with a sentence about one hand; `index` is its number, which Python replaces by the name of its player.
 pub(crate) fn hand_error(sentence: impl Display, hand: usize) -> PyErr {
     let python_error = EngineError::new_err(sentence.to_string());
     with_attributes(python_error, None, |python_error| python_error.setattr("index", hand))

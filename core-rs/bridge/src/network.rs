@@ -212,7 +212,7 @@ impl Network {
         let end_slots = |end_index: usize| -> Numbers<i64> {
             let slot_index =
                 |element: &network::Element| element.ends[end_index].map_or(-1, |slot_index| slot_index as i64);
-            Numbers(elements.each.iter().map(slot_index).collect())
+            Numbers(elements.elements.iter().map(slot_index).collect())
         };
         let kind_word = |element: &network::Element| match element.kind {
             ElementKind::Tie => "CEL",
@@ -226,11 +226,11 @@ impl Network {
             ElementKind::Space => "SPACE",
         };
         Ok(Elements {
-            kinds: elements.each.iter().map(kind_word).collect(),
+            kinds: elements.elements.iter().map(kind_word).collect(),
             a: end_slots(0),
             b: end_slots(1),
-            stiffness: Numbers(elements.each.iter().map(|element| element.k).collect()),
-            damping: Numbers(elements.each.iter().map(|element| element.z).collect()),
+            stiffness: Numbers(elements.elements.iter().map(|element| element.k).collect()),
+            damping: Numbers(elements.elements.iter().map(|element| element.z).collect()),
             n_held: elements.n_held,
             ca_rate: elements.ca_rate.map(Rate::hertz),
             mats: elements.mats,

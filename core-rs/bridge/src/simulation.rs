@@ -62,7 +62,7 @@ impl Simulation {
             }
             let plan = plan.0.clone();
             return computing(py, || simulation::Simulation::planned_from(plan, options, start))?
-                .map(|own| Self(own, false))
+                .map(|simulation| Self(simulation, false))
                 .map_err(from_engine);
         }
         // The network that was passed, not the timeline's copy: it may have new outputs.
@@ -71,7 +71,7 @@ impl Simulation {
             let plan = ergon_engine::plan::Plan::plain(network, &timeline.inner, options.unchecked)?;
             simulation::Simulation::planned_from(std::sync::Arc::new(plan), options, start)
         })?
-        .map(|own| Self(own, false))
+        .map(|simulation| Self(simulation, false))
         .map_err(from_engine)
     }
 

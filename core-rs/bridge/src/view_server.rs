@@ -78,7 +78,7 @@ impl ViewServer {
     /// Show a performance through `window`, as soon as the simulation plays for which the window was made.
     fn show(&self, window: &Window, performance: &Performance) -> PyResult<()> {
         let (physics, scene_pages) = window.ends()?;
-        let times_heard = performance.with(|own| own.output_times())?;
+        let times_heard = performance.with(|performance_now| performance_now.output_times())?;
         self.with(|open| {
             let showing = match open.showing.take() {
                 Some(showing) => showing,
@@ -89,7 +89,7 @@ impl ViewServer {
             Ok::<_, PyErr>(())
         })??;
         // Opened last, when the server is ready to take pictures from it.
-        let is_asked = performance.with(|own| own.open(physics))?;
+        let is_asked = performance.with(|performance_now| performance_now.open(physics))?;
         is_asked
             .then_some(())
             .ok_or_else(|| plain_error("too many requests at once; try again"))

@@ -31,14 +31,14 @@ struct Limit {
 }
 
 impl Limit {
-    /// Why the work must end, of which a computation has `more` steps; None if it may go on.
-    fn why(&self, more: u64) -> Option<&'static str> {
+    /// Why the work must end, of which a computation has `next_steps` steps; None if it may go on.
+    fn why(&self, next_steps: u64) -> Option<&'static str> {
         if self.is_cancelled.load(Ordering::Relaxed) {
             return Some("cancelled");
         }
-        let steps_spent = self.spent.load(Ordering::Relaxed).saturating_add(more);
+        let steps_spent = self.spent.load(Ordering::Relaxed).saturating_add(next_steps);
         self.steps_max
-            .is_some_and(|most| steps_spent > most)
+            .is_some_and(|steps_max| steps_spent > steps_max)
             .then_some("costly")
     }
 }
@@ -48,9 +48,9 @@ thread_local! {
     static LIMITS: RefCell<Vec<Arc<Limit>>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Why the work of a thread must end, of which a computation has `more` steps; None if it may go on.
-fn stop_reason(limits: &[Arc<Limit>], more: u64) -> Option<&'static str> {
-    limits.iter().find_map(|limit| limit.why(more))
+/// Why the work of a thread must end, of which a computation has `next_steps` steps; None if it may go on.
+fn stop_reason(limits: &[Arc<Limit>], next_steps: u64) -> Option<&'static str> {
+    limits.iter().find_map(|limit| limit.why(next_steps))
 }
 
 /// Count steps of work that is done.

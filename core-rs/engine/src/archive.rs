@@ -77,11 +77,11 @@ impl Archive<'_> {
             list.clear();
             list.resize_with(list_length, T::default);
         }
-        list.iter_mut().try_for_each(|own| own.archive(self))
+        list.iter_mut().try_for_each(|entry| entry.archive(self))
     }
 
     /// An option that comes and goes during a simulation.
-    pub(crate) fn maybe<T: State + Default>(&mut self, state: &mut Option<T>) -> Result<(), Damaged> {
+    pub(crate) fn optional<T: State + Default>(&mut self, state: &mut Option<T>) -> Result<(), Damaged> {
         let mut is_there = state.is_some();
         is_there.archive(self)?;
         if is_there {
@@ -109,7 +109,7 @@ impl Archive<'_> {
     }
 }
 
-/// Implements `State` for an option: one that comes and goes (`maybe`), or is always or never there (`fixed`).
+/// Implements `State` for an option: one that comes and goes (`optional`), or is always or never there (`fixed`).
 macro_rules! option {
     ($kind:ty, $which:ident) => {
         impl $crate::archive::State for Option<$kind> {
@@ -131,7 +131,7 @@ macro_rules! numbers {
             }
         }
 
-        option!($number, maybe);
+        option!($number, optional);
     )*};
 }
 
@@ -167,7 +167,7 @@ impl<A: State, B: State, C: State> State for (A, B, C) {
 /// A slice has no length in the archive.
 impl<T: State> State for [T] {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
-        self.iter_mut().try_for_each(|own| own.archive(archive))
+        self.iter_mut().try_for_each(|entry| entry.archive(archive))
     }
 }
 

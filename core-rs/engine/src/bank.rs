@@ -108,13 +108,13 @@ impl Bank {
             members: Vec::new(),
         };
         let mut motions = Vec::new();
-        for alike in member_order.chunk_by(|&i, &j| outputs(i).eq(outputs(j))) {
+        for same_output_members in member_order.chunk_by(|&i, &j| outputs(i).eq(outputs(j))) {
             let first_group = bank_script.rates.len();
-            for members in alike.chunks(LANES) {
+            for members in same_output_members.chunks(LANES) {
                 motions.push(bank_script.group(oscillators, members));
             }
             bank_script.sections.push(Section {
-                outputs: outputs(alike[0]).collect(),
+                outputs: outputs(same_output_members[0]).collect(),
                 groups: first_group..bank_script.rates.len(),
             });
         }

@@ -1,8 +1,8 @@
 //! CEL: a mass tied to the ground by a spring and a damper, discretised exactly.
 //!
-//! m ẍ + z ẋ + k (x - rest) = 0 has a closed solution. The scheme
-//! x[n+1] = (2-κ-ζ) x[n] - (1-ζ) x[n-1] + F[n]/M with M = m/T² gives exactly the samples of this solution
-//! if κ and ζ are computed from its poles. T is the step, θ the angle and r the decay of one step.
+//! m ẍ + z ẋ + k (x - rest) = 0 has a closed solution. The scheme x[n+1] = (2-κ-ζ) x[n] - (1-ζ) x[n-1] + F[n]/M with M
+//! = m/T² gives exactly the samples of this solution if κ and ζ are computed from its poles. T is the step, θ the angle
+//! and r the decay of one step.
 
 mod response;
 #[cfg(test)]
@@ -99,7 +99,7 @@ enum Poles {
     /// Poles -σ ± iω: ω [rad/s], 0 at critical damping.
     Oscillating { omega: f64 },
     /// Poles -slow and -fast [1/s]; 0 <= slow < fast.
-    Creeping { slow: f64, fast: f64 },
+    Overdamped { slow: f64, fast: f64 },
 }
 
 impl Cell {
@@ -115,7 +115,7 @@ impl Cell {
         } else {
             let fast = sigma + sqrt(overdamping);
             // Not σ - √…: that difference loses its digits if the spring is weak.
-            Poles::Creeping {
+            Poles::Overdamped {
                 slow: squared / fast,
                 fast,
             }
@@ -136,7 +136,7 @@ impl Cell {
     pub fn frequency(&self) -> f64 {
         match self.poles {
             Poles::Oscillating { omega } => omega / TAU,
-            Poles::Creeping { .. } => 0.0,
+            Poles::Overdamped { .. } => 0.0,
         }
     }
 
@@ -145,7 +145,7 @@ impl Cell {
         self.mass
             * match self.poles {
                 Poles::Oscillating { omega } => omega * omega + self.sigma * self.sigma,
-                Poles::Creeping { slow, fast } => slow * fast,
+                Poles::Overdamped { slow, fast } => slow * fast,
             }
     }
 
@@ -162,7 +162,7 @@ impl Cell {
         match self.poles {
             Poles::Oscillating { omega } => Ratios::from_poles(self.sigma * time_step, omega * time_step),
             // κ is (1-λ₁)(1-λ₂), ζ is 1-λ₁λ₂.
-            Poles::Creeping { slow, fast } => Ratios {
+            Poles::Overdamped { slow, fast } => Ratios {
                 kappa: expm1(-slow * time_step) * expm1(-fast * time_step),
                 zeta: -expm1(-2.0 * self.sigma * time_step),
             },
@@ -184,13 +184,13 @@ impl Cell {
             let slow = radius_loss + 2.0 * pole_radius * half_sine_squared - 2.0 * pole_radius * pole_spread;
             let fast = radius_loss + 2.0 * pole_radius * half_sine_squared + 2.0 * pole_radius * pole_spread;
             let [slow, fast] = [slow, fast].map(|gone| -log1p(-gone) * sample_rate);
-            Poles::Creeping { slow, fast }
+            Poles::Overdamped { slow, fast }
         };
-        let is_sound = match poles {
+        let is_valid = match poles {
             Poles::Oscillating { omega } => sigma.is_finite() && omega.is_finite(),
-            Poles::Creeping { slow, fast } => slow.is_finite() && fast.is_finite() && slow < fast,
+            Poles::Overdamped { slow, fast } => slow.is_finite() && fast.is_finite() && slow < fast,
         };
-        is_sound.then_some(Self { mass: m, sigma, poles })
+        is_valid.then_some(Self { mass: m, sigma, poles })
     }
 
     /// x(0) - x(-T) [m] of the free motion with position `x` [m] and velocity `v` [m/s] at t = 0, and the rest position
@@ -200,10 +200,10 @@ impl Cell {
     /// T·v.
     pub fn last_step(&self, x: f64, v: f64, rest: f64, rate: Rate) -> f64 {
         /// e^-FORGOTTEN is less than half the rounding unit.
-        const FORGOTTEN: f64 = 37.0;
+        const NEGLIGIBLE_DECAY: f64 = 37.0;
         let (y, time_step) = (x - rest, rate.step());
         let s = self.sigma * time_step;
-        if 2.0 * s > FORGOTTEN {
+        if 2.0 * s > NEGLIGIBLE_DECAY {
             return time_step * v;
         }
         // y(-T) = e^s (y C - (v + σy) S), with the (hyperbolic) cosine C, and sine over ω S, of one step:
@@ -218,7 +218,7 @@ impl Cell {
                 };
                 (2.0 * exp(s) * (half_sine * half_sine) - expm1(s), exp(s) * sine_term)
             }
-            Poles::Creeping { slow, fast } => {
+            Poles::Overdamped { slow, fast } => {
                 let pole_gap = fast - slow;
                 let cosine_term = -0.5 * (expm1(fast * time_step) + expm1(slow * time_step));
                 (
@@ -235,7 +235,7 @@ impl Cell {
         match self.poles {
             Poles::Oscillating { omega } if omega > 0.0 => exp(-self.sigma * t) * sin(omega * t) / omega,
             Poles::Oscillating { .. } => exp(-self.sigma * t) * t,
-            Poles::Creeping { slow, fast } => {
+            Poles::Overdamped { slow, fast } => {
                 let pole_gap = fast - slow;
                 -exp(-slow * t) * expm1(-pole_gap * t) / pole_gap
             }
@@ -246,7 +246,7 @@ impl Cell {
     pub(crate) fn released(&self, t: f64) -> f64 {
         match self.poles {
             Poles::Oscillating { omega } => exp(-self.sigma * t) * cos(omega * t) + self.sigma * self.response(t),
-            Poles::Creeping { slow, fast } => {
+            Poles::Overdamped { slow, fast } => {
                 let pole_gap = fast - slow;
                 exp(-slow * t) * (1.0 - slow * expm1(-pole_gap * t) / pole_gap)
             }
@@ -262,25 +262,25 @@ impl Cell {
     }
 
     /// Displacement [m] per impulse [N·s], `t` [s] >= 0 after it.
-    pub(crate) fn answer(&self, t: f64) -> f64 {
+    pub(crate) fn impulse_response(&self, t: f64) -> f64 {
         self.response(t) / self.mass
     }
 
     /// The same function extended to times `t` [s] before the impulse. If it decays by more than
     /// e^-BACKWARD_DECAY_MAX over `t`, it is extended as an odd function, since its own continuation would become
     /// too large.
-    pub(crate) fn answer_around(&self, t: f64) -> f64 {
+    pub(crate) fn impulse_response_around(&self, t: f64) -> f64 {
         if t < 0.0 && self.pole_magnitude_max() * -t > BACKWARD_DECAY_MAX {
-            -self.answer(-t)
+            -self.impulse_response(-t)
         } else {
-            self.answer(t)
+            self.impulse_response(t)
         }
     }
 
     /// [`Self::answer_around`] as two products, `answer_around(to - from)` = later(to)·earlier(from): the factors
     /// `[later, earlier]` at a time `t` [s]. Times of a `step` [s] around 0 keep them all within
     /// e^±(BACKWARD_DECAY_MAX/2).
-    pub(crate) fn answer_factors(&self, t: f64) -> [[f64; 2]; 2] {
+    pub(crate) fn impulse_response_factors(&self, t: f64) -> [[f64; 2]; 2] {
         match self.poles {
             Poles::Oscillating { omega } => {
                 let (decay_factor, sine, cosine) = (exp(-self.sigma * t), sin(omega * t), cos(omega * t));
@@ -290,7 +290,7 @@ impl Cell {
                     [cosine / decay_factor, sine / decay_factor],
                 ]
             }
-            Poles::Creeping { slow, fast } => {
+            Poles::Overdamped { slow, fast } => {
                 let amplitude_factor = 1.0 / (self.mass * (fast - slow));
                 let [slow, fast] = [slow, fast].map(|pole| exp(-pole * t));
                 [
@@ -302,10 +302,10 @@ impl Cell {
     }
 
     /// Whether [`Self::answer_factors`] keep the digits of the answer within a step [s].
-    pub(crate) fn has_answer_factors(&self, step: f64) -> bool {
+    pub(crate) fn has_impulse_response_factors(&self, step: f64) -> bool {
         let pole_spread = match self.poles {
             Poles::Oscillating { omega } => omega,
-            Poles::Creeping { slow, fast } => fast - slow,
+            Poles::Overdamped { slow, fast } => fast - slow,
         };
         pole_spread * step >= FACTORS_SPREAD_MIN && self.pole_magnitude_max() * step <= BACKWARD_DECAY_MAX
     }
@@ -319,7 +319,7 @@ impl Cell {
     pub(crate) fn pole_magnitude_max(&self) -> f64 {
         match self.poles {
             Poles::Oscillating { omega } => sqrt(self.sigma * self.sigma + omega * omega),
-            Poles::Creeping { fast, .. } => fast,
+            Poles::Overdamped { fast, .. } => fast,
         }
     }
 

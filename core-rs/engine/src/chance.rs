@@ -113,8 +113,8 @@ mod tests {
         Chance::new(20_181_110, "strikes", name, 3, 1)
     }
 
-    /// hashlib.sha256(b"20181110/strikes/rain/3/1").digest(); then numpy.random.PCG64 with
-    /// inc = stream << 1 | 1 and state = (state + inc)·multiplier + inc (mod 2**128): random_raw(3).
+    /// hashlib.sha256(b"20181110/strikes/rain/3/1").digest(); then numpy.random.PCG64 with inc = stream << 1 | 1 and
+    /// state = (state + inc)·multiplier + inc (mod 2**128): random_raw(3).
     #[test]
     fn chance_draws_equal_numpy() {
         let mut chance = chance("rain");

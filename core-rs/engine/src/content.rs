@@ -33,10 +33,10 @@ impl Write for Sink {
     }
 }
 
-/// A hash of a network under any names, and of what else counts (64 hex digits).
-pub(crate) fn network_key(network: &Network, also: Arguments<'_>) -> String {
+/// A hash of a network without its names, and of the text `other_inputs` (64 hex digits).
+pub(crate) fn network_key(network: &Network, other_inputs: Arguments<'_>) -> String {
     let network = network.anonymous(&PartOrder::new([network]));
-    hex_of(format_args!("{network:?}\n{also}"))
+    hex_of(format_args!("{network:?}\n{other_inputs}"))
 }
 
 /// A hash of formatted text (64 hex digits).

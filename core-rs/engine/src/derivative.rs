@@ -25,7 +25,7 @@ struct Differentiator {
     weights: [f64; SIDE],
     /// The last frames, oldest first.
     past: [f64; SPAN - 1],
-    is_begun: bool,
+    has_started: bool,
 }
 
 /// The outputs that are differentiated, in place. A first derivative is delayed by 7.5 frames, a second by 8 frames.
@@ -42,12 +42,12 @@ impl Derivatives {
             output: index,
             is_second: output.order == 2,
             weights: if output.order == 2 {
-                second().map(|weight| weight * rate * rate)
+                second_weights().map(|weight| weight * rate * rate)
             } else {
-                first().map(|weight| weight * rate)
+                first_weights().map(|weight| weight * rate)
             },
             past: [0.0; SPAN - 1],
-            is_begun: false,
+            has_started: false,
         });
         Self(differentiators.collect())
     }
@@ -60,8 +60,8 @@ impl Derivatives {
     /// Replace each output in `frames` that is differentiated by its derivative, (n_frames, n_out).
     pub fn process(&mut self, frames: &mut [f64], n_out: usize) {
         for block in frames.chunks_mut(BLOCK * n_out.max(1)) {
-            for own in &mut self.0 {
-                own.process(block, n_out.max(1));
+            for differentiator in &mut self.0 {
+                differentiator.process(block, n_out.max(1));
             }
         }
     }
@@ -73,7 +73,8 @@ impl Derivatives {
                 outputs.get(old_differentiator.output).copied().flatten() == Some(differentiator.output)
             };
             if let Some(old_differentiator) = old.0.iter().find(is_same_output) {
-                (differentiator.past, differentiator.is_begun) = (old_differentiator.past, old_differentiator.is_begun);
+                (differentiator.past, differentiator.has_started) =
+                    (old_differentiator.past, old_differentiator.has_started);
             }
         }
     }
@@ -87,9 +88,9 @@ impl Differentiator {
         let mut x = [0.0; PAST + BLOCK];
         let samples = frames.iter().skip(self.output).step_by(n_out);
         x[PAST..].iter_mut().zip(samples).for_each(|(x, sample)| *x = *sample);
-        if !self.is_begun {
+        if !self.has_started {
             self.past = [x[PAST]; PAST];
-            self.is_begun = true;
+            self.has_started = true;
         }
         x[..PAST].copy_from_slice(&self.past);
         self.past.copy_from_slice(&x[n_frames..n_frames + PAST]);
@@ -122,7 +123,7 @@ wide! {
 }
 
 /// Weights of x(k − ½) − x(½ − k) in the first derivative at 0, k from 1.
-fn first() -> [f64; SIDE] {
+fn first_weights() -> [f64; SIDE] {
     std::array::from_fn(|i| {
         let k = (i + 1) as f64;
         let odd_number = 2.0 * k - 1.0;
@@ -136,7 +137,7 @@ fn first() -> [f64; SIDE] {
 }
 
 /// Weights of x(k) − 2·x(0) + x(−k) in the second derivative at 0, k from 1.
-fn second() -> [f64; SIDE] {
+fn second_weights() -> [f64; SIDE] {
     std::array::from_fn(|i| {
         let k = (i + 1) as f64;
         let lagrange_factors = (1..=SIDE).filter(|&m| m != i + 1).map(|m| {

@@ -43,9 +43,9 @@ impl Dry {
         -2.0 * speed_ratio / self.speed * (self.static_level - self.level) * exp(-speed_ratio * speed_ratio)
     }
 
-    /// Number of steps of a frame in which a level that falls with the velocity changes little, if a force of 1 N over the
-    /// frame changes the velocity by `response` [m/s]: it lets a slide grow exponentially. The level falls most steeply
-    /// at `speed`/√2.
+    /// Number of steps of a frame in which a level that falls with the velocity changes little, if a force of 1 N over
+    /// the frame changes the velocity by `response` [m/s]: it lets a slide grow exponentially. The level falls most
+    /// steeply at `speed`/√2.
     pub(crate) fn steps(&self, response: f64) -> f64 {
         if !self.falls() {
             return 1.0;

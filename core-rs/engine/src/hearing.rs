@@ -9,7 +9,7 @@ pub(crate) mod third_octaves;
 
 pub use constants::JUST_NOTICEABLE;
 pub(crate) use constants::{HIGHEST_AUDIBLE, QUIET_POWER_RATIO, SHORTEST_SECONDS};
-use constants::{MEAN_ROUNDING, MOVED_SHARE};
+use constants::{MEAN_ROUNDING_SHARE, MOTION_START_SHARE};
 
 /// The audible error of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,8 +29,8 @@ pub struct Audible {
 }
 
 impl Audible {
-    /// The error of a run against a finer one of the same length (n_frames · n_out), at `rate` [Hz], with partials up to
-    /// `upto` [Hz]. Both are compared from where the finer one begins to sound.
+    /// The error of a run against a finer one of the same length (n_frames · n_out), at `rate` [Hz], with partials up
+    /// to `upto` [Hz]. Both are compared from where the finer one begins to sound.
     pub(crate) fn new((run, finer): (&[f64], &[f64]), n_out: usize, rate: f64, upto: f64) -> Self {
         let n_outputs = n_out.max(1);
         (0..n_outputs).fold(Self::default(), |worst, output| {
@@ -103,7 +103,7 @@ fn begin_of_sound(sound: &[f64]) -> usize {
     let first_sample = sound.first().copied().unwrap_or(0.0);
     let motion = |x: &f64| (x - first_sample).abs();
     let largest = sound.iter().map(motion).fold(0.0, f64::max);
-    let is_moving = |x: &f64| motion(x) > MOVED_SHARE * largest;
+    let is_moving = |x: &f64| motion(x) > MOTION_START_SHARE * largest;
     sound.iter().position(is_moving).unwrap_or(0).saturating_sub(1)
 }
 
@@ -112,7 +112,11 @@ fn without_mean(sound: &[f64]) -> Vec<f64> {
     let mean = sound.iter().sum::<f64>() / sound.len().max(1) as f64;
     let largest = sound.iter().fold(0.0_f64, |max, x| max.max(x.abs()));
     let cut_rounding = |x: f64| {
-        if x.abs() > MEAN_ROUNDING * largest { x } else { 0.0 }
+        if x.abs() > MEAN_ROUNDING_SHARE * largest {
+            x
+        } else {
+            0.0
+        }
     };
     sound.iter().map(|x| cut_rounding(x - mean)).collect()
 }

@@ -90,10 +90,10 @@ enum Motion {
 impl State for Motion {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         match self {
-            Self::Ca(it) => it.archive(archive),
-            Self::Ca2p(it) => it.archive(archive),
-            Self::Bm4(it) => it.archive(archive),
-            Self::Ieq(it) => it.archive(archive),
+            Self::Ca(stepper) => stepper.archive(archive),
+            Self::Ca2p(stepper) => stepper.archive(archive),
+            Self::Bm4(stepper) => stepper.archive(archive),
+            Self::Ieq(stepper) => stepper.archive(archive),
         }
     }
 }
@@ -101,19 +101,19 @@ impl State for Motion {
 impl Motion {
     fn stepper(&self) -> &dyn Stepper {
         match self {
-            Self::Ca(it) => &**it,
-            Self::Ca2p(it) => it,
-            Self::Bm4(it) => it,
-            Self::Ieq(it) => it,
+            Self::Ca(stepper) => &**stepper,
+            Self::Ca2p(stepper) => stepper,
+            Self::Bm4(stepper) => stepper,
+            Self::Ieq(stepper) => stepper,
         }
     }
 
     fn stepper_mut(&mut self) -> &mut dyn Stepper {
         match self {
-            Self::Ca(it) => &mut **it,
-            Self::Ca2p(it) => it,
-            Self::Bm4(it) => it,
-            Self::Ieq(it) => it,
+            Self::Ca(stepper) => &mut **stepper,
+            Self::Ca2p(stepper) => stepper,
+            Self::Bm4(stepper) => stepper,
+            Self::Ieq(stepper) => stepper,
         }
     }
 }
@@ -138,8 +138,7 @@ impl Integrator {
     ///
     /// # Errors
     /// With the name of a module that the method cannot step: methods other than CA take continuous parameters and
-    /// plain
-    /// contacts only.
+    /// plain contacts only.
     pub(crate) fn new(network: &Network, rate: Rate, method: MeshMethod, substeps: u32) -> Result<Self, Error> {
         let rate = faster(rate, substeps)?;
         let network_mesh = Arc::new(Mesh::new(network, rate, method)?);
@@ -258,13 +257,13 @@ impl Integrator {
         // The balance of an active law cannot be judged.
         let is_known = |run: &Run| !matches!(&run.kind, Kind::Lnl { law, .. } if law.is_active(DAMPING_TEST_MAX.0, DAMPING_TEST_MAX.1));
         !stepped_mesh.scheme.is_linear
-            && stepped_mesh.others.iter().all(is_known)
+            && stepped_mesh.other_runs.iter().all(is_known)
             && self.n_integrated() <= INTEGRATED_MAX
     }
 
     /// Links whose energy has no closed form: it is integrated each time that it is asked for.
     pub(crate) fn n_integrated(&self) -> usize {
-        let other_runs = self.motion.stepper().mesh().others.iter();
+        let other_runs = self.motion.stepper().mesh().other_runs.iter();
         let integrated =
             other_runs.filter(|run| matches!(&run.kind, Kind::Lnl { law, .. } if !law.has_closed_energy()));
         integrated.map(|run| run.len).sum()

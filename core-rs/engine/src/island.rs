@@ -93,7 +93,7 @@ struct State {
     values: Values,
     matter: Matter,
     hands: Hands,
-    watch: Watch,
+    watch: Monitors,
 }
 
 /// What a frame does not compute but follows: parameters and gates.
@@ -142,7 +142,7 @@ struct Hands {
 
 /// What watches: peaks of contacts, faults, stability, energy.
 #[derive(Clone, Debug)]
-struct Watch {
+struct Monitors {
     touches: contact_peaks::ContactPeaks,
     mutes: Mutes,
     /// Present if links can stiffen beyond the limit of the scheme.
@@ -150,7 +150,7 @@ struct Watch {
     /// Accounts of links that can create energy.
     gains: Option<Box<energy_gain::Gains>>,
     /// The energy of the whole island.
-    rise: Option<Box<energy_rise::Rise>>,
+    energy_rise: Option<Box<energy_rise::Rise>>,
     ledger: Option<Ledger>,
 }
 
@@ -178,7 +178,7 @@ impl Matter {
     /// Give the ports of all bodies their positions and steps.
     fn place(&mut self) {
         for inside in &self.bodies {
-            inside.place(&mut self.body);
+            inside.set_ports(&mut self.body);
         }
     }
 }
@@ -257,7 +257,9 @@ impl Island {
     /// Sum over parts of their finer frames so far times the most steps that one such frame took.
     pub(crate) fn guard_steps(&self) -> u64 {
         let finer_parts = self.finer();
-        finer_parts.map(|(_, frames, most)| frames * u64::from(most)).sum()
+        finer_parts
+            .map(|(_, frames, substeps)| frames * u64::from(substeps))
+            .sum()
     }
 
     /// Makes all motion decay by an additional factor `by` in each step.
@@ -379,8 +381,8 @@ impl Island {
     pub(crate) fn reserve(&mut self) {
         let n_targets = self.script.drives.len() + self.script.voices.len();
         self.state.matter.targets.reserve(n_targets);
-        for (voice, own) in self.state.hands.voices.iter_mut().zip(&self.script.voices) {
-            voice.reserve(own);
+        for (voice, voice_script) in self.state.hands.voices.iter_mut().zip(&self.script.voices) {
+            voice.reserve(voice_script);
         }
         for body in &mut self.state.matter.bodies {
             body.reserve();

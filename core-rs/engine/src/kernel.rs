@@ -19,7 +19,7 @@ pub(crate) mod thread_team;
 
 pub(crate) use exact::{Contact, SLIDE_DISTANCE_MIN, contacts, friction, rest};
 pub(crate) use laws::Laws;
-pub(crate) use mats::{advance, centred, fine_steps, is_bounded, needed, predict};
+pub(crate) use mats::{advance, centred, fine_steps, force_to_reach, is_bounded, predict};
 pub(crate) use pairwise::{Contact as PairContact, Neighbours};
 pub(crate) use runs::{links, slide_bristles};
 pub(crate) use taps::tap;

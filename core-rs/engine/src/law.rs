@@ -373,7 +373,7 @@ impl Law {
         const OCTAVES: i32 = 44; // to 17 km
         if let Elastic::Points(points) = &self.elastic {
             let stiffness = stiffness * self.reach * self.reach;
-            return points.steeper_beyond(stiffness) * self.reach;
+            return points.distance_to_steeper(stiffness) * self.reach;
         }
         let is_stiffer = |d: &f64| [*d, -d].iter().any(|&d| self.slope(d) > stiffness);
         let sampled_places = (0..=OCTAVE * OCTAVES)
@@ -402,10 +402,10 @@ impl Law {
     /// Whether its force far from rest is small compared with its slopes at rest, as that of a bow is: motion that
     /// these slopes excite stays bounded.
     pub(crate) fn is_bounded_far_from_rest(&self) -> bool {
-        const FAR: f64 = 1e3; // [m], [m/s]
+        const PROBE_DISTANCE: f64 = 1e3; // [m], [m/s]
         const SMALL_RATIO: f64 = 0.01;
-        let is_small = |far: f64, slope: f64| (far / FAR).abs() <= SMALL_RATIO * slope.abs();
-        [FAR, -FAR].iter().all(|&far| {
+        let is_small = |far: f64, slope: f64| (far / PROBE_DISTANCE).abs() <= SMALL_RATIO * slope.abs();
+        [PROBE_DISTANCE, -PROBE_DISTANCE].iter().all(|&far| {
             is_small(self.spring(far), self.slope(0.0)) && is_small(self.drag(0.0, far), self.damping_slope(0.0))
         })
     }

@@ -19,12 +19,12 @@ pub fn copysign(size: f64, sign: f64) -> f64 {
 }
 
 /// Exponents up to this that are multiples of 1/2 need no `pow`, which takes ten times as long as a square root.
-const HALVES_MAX: f64 = 4.0;
+const HALF_EXPONENT_MAX: f64 = 4.0;
 
 /// p^α for p >= 0.
 pub(crate) fn power_law(p: f64, exponent: f64) -> f64 {
     let half_count = 2.0 * exponent;
-    if !(0.0..=2.0 * HALVES_MAX).contains(&half_count) || half_count != floor(half_count) {
+    if !(0.0..=2.0 * HALF_EXPONENT_MAX).contains(&half_count) || half_count != floor(half_count) {
         return pow(p, exponent);
     }
     let half_count = half_count as u32;

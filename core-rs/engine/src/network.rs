@@ -43,7 +43,7 @@ pub use output::{Output, Term};
 pub(crate) use pairwise::PairRun;
 pub use pairwise::{PairLaw, Pairwise, PointGroup};
 pub use parameters::{But, Contact, Side, Tie};
-pub use proxy::{Along, Proxy, Shares};
+pub use proxy::{Proxy, Shares, SidePosition};
 pub use reachable::{NetworkMoment, PRESS_DEPTH, ReachableNetwork};
 pub(crate) use sliding::{Sliding, difference};
 pub(crate) use space::{AXES_MAX, distance, line};

@@ -3,9 +3,9 @@
 //! The scheme is in delta form: with the state d = x[n] − x[n−1], d += F/M − κ(x − rest) − ζd, x += d. It equals x⁺ =
 //! 2x − x⁻ + F/M, and is more accurate if positions are large and steps small.
 
-mod alike;
 mod certify;
 mod discretise;
+mod equal_ranges;
 mod link;
 mod spring;
 mod taps;
@@ -13,13 +13,13 @@ mod taps;
 pub use certify::{Certificate, Means, StabilityGuarantee};
 pub(crate) use certify::{LargestEigenvalue, Refusal, largest_eigenvalue, largest_eigenvalue_up_to};
 pub(crate) use link::tension_energy;
-pub(crate) use spring::{Pull, Spring};
+pub(crate) use spring::{ForceEnds, Spring};
 pub(crate) use taps::Tap;
 
 use std::sync::Arc;
 
-use alike::EqualRange;
 use discretise::Ties;
+use equal_ranges::EqualRange;
 
 use crate::law::{Hardening, Law};
 use crate::network::forest::Forest;
@@ -212,7 +212,7 @@ pub struct Scheme {
     /// Rest position of the tie [m]         (n_mat)
     pub(crate) rest: Vec<f64>,
     /// Ranges of MATs with equal coefficients; empty if there are too many ranges, or if the coefficients change.
-    pub(crate) alike: Vec<EqualRange>,
+    pub(crate) equal_ranges: Vec<EqualRange>,
     /// Constant force [N]                   (n_mat at most; 0 for the MATs after its end)
     pub(crate) weight: Vec<f64>,
     /// The part to which the MAT belongs    (n_mat)

@@ -143,7 +143,7 @@ mod tests {
     use std::f64::consts::TAU;
 
     /// Gain of an analogue Butterworth high-pass of order 2 at the prewarped frequency.
-    fn wanted(f: f64, cutoff: f64, rate: f64) -> f64 {
+    fn exact_gain(f: f64, cutoff: f64, rate: f64) -> f64 {
         let prewarped = |f: f64| maths::sin(0.5 * TAU * f / rate) / maths::cos(0.5 * TAU * f / rate);
         let warp_ratio = prewarped(f) / prewarped(cutoff);
         1.0 / maths::sqrt(1.0 + 1.0 / (warp_ratio * warp_ratio * warp_ratio * warp_ratio))
@@ -172,8 +172,11 @@ mod tests {
             (1000.0, 48_000.0, 300.0),
             (20_000.0, 44_100.0, 21_000.0),
         ] {
-            let (measured, wanted) = (gain(cutoff, rate, f), wanted(f, cutoff, rate));
-            assert!((measured - wanted).abs() < 1e-9, "{cutoff} {f}: {measured} {wanted}");
+            let (measured, expected) = (gain(cutoff, rate, f), exact_gain(f, cutoff, rate));
+            assert!(
+                (measured - expected).abs() < 1e-9,
+                "{cutoff} {f}: {measured} {expected}"
+            );
         }
     }
 
@@ -190,12 +193,12 @@ mod tests {
             highpass_all(&mut sections, &mut rows, n_frames);
         }
         for (lane, filtered) in signals.iter().enumerate() {
-            let mut wanted: Vec<f64> = signal(lane).collect();
+            let mut expected: Vec<f64> = signal(lane).collect();
             for n_frames in [300, 1, 64] {
                 let next = |x: &mut f64| *x = alone[lane].next(*x).high;
-                wanted[..n_frames].iter_mut().for_each(next);
+                expected[..n_frames].iter_mut().for_each(next);
             }
-            assert_eq!(*filtered, wanted);
+            assert_eq!(*filtered, expected);
         }
         assert_eq!(signals[3], signal(3).collect::<Vec<f64>>());
     }

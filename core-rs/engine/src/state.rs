@@ -121,8 +121,8 @@ impl Body {
         self.x.copy_from_slice(&other.x);
         self.d.copy_from_slice(&other.d);
         self.memory.copy_from_slice(&other.memory);
-        for (own, other) in self.histories.iter_mut().zip(&other.histories) {
-            own.copy_from(other);
+        for (history, other) in self.histories.iter_mut().zip(&other.histories) {
+            history.copy_from(other);
         }
         self.inner.copy_from_slice(&other.inner);
     }

@@ -65,7 +65,7 @@ pub enum StrikeError {
     #[error("a strike must be at 0 s or later, not at {0} s")]
     Before(f64),
     /// A strike that is too long [s].
-    #[error("a strike lasts 0 to {} ms, not {} ms", 1e3 * pulse::LASTS_MAX, 1e3 * .0)]
+    #[error("a strike lasts 0 to {} ms, not {} ms", 1e3 * pulse::STRIKE_SECONDS_MAX, 1e3 * .0)]
     Lasts(f64),
     /// A MAT that no strike moves.
     #[error("{0} is fixed, so no strike can move it; strike a mass that moves")]
@@ -328,7 +328,7 @@ impl Timeline {
         } else {
             pulse::DEFAULT_STRIKE_SECONDS
         });
-        if (0.0..=pulse::LASTS_MAX).contains(&lasts) {
+        if (0.0..=pulse::STRIKE_SECONDS_MAX).contains(&lasts) {
             Ok(pulse::n_parts(lasts))
         } else {
             Err(StrikeError::Lasts(lasts))

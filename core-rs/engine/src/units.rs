@@ -79,8 +79,8 @@ mod tests {
     fn rate_from_positive_numbers_only() {
         assert_eq!(Rate::new(44_100.0).map(Rate::hertz), Ok(44_100.0));
         assert_eq!(Rate::new(4.0).map(Rate::step), Ok(0.25));
-        for bad in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-310] {
-            assert!(Rate::new(bad).is_err(), "{bad}");
+        for invalid_rate in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e-310] {
+            assert!(Rate::new(invalid_rate).is_err(), "{invalid_rate}");
         }
     }
 }

@@ -97,8 +97,8 @@ mod tests {
     #[test]
     fn errors_of_the_worst_output_at_any_place() {
         let loud_output = tone(200);
-        let two_outputs = |soft: f64, place: f64| -> Vec<f64> {
-            let frame_pairs = loud_output.iter().map(|x| [x + place, soft * x - place]);
+        let two_outputs = |soft_level: f64, place: f64| -> Vec<f64> {
+            let frame_pairs = loud_output.iter().map(|x| [x + place, soft_level * x - place]);
             frame_pairs.flatten().collect()
         };
         let mean = loud_output.iter().sum::<f64>() / 200.0;

@@ -100,13 +100,13 @@ pub fn open_until(url: &Url, canceller: &WaitCanceller) -> Result<Box<dyn Device
     arm::with_arm(device, url)
 }
 
-/// Open the key that a stream of positions plays, in ticks of `period` [s]. It is opened `again` only while somebody
-/// plays it; a performance may begin without.
+/// Open the key that a stream of positions plays, in ticks of `period` [s]. With `is_retry` it is opened only while
+/// somebody plays it; a performance may begin without.
 ///
 /// # Errors
 /// [`DeviceError`] if nothing leads it, or nobody plays it now.
-pub fn open_led(url: &Url, period: f64, again: bool) -> Result<Box<dyn Device>, DeviceError> {
-    Ok(Box::new(led::Led::open(url, period, again)?))
+pub fn open_led(url: &Url, period: f64, is_retry: bool) -> Result<Box<dyn Device>, DeviceError> {
+    Ok(Box::new(led::Led::open(url, period, is_retry)?))
 }
 
 /// The driver of a kind of device for a board that is emulated inside this process.

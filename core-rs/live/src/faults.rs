@@ -254,7 +254,7 @@ impl Measurement {
             (Outcome::Zero(after), Ok(bound)) => after > bound + 1e-9,
             (Outcome::Persists, Ok(_)) => true,
         };
-        let is_above = |[found, most]: [f64; 2]| found > most * (1.0 + 1e-12);
+        let is_above = |[measured, allowed]: [f64; 2]| measured > allowed * (1.0 + 1e-12);
         is_late || is_above(self.greatest) || is_above(self.rise)
     }
 }

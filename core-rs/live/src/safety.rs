@@ -219,7 +219,7 @@ impl<D: Device> Guarded<D> {
     /// Note which axes are tripped, and hold those that tripped too often.
     fn note_trips(&mut self, now: Duration) {
         for (axis, latch) in self.latches.iter_mut().enumerate() {
-            let watched = self.watched.as_ref().and_then(|own| own.trip(axis));
+            let watched = self.watched.as_ref().and_then(|trips| trips.trip(axis));
             let trip_cause = watched.or_else(|| self.pipeline.tripped(axis));
             if let Some(trip_cause) = trip_cause.filter(|_| self.trips[axis].is_none()) {
                 latch.note(trip_cause, now);

@@ -28,7 +28,7 @@ pub(crate) struct Inbox<const N: usize> {
 }
 
 impl<const N: usize> Inbox<N> {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new_bytes() -> Self {
         Self {
             bytes: [0; N],
             len: 0,
@@ -36,8 +36,8 @@ impl<const N: usize> Inbox<N> {
         }
     }
 
-    /// Take bytes, and pass every whole packet to `each`; other bytes are skipped.
-    pub(crate) fn feed<T>(&mut self, mut new: &[u8], parse: impl Fn(&[u8]) -> Parsed<T>, mut each: impl FnMut(T)) {
+    /// Take bytes, and pass every whole packet to `visit`; other bytes are skipped.
+    pub(crate) fn feed<T>(&mut self, mut new: &[u8], parse: impl Fn(&[u8]) -> Parsed<T>, mut visit: impl FnMut(T)) {
         while !new.is_empty() {
             let taken_bytes = new.len().min(N - self.len);
             self.bytes[self.len..self.len + taken_bytes].copy_from_slice(&new[..taken_bytes]);
@@ -47,7 +47,7 @@ impl<const N: usize> Inbox<N> {
             while packet_offset < self.len {
                 match parse(&self.bytes[packet_offset..self.len]) {
                     Parsed::Packet(packet, len) => {
-                        each(packet);
+                        visit(packet);
                         packet_offset += len;
                     }
                     Parsed::Garbage(len) => {

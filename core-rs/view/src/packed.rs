@@ -3,14 +3,14 @@
 use crate::payload::{Bytes, Reading};
 use crate::range::{Coder, EVEN, NumberModel, Reader, Writer};
 
-/// How far displacements may be off. The first three are of points that are sampled, in frames.
+/// Error bounds of displacements. The first three are for sampled points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bound {
     /// Share of the point's own amplitude: half the distance between its extremes so far.
     pub amplitude: f64,
     /// \[m\] of a point that moves by less than twice as much in a block.
     pub rest: f64,
-    /// \[m\] that nothing is held more exactly than, whatever its amplitude; less where the part moves little.
+    /// Smallest bound \[m\] of any point, whatever its amplitude; smaller in a part that moves little.
     pub least: f64,
     /// Share of the amplitude of an oscillation that is continued by a reader.
     pub flight: f64,
@@ -25,26 +25,32 @@ pub const BOUND: Bound = Bound {
 };
 /// Frames in which a point either rests or moves.
 const BLOCK: usize = 20;
-/// Share of the largest amplitude of a part that no eye sees.
-const UNSEEN: f64 = 1.0 / (1 << 20) as f64;
+/// Displacements below this share of the largest amplitude of a part cannot be seen.
+const UNSEEN_SHARE: f64 = 1.0 / (1 << 20) as f64;
 /// A displacement too small to be seen \[m\].
-const FAINT: f64 = 1e-12;
+const UNSEEN_METRES: f64 = 1e-12;
 /// Steps that the largest displacement may be away at most.
 const STEPS_MAX: f64 = (1_u64 << 40) as f64;
 /// Largest code of a step.
 const CODE_MAX: u64 = 200;
 
-/// What a frame is foreseen as. A point that rests is held in the fine steps of the chunk.
+/// The predictor of a frame. A point at rest is stored in the fine steps of the chunk.
 #[derive(Clone, Copy, PartialEq)]
 enum Mode {
     Rest,
     Hold,
     Line,
-    Beside,
-    Ahead,
+    LikeNeighbour,
+    NeighbourLine,
 }
 
-const MODES: [Mode; 5] = [Mode::Rest, Mode::Hold, Mode::Line, Mode::Beside, Mode::Ahead];
+const MODES: [Mode; 5] = [
+    Mode::Rest,
+    Mode::Hold,
+    Mode::Line,
+    Mode::LikeNeighbour,
+    Mode::NeighbourLine,
+];
 /// Bits of the number of a mode.
 const MODE_BITS: u32 = 3;
 
@@ -60,7 +66,7 @@ fn code(bound: f64, unit: f64) -> u64 {
 }
 
 /// What is foreseen of a point in the next frame, from its own frames so far, and those of the two points before it.
-fn foreseen(mode: Mode, frames: &[i64], before: [&[i64]; 2]) -> i64 {
+fn predicted_position(mode: Mode, frames: &[i64], before: [&[i64]; 2]) -> i64 {
     let frame_index = frames.len();
     let Some(&last_position) = frames.last() else {
         return 0;
@@ -69,14 +75,14 @@ fn foreseen(mode: Mode, frames: &[i64], before: [&[i64]; 2]) -> i64 {
     let predicted_move = match mode {
         Mode::Rest | Mode::Hold => 0,
         Mode::Line => last_position.wrapping_sub(frames[frame_index.saturating_sub(2)]),
-        Mode::Beside => movement_of(before[0]),
-        Mode::Ahead => (movement_of(before[0]).wrapping_mul(2)).wrapping_sub(movement_of(before[1])),
+        Mode::LikeNeighbour => movement_of(before[0]),
+        Mode::NeighbourLine => (movement_of(before[0]).wrapping_mul(2)).wrapping_sub(movement_of(before[1])),
     };
     last_position.wrapping_add(predicted_move)
 }
 
 /// What has been learnt so far of the numbers in a chunk.
-struct Learnt {
+struct CodingModel {
     steps: NumberModel,
     firsts: NumberModel,
     differences: NumberModel,
@@ -90,7 +96,7 @@ struct Learnt {
 /// Contexts of differences: by the number of bits of the last two.
 const CONTEXTS: usize = 15;
 
-impl Learnt {
+impl CodingModel {
     fn new() -> Self {
         Self {
             steps: NumberModel::new(1),
@@ -156,7 +162,7 @@ fn from_zigzag(x: u64) -> i64 {
 /// a small motion after a large one.
 const FINE_BYTES_MAX: usize = 1024;
 /// Share of the amplitude in these frames alone that half a finer step is.
-const FINE_SHARE: f64 = 3e-4;
+const FINE_AMPLITUDE_SHARE: f64 = 3e-4;
 
 /// Append frames (count, n) that are all known; `amplitudes` (n) [m] are those of the points so far, these frames
 /// included.
@@ -166,7 +172,7 @@ pub(crate) fn pack(out: &mut Bytes, rows: &[f64], amplitudes: &[f64]) {
     if rows.len() <= 8 * FINE_BYTES_MAX {
         let finer_bound = |point: usize| {
             let point_frames = rows[point..].iter().step_by(n);
-            coarse_bound(point).min(0.5 * FINE_SHARE * extent(point_frames))
+            coarse_bound(point).min(0.5 * FINE_AMPLITUDE_SHARE * extent(point_frames))
         };
         let packed_bytes = pack_within(rows, amplitudes, finer_bound);
         if packed_bytes.len() <= FINE_BYTES_MAX {
@@ -181,21 +187,21 @@ pub(crate) fn pack(out: &mut Bytes, rows: &[f64], amplitudes: &[f64]) {
 fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -> Vec<u8> {
     let (n, mut packed_bytes) = (amplitudes.len(), Bytes::default());
     let largest = |values: &[f64]| values.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
-    let floor_bound = (largest(amplitudes) * UNSEEN)
-        .clamp(FAINT, BOUND.least)
+    let floor_bound = (largest(amplitudes) * UNSEEN_SHARE)
+        .clamp(UNSEEN_METRES, BOUND.least)
         .max(largest(rows) / STEPS_MAX);
     // The smallest step is four units.
     let unit_length = power_of_two(0.5 * floor_bound);
     let fine_code = code(BOUND.rest.max(floor_bound), unit_length);
     packed_bytes.f64(unit_length);
     packed_bytes.u16(fine_code as u16);
-    let (mut writer, mut learnt) = (Writer::new(), Learnt::new());
+    let (mut writer, mut coding_model) = (Writer::new(), CodingModel::new());
     let frame_count = rows.len() / n.max(1);
-    let (mut before, mut before_that) = (vec![0; frame_count], vec![0; frame_count]);
+    let (mut before, mut second_before) = (vec![0; frame_count], vec![0; frame_count]);
     for point in 0..n {
         let point_frames: Vec<f64> = rows[point..].iter().step_by(n).copied().collect();
         let coarse_code = code(bound(point).max(floor_bound), unit_length);
-        learnt.step(&mut writer, coarse_code);
+        coding_model.step(&mut writer, coarse_code);
         let mut coded_frames: Vec<i64> = Vec::with_capacity(frame_count);
         for block in point_frames.chunks(BLOCK) {
             let is_resting = coarse_code > fine_code && extent(block.iter()) <= 2.0 * BOUND.rest;
@@ -205,7 +211,7 @@ fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -
                 let mut trial_frames = coded_frames.clone();
                 let differences: Vec<i64> = (block.iter())
                     .map(|x| {
-                        let predicted = foreseen(mode, &trial_frames, [&before, &before_that]);
+                        let predicted = predicted_position(mode, &trial_frames, [&before, &second_before]);
                         let step_difference =
                             ((x / unit_length - predicted as f64) / step_size as f64).round_ties_even();
                         trial_frames.push(predicted + step_difference as i64 * step_size);
@@ -221,13 +227,13 @@ fn pack_within(rows: &[f64], amplitudes: &[f64], bound: impl Fn(usize) -> f64) -
             let Some((mode, trial_frames, differences)) = mode_trials.min_by_key(|trial| bit_count(&trial.2)) else {
                 continue;
             };
-            learnt.mode(&mut writer, mode);
+            coding_model.mode(&mut writer, mode);
             for (i, difference) in differences.into_iter().enumerate() {
-                learnt.difference(&mut writer, difference, coded_frames.len() + i == 0);
+                coding_model.difference(&mut writer, difference, coded_frames.len() + i == 0);
             }
             coded_frames = trial_frames;
         }
-        before_that = std::mem::replace(&mut before, coded_frames);
+        second_before = std::mem::replace(&mut before, coded_frames);
     }
     packed_bytes.0.extend(writer.finish());
     packed_bytes.0
@@ -240,7 +246,7 @@ pub(crate) fn unpack(payload: &[u8], count: usize, n: usize) -> Option<Vec<f64>>
     if !(unit_length > 0.0 && unit_length.is_finite()) || fine_code > CODE_MAX {
         return None;
     }
-    let (mut reader, mut learnt) = (Reader::new(head_reading.0), Learnt::new());
+    let (mut reader, mut learnt) = (Reader::new(head_reading.0), CodingModel::new());
     let mut all_rows = vec![0.0; count * n];
     let (mut before, mut before_that) = (vec![0; count], vec![0; count]);
     for point in 0..n {
@@ -254,7 +260,7 @@ pub(crate) fn unpack(payload: &[u8], count: usize, n: usize) -> Option<Vec<f64>>
                 step_size
             };
             for _ in decoded_frames.len()..count.min(decoded_frames.len() + BLOCK) {
-                let predicted = foreseen(block_mode, &decoded_frames, [&before, &before_that]);
+                let predicted = predicted_position(block_mode, &decoded_frames, [&before, &before_that]);
                 let step_difference = learnt.difference(&mut reader, 0, decoded_frames.is_empty())?;
                 decoded_frames.push(predicted.wrapping_add(step_difference.wrapping_mul(step_size)));
             }

@@ -223,11 +223,11 @@ impl MotionFile {
         }
         let no_oscillation = Oscillation { omega: 0.0, sigma: 0.0 };
         let mut oscillations = vec![no_oscillation; point_count + self.n_modes];
-        for own in &mut oscillations[..point_count] {
-            own.omega = reading.f64()?;
+        for oscillation in &mut oscillations[..point_count] {
+            oscillation.omega = reading.f64()?;
         }
-        for own in &mut oscillations[..point_count] {
-            own.sigma = reading.f64()?;
+        for oscillation in &mut oscillations[..point_count] {
+            oscillation.sigma = reading.f64()?;
         }
         (self.places, self.oscillations) = (point_places, oscillations);
         Some(())

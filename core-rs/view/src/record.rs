@@ -7,7 +7,7 @@
 use std::collections::HashMap;
 use std::ops::Range;
 
-use ergon_engine::simulation::{Glance, How, Look, Push, Record, Simulation};
+use ergon_engine::simulation::{Glance, Look, PointMotion, Push, Record, Simulation};
 
 use crate::frames::Frames;
 use crate::motion::{MAGIC, PAYLOAD_MAX};
@@ -361,7 +361,7 @@ impl Recorder {
             .map(|(key, mat)| {
                 let key_point = self.points.get(mat).map(|&index| (index, &self.look.points[index]));
                 let key_position = match key_point {
-                    Some((_, point)) if matches!(point.how, How::NotComputed { .. }) => f64::NAN,
+                    Some((_, point)) if matches!(point.how, PointMotion::NotComputed { .. }) => f64::NAN,
                     Some((point_index, point)) => glance.tracks[point_index] + point.rest,
                     None => f64::NAN,
                 };

@@ -72,8 +72,8 @@ class ListOf(Shape):
         """The values of items in lines of their own. Each item is read once; it is read again only
         if the reading made a report.
         """
-        let = list_node.document.let
-        values_key = id(self.item), field_name, context.owner, let
+        let_node = list_node.document.let
+        values_key = id(self.item), field_name, context.owner, let_node
         values_read = [
             None if line is None else line.values.get(values_key) for line in list_node.lines
         ]
@@ -83,7 +83,7 @@ class ListOf(Shape):
                 list_node.items[item_number],
                 list_node.lines[item_number],
             )
-            item_node.document.let, item_node.document.lets = let, list_node.document.lets
+            item_node.document.let, item_node.document.lets = let_node, list_node.document.lets
             values_read[item_number] = self.item.read(item_node, field_name, context)
             if item_line is not None and context.collector.n_reports == n_reported:
                 item_line.values[values_key] = values_read[item_number]
@@ -236,8 +236,8 @@ class NamesOf(Shape):
             return wrong_shape(self, node, name, context)
         values_by_name: dict[str, Any] = {}
         # The value of an entry in a line of its own is read once, unless the reading made a report.
-        let = node.document.let
-        condition = id(self.item), context.name, let
+        let_node = node.document.let
+        condition = id(self.item), context.name, let_node
         named_entries = _Entries(node, self.noun, context.memory)
         fields = self.item.field_names()
         lost = lost_indentation(node.entries, lambda _, word: word in fields)
@@ -267,7 +267,7 @@ class NamesOf(Shape):
                 continue
             inner_context = context.inside(self.noun, entry_word, key_node.place)
             if known_line is not None:
-                child_node.document.let, child_node.document.lets = let, node.document.lets
+                child_node.document.let, child_node.document.lets = let_node, node.document.lets
             n_reported = context.collector.n_reports
             entry_value = values_by_name[entry_word] = self.item.read(child_node, "", inner_context)
             if context.collector.n_reports > n_reported:

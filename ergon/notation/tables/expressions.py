@@ -292,9 +292,9 @@ class _Reader:
             raise self._error("the value is too large", place, 1)
         return amount
 
-    def _sign(self, which: str) -> str:
+    def _sign(self, signs: str) -> str:
         sign_place = self._space()
-        if sign_place < len(self.text) and self.text[sign_place] in which:
+        if sign_place < len(self.text) and self.text[sign_place] in signs:
             self.offset = sign_place + 1
             return self.text[sign_place]
         return ""

@@ -53,7 +53,7 @@ _LETTERS = {"C": 0, "D": 2, "E": 4, "F": 5, "G": 7, "A": 9, "B": 11}
 _SIGNS = {"": 0, "#": 1, "♯": 1, "b": -1, "♭": -1}
 _SHARP = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 _FLAT = ("C", "Db", "D", "Eb", "E", "F", "Gb", "G", "Ab", "A", "Bb", "B")
-_USUAL = ("C", "C#", "D", "Eb", "E", "F", "F#", "G", "G#", "A", "Bb", "B")
+_NOTE_NAMES = ("C", "C#", "D", "Eb", "E", "F", "F#", "G", "G#", "A", "Bb", "B")
 _WORD = re.compile(r"\S+")
 _WITH_CENTS = re.compile(r"([A-G][^+\d-]*-?\d)(?:([+-][\d_]+)cents?)?")
 _EXAMPLE = "D3 F3 A3, C3..C5 pentatonic, C3 minor count 8 or A3.min7"
@@ -81,19 +81,19 @@ def nearest_note(frequency: float) -> tuple[str, float]:
     semitones = 69 + 12 * math.log2(frequency / 440)
     note_number = round(semitones)
     octave, step = divmod(note_number, 12)
-    return f"{_USUAL[step]}{octave - 1}", 100 * (semitones - note_number)
+    return f"{_NOTE_NAMES[step]}{octave - 1}", 100 * (semitones - note_number)
 
 
 def word_of(note_text: str) -> str | None:
-    """The word of a pitch, as members are called by it: `A4+386_3cents` for `A4+386.3cents`,
-    `3to2` for `3/2`; None if the text is no pitch.
+    """The name of the member for a pitch: `A4+386_3cents` for `A4+386.3cents`, `3to2` for `3/2`;
+    None if the text is not a pitch.
     """
     word = tuning.spelled(note_text)
     return word if tuning.is_pitch(word) else None
 
 
 def pitch(pitch_text: str) -> float | None:
-    """How high a pitch is, in semitones: 69.0 at 440 Hz; None if the text is no pitch. Notes of
+    """The height of a pitch in semitones: 69.0 at 440 Hz; None if the text is not a pitch. Notes of
     equal temperament have whole numbers.
 
     Raises TextError for a key that the tuning leaves out.
@@ -181,10 +181,10 @@ def parse_notes(text: str) -> tuple[str, ...]:
         if dot:
             _scale(scale, text_offset + len(typed_word) - len(scale))
         note_words += chord(root_note, scale) if dot else [root_note]
-    return _bounded(note_words)
+    return _checked_notes(note_words)
 
 
-def _read_at(word: str, word_offset: int) -> int:
+def _read_number(word: str, word_offset: int) -> int:
     try:
         return read_note(word)
     except TextError as error:
@@ -205,10 +205,10 @@ def check_note(note_text: str) -> None:
 
 def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
     (first_word, words_offset), later_words = words[0], words[1:]
-    low_name, dots, high_name = first_word.partition("..")
+    low_name, range_dots, high_name = first_word.partition("..")
     count_asked = None
-    root_number = _read_at(low_name, words_offset)
-    high_number = _read_at(high_name, words_offset + len(low_name) + 2) if dots else None
+    root_number = _read_number(low_name, words_offset)
+    high_number = _read_number(high_name, words_offset + len(low_name) + 2) if range_dots else None
     scale, scale_offset = "chromatic", words_offset
     if later_words and later_words[0][0] != "count":
         (scale, scale_offset), later_words = later_words[0], later_words[1:]
@@ -252,7 +252,7 @@ def _range(words: list[tuple[str, int]]) -> tuple[str, ...]:
         )
         message += f", not {count_asked}"
         raise TextError(message, offset=words_offset, length=len(first_word), code="E202")
-    return _bounded(spelled_names)
+    return _checked_notes(spelled_names)
 
 
 def _spelled_range(low_note: str, high_note: str, scale: str) -> list[str]:
@@ -278,7 +278,7 @@ def _scale(scale: str, scale_offset: int) -> tuple[int, ...]:
     return SCALES[scale]
 
 
-def _bounded(note_words: list[str]) -> tuple[str, ...]:
+def _checked_notes(note_words: list[str]) -> tuple[str, ...]:
     if len(note_words) > MAX_NOTES:
         message = f"{len(note_words)} notes are written; the maximum is {MAX_NOTES}"
         raise TextError(message, code="E202")
@@ -308,7 +308,7 @@ class Notes(Shape):
                 return wrong_shape(self, item_node, name, context)
             try:
                 note_words += parse_notes(item_node.text)
-                _bounded(note_words)
+                _checked_notes(note_words)
             except TextError as error:
                 context.text_error(error, item_node, name)
                 return MISSING

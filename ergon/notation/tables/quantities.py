@@ -33,7 +33,7 @@ _CHORD = re.compile(r"([A-Ga-g])([#b♯♭]?)(maj7?|min7?|m7b5|m7?|dim7?|aug|sus
 _LILYPOND = re.compile(r"([A-Ga-g])(is|es|s|#|b|)('+|,+)\d*\.*")
 _SOLFEGE = re.compile(rf"({'|'.join(_SYLLABLES)})([#♯b♭]?)(-?\d)?", re.IGNORECASE)
 _FOREIGN_SIGNS = {"is": "#", "es": "b", "s": "b"}
-_STEPS = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
+_SHARP_NAMES = ("C", "C#", "D", "D#", "E", "F", "F#", "G", "G#", "A", "A#", "B")
 _NOTE_NUMBER_MAX = 127
 
 Sign = Literal["any", "positive", "not negative"]
@@ -76,18 +76,18 @@ def _dimension(
     )
 
 
-_LENGTH = "mm:-3 cm:-2 m um:-6 µm:-6 μm:-6"
+_LENGTH_UNITS = "mm:-3 cm:-2 m um:-6 µm:-6 μm:-6"
 _HARDENING = "N/m3 N/mm3:9 kN/m3:3 MN/m3:6"
 MASS = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive", bare=False)
 MASS_OR_NUMBER = _dimension("mass", "kg g:-3 mg:-6", "400g", "positive")  # for `units: ca`
 STIFFNESS = _dimension("stiffness", "N/m kN/m:3 N/mm:3 mN/m:-3", "60N/m", "not negative")
 DAMPING = _dimension("viscosity", "Ns/m mNs/m:-3", "1.2Ns/m", "not negative")
-POSITION = _dimension("length", _LENGTH, "1mm", high_bound=1e3, low_bound=-1e3)
-SIZE = _dimension("length", _LENGTH, "0.5mm", "positive", high_bound=1e3)
-SPAN = _dimension("length", _LENGTH, "5mm", "not negative", high_bound=1e3)
-DISTANCE = _dimension("distance", _LENGTH, "2m", "positive", low_bound=0.01, high_bound=100.0)
+POSITION = _dimension("length", _LENGTH_UNITS, "1mm", high_bound=1e3, low_bound=-1e3)
+SIZE = _dimension("length", _LENGTH_UNITS, "0.5mm", "positive", high_bound=1e3)
+SPAN = _dimension("length", _LENGTH_UNITS, "5mm", "not negative", high_bound=1e3)
+DISTANCE = _dimension("distance", _LENGTH_UNITS, "2m", "positive", low_bound=0.01, high_bound=100.0)
 ROOM_SIZE = _dimension(
-    "size of a room", _LENGTH, "10m", "positive", low_bound=0.5, high_bound=100.0
+    "size of a room", _LENGTH_UNITS, "10m", "positive", low_bound=0.5, high_bound=100.0
 )
 AZIMUTH = _dimension("azimuth", "deg", "30deg", low_bound=-360.0, high_bound=360.0)
 ELEVATION = _dimension("elevation", "deg", "35deg", low_bound=-90.0, high_bound=90.0)
@@ -107,7 +107,7 @@ FORCE = _dimension("force", "N mN:-3 kN:3", "5N", "positive")
 INPUT_FORCE = _dimension(
     "force", "N kN:3 mN:-3 uN:-6 µN:-6 μN:-6", "2mN", low_bound=-1e3, high_bound=1e3
 )
-INPUT_LENGTH = _dimension("length", _LENGTH, "0.1mm", low_bound=-1.0, high_bound=1.0)
+INPUT_LENGTH = _dimension("length", _LENGTH_UNITS, "0.1mm", low_bound=-1.0, high_bound=1.0)
 IMPULSE = _dimension("impulse", "Ns mNs:-3 uNs:-6 µNs:-6 μNs:-6", "2uNs", bare=False)
 POLES = _dimension(
     "force times the square of a distance", "Nm2 Ncm2:-4 Nmm2:-6 mNmm2:-9", "200Nmm2"
@@ -156,7 +156,8 @@ UNIT_RATIO = _dimension("number from 0 to 1", "", "0.5", "not negative", high_bo
 
 # A constant of a law may have any of these; what it must measure depends on the law's text.
 _LAW_UNITS = (
-    f"{_HARDENING} N/m2 N/m N/mm:3 kN/m:3 Ns/m mNs/m:-3 Ns2/m2 N mN:-3 kN:3 m/s mm/s:-3 {_LENGTH} "
+    f"{_HARDENING} N/m2 N/m N/mm:3 kN/m:3 Ns/m mNs/m:-3 Ns2/m2 N mN:-3 kN:3 m/s mm/s:-3 "
+    f"{_LENGTH_UNITS} "
     "s/m Ns/m2 Ns/m3 s ms:-3"
 )
 CONSTANT = _dimension("constant of a law", _LAW_UNITS, "900N/m")
@@ -251,16 +252,18 @@ def _power(unit_text: str, quantity_word: str, unit_offset: int, dimension: Dime
     if not unit_text:
         if dimension.bare or not quantity_word.strip("+-0."):
             return 0
-        usual = dimension.example.lstrip("+-.0123456789")
-        other_unit = next((name for name in (dimension.si, *dimension.units) if name != usual), "")
+        usual_unit = dimension.example.lstrip("+-.0123456789")
+        other_unit = next(
+            (name for name in (dimension.si, *dimension.units) if name != usual_unit), ""
+        )
         could = (
-            f"; it could be {quantity_word}{usual} or {quantity_word}{other_unit}"
+            f"; it could be {quantity_word}{usual_unit} or {quantity_word}{other_unit}"
             if other_unit
             else ""
         )
         message = f"{quote(quantity_word)} has no unit (use {unit_list}){could}"
         raise TextError(
-            message, length=marked_length, suggestion=quantity_word + usual, code="E203"
+            message, length=marked_length, suggestion=quantity_word + usual_unit, code="E203"
         )
     marked_length = len(unit_text)
     if unit_text[0] in ":_," or unit_text[0].isdigit():
@@ -438,7 +441,7 @@ def _check_pitch(pitch_word: str) -> None:
     """Refuse a number that could be that of a note of MIDI. Raises TextError E203."""
     if pitch_word.isdigit() and 0 < int(pitch_word[:4]) <= _NOTE_NUMBER_MAX:
         octave, step = divmod(int(pitch_word), 12)
-        name = f"{_STEPS[step]}{octave - 1}"
+        name = f"{_SHARP_NAMES[step]}{octave - 1}"
         message = (
             f"{quote(pitch_word)} has no unit; it could be {pitch_word}Hz, or the note {name}, "
             "which is "

@@ -29,8 +29,8 @@ _ITALIAN = {
     "loud": "f",
     "fortissimo": "ff",
 }
-_STEPS = len(DYNAMICS) - 1  # steps from one dynamic word to the next, from 0 to 1
-_FORTE = DYNAMICS.index("f") / _STEPS  # the strength at 0 dB
+_N_STEPS = len(DYNAMICS) - 1  # steps from one dynamic word to the next, from 0 to 1
+_FORTE = DYNAMICS.index("f") / _N_STEPS  # the strength at 0 dB
 _VELOCITY = re.compile(r"v([0-9]{1,3})")
 _PLAIN_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+|/[0-9]+)?")
 _ACCENT = "!"
@@ -123,7 +123,7 @@ class Levels:
         return Level(value, value, first_level.is_strength)
 
 
-MEZZO_FORTE = Level(*(DYNAMICS.index("mf") / _STEPS,) * 2, is_strength=True)
+MEZZO_FORTE = Level(*(DYNAMICS.index("mf") / _N_STEPS,) * 2, is_strength=True)
 
 
 def velocity(value: int) -> Level:
@@ -202,18 +202,18 @@ def _strength(strength_word: str) -> float | None:
     accent = 1 if strength_word.endswith(_ACCENT) else 0  # steps
     strength_word = strength_word.removesuffix(_ACCENT)
     if strength_word in DYNAMICS:
-        return min(_STEPS, DYNAMICS.index(strength_word) + accent) / _STEPS
+        return min(_N_STEPS, DYNAMICS.index(strength_word) + accent) / _N_STEPS
     match = _VELOCITY.fullmatch(strength_word)
     if match is not None:
         velocity_value = int(match[1])
         if not 1 <= velocity_value <= 127:
             message = f"a MIDI velocity lies from v1 to v127, not {strength_word}"
             raise TextError(message, length=len(strength_word), code="E202")
-        return min(1.0, velocity_value / 127.0 + accent / _STEPS)
+        return min(1.0, velocity_value / 127.0 + accent / _N_STEPS)
     if _PLAIN_NUMBER.fullmatch(strength_word):
         strength = q.quantity(strength_word, q.NUMBER)
         if 0.0 <= strength <= 1.0:
-            return min(1.0, strength + accent / _STEPS)
+            return min(1.0, strength + accent / _N_STEPS)
     return None
 
 
@@ -256,7 +256,7 @@ _DYNAMIC = r"(ppp|pp|p|mp|mf|f|ff|fff)!?|v[0-9]{1,3}"
 _AMOUNT = rf"({_DYNAMIC}|[+-]?[0-9.]+([eE][+-]?[0-9]+)?(/[0-9]+)? *(Ns|mNs|uNs|µNs|μNs|dB)?!?)"
 _SINGLE = rf"{_AMOUNT}(\.\.{_AMOUNT})?"
 MEANINGS = {
-    word: f"strength {number}/{_STEPS} of the instrument's range"
+    word: f"strength {number}/{_N_STEPS} of the instrument's range"
     for number, word in enumerate(DYNAMICS)
 }
 LEVELS = Text(

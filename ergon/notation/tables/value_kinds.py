@@ -66,10 +66,12 @@ def span(dimension: q.Dimension, example: str) -> Text:
         value = read(span_text)
         return value, value
 
-    single = f"({_NUMBER} *({_units(dimension)})?{f'|{_NOTE}' if dimension is q.FREQUENCY else ''})"
+    single_pattern = (
+        f"({_NUMBER} *({_units(dimension)})?{f'|{_NOTE}' if dimension is q.FREQUENCY else ''})"
+    )
     words = f"{with_article(dimension.name)} or a range, such as {example}"
     remembered = _tuned(parse) if dimension is q.FREQUENCY else _cached(parse)
-    return Text(remembered, words, rf"^{single}(\.\.{single})?$", is_value=True)
+    return Text(remembered, words, rf"^{single_pattern}(\.\.{single_pattern})?$", is_value=True)
 
 
 def integer(low_bound: int, high_bound: int, example: str) -> Text:

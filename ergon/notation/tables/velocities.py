@@ -73,8 +73,10 @@ def parse_curve(curve_text: str) -> Curve:
                 f"{quote(point_word)} is neither {', '.join(LAWS)} nor a point: a strength from 0 "
             )
             message += "to 1 at a velocity from 1 to 127, such as 0.6@64"
-            near = nearest(point_word, LAWS)
-            raise TextError(message, offset=word_place, length=len(point_word), suggestion=near)
+            suggestion = nearest(point_word, LAWS)
+            raise TextError(
+                message, offset=word_place, length=len(point_word), suggestion=suggestion
+            )
         if velocities and velocity <= velocities[-1]:
             message = (
                 f"the velocity of {quote(point_word)} is not above {velocities[-1]}, that of the "

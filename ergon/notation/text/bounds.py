@@ -33,7 +33,7 @@ class FileBounds:
         """The bounds of a score in a folder; with `trust` it may name any file."""
         if trust:
             return cls(None)
-        return cls((_project(_real(folder)), _real(INSTRUMENTS), _real(SHIPPED)))
+        return cls((_project_folder(_real(folder)), _real(INSTRUMENTS), _real(SHIPPED)))
 
     @property
     def allows_any_file(self) -> bool:
@@ -65,7 +65,7 @@ def _real(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-def _project(folder: Path) -> Path:
+def _project_folder(folder: Path) -> Path:
     """The nearest folder, from this one up, that holds a marker file owned by the user; else this
     one.
     """

@@ -17,14 +17,14 @@ from typing import Any
 import yaml
 
 from ergon.notation.text.errors import Collector, quote
-from ergon.notation.text.syntax import MAX_BYTES, MAX_LINES, explained, is_too_deep, level_opens
+from ergon.notation.text.syntax import MAX_BYTES, MAX_LINES, explained, index_of_level, is_too_deep
 from ergon.notation.text.values import Place
 
 MAX_DEPTH = 64  # nested deeper than any score a person writes; keeps later recursion safe
 TOO_DEEP = f"the nesting is deeper than {MAX_DEPTH} levels"
 MAX_NODES = 2_000_000  # nodes with aliases expanded; about 1 GB at the worst
 
-_NEAR = 4_096  # characters in which a row is counted each time
+_NEAR_CHARACTERS = 4_096  # characters in which a row is counted each time
 _STYLES = ("'", '"', "|", ">")
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -57,7 +57,7 @@ class Scalar(Node):
 
     @property
     def is_empty(self) -> bool:
-        """Nothing written after the colon."""
+        """Whether nothing is written after the colon."""
         return self.style is None and self.text in ("", "~", "null")
 
     def place_at(self, text_offset: int, text_length: int = 1) -> Place:
@@ -95,8 +95,10 @@ class Scalar(Node):
             if row_text:  # an empty row may be indented less
                 start, end = self.document.line_span(node_table.first_row + row_index)
                 indent = end - start - len(row_text)
-                agree = indent >= 0 and self.document.text.startswith(row_text, start + indent)
-                return indent if agree else -1
+                is_same_text = indent >= 0 and self.document.text.startswith(
+                    row_text, start + indent
+                )
+                return indent if is_same_text else -1
         return 0
 
     def _flow_index(self, text_offset: int) -> int | None:
@@ -233,7 +235,7 @@ class Document:
 
     def line_of(self, character_index: int) -> tuple[int, int, int]:
         """The row of a character, from 0, with the first index and the end of its line."""
-        if self._starts or character_index > _NEAR or "\r" in self.text:
+        if self._starts or character_index > _NEAR_CHARACTERS or "\r" in self.text:
             row = self.row(character_index)
             return row, *self.line_span(row)
         # Near the beginning of a text that may be long, lines are not looked for to its end.
@@ -305,7 +307,7 @@ def compose(source_text: str, file_name: str, collector: Collector, first_row: i
 
 
 @dataclass(slots=True)
-class _Open:
+class _OpenCollection:
     """A mapping or sequence whose end has not come yet."""
 
     event: yaml.CollectionStartEvent
@@ -326,7 +328,7 @@ class _Composer:
         self.document = document
         self.collector = collector
         self.anchors: dict[str, tuple[Node, int, int]] = {}
-        self.stack: list[_Open] = []
+        self.stack: list[_OpenCollection] = []
         self.root: Node | None = None
         self.total = 0
 
@@ -337,7 +339,7 @@ class _Composer:
             if not is_too_deep(error):
                 raise
             place = (_end(self.stack[-1].event), len(self.stack)) if self.stack else (0, 0)
-            index = level_opens(self.document.text, error, place, MAX_DEPTH + 1)
+            index = index_of_level(self.document.text, error, place, MAX_DEPTH + 1)
             raise _Refused("E105", TOO_DEEP, index) from None
 
     def composed(self) -> Node | None:
@@ -372,7 +374,7 @@ class _Composer:
         self.count(1, _start(event))
         if len(self.stack) >= MAX_DEPTH:
             raise _Refused("E105", TOO_DEEP, _start(event))
-        self.stack.append(_Open(event, []))
+        self.stack.append(_OpenCollection(event, []))
 
     def close(self, end: int) -> None:
         open_frame = self.stack.pop()

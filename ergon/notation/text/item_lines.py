@@ -17,8 +17,8 @@ from ergon.notation.text.document import Document, Line, Node, Scalar, Sequence,
 from ergon.notation.text.errors import Collector
 
 # An item in braces, without quotes or comments.
-_PLAIN = r"[^][{}\"'#\n]*+"
-_REST = rf"{_PLAIN}(?:\[{_PLAIN}\]{_PLAIN})*+\}}"
+_PLAIN_TEXT = r"[^][{}\"'#\n]*+"
+_REST = rf"{_PLAIN_TEXT}(?:\[{_PLAIN_TEXT}\]{_PLAIN_TEXT})*+\}}"
 # Lines of one indentation, each an item or an entry; and items in one line. With fewer than 8,
 # nothing is gained. Both begin with a character that is quickly found.
 _ENTRY = r"[A-Za-z][\w-]*: "
@@ -108,9 +108,9 @@ def compose_by_lines(
     which they were composed. None if there are no such lines, or if they cannot be read alone (an
     alias, a text of several lines, a mistake).
     """
-    short, runs = _shortened(source_text)
+    short_text, runs = _shortened(source_text)
     collector = Collector()
-    composed = compose(short, file_name, collector, row_index) if runs else None
+    composed = compose(short_text, file_name, collector, row_index) if runs else None
     if composed is None or composed.root is None or collector.n_reports:
         return None
     composed.text = source_text
@@ -143,44 +143,44 @@ def compose_by_lines(
 
 def _shortened(source_text: str) -> tuple[str, list[_Run]]:
     """The text with one value in place of each run, and the runs."""
-    short, copied_until = "", 0
+    short_text, copied_until = "", 0
     runs: list[_Run] = []
     for run_start, run_end, indentation, is_mapping in find_runs(source_text):
-        short += source_text[copied_until:run_start]
-        first_length, copied_until, stand_in_name, gap = len(short), run_end, _NAME, 0
+        short_text += source_text[copied_until:run_start]
+        first_length, copied_until, stand_in_name, gap = len(short_text), run_end, _NAME, 0
         if indentation is None:
             run_words, item_length, gap = (
                 source_text[run_start + 1 : run_end - 1].split("}, {"),
                 first_length,
                 len("}, {"),
             )
-            short += stand_in_name
+            short_text += stand_in_name
         elif is_mapping:
             run_words, item_length = (
                 source_text[run_start:run_end].splitlines(keepends=True),
                 first_length + len(indentation),
             )
             stand_in_name = f"{_NAME}{len(runs)}"
-            short += f"{indentation}{stand_in_name}: {{}}\n"
+            short_text += f"{indentation}{stand_in_name}: {{}}\n"
         else:
             run_words, item_length = (
                 source_text[run_start:run_end].splitlines(keepends=True),
                 first_length + len(indentation) + 2,
             )
-            short += f"{indentation}- {stand_in_name}\n"
+            short_text += f"{indentation}- {stand_in_name}\n"
         runs.append(
             _Run(
                 run_start,
                 run_end,
                 first_length,
                 item_length,
-                len(short),
+                len(short_text),
                 run_words,
                 gap,
                 stand_in_name,
             )
         )
-    return short + source_text[copied_until:], runs
+    return short_text + source_text[copied_until:], runs
 
 
 def _line(text: str, file: str, row: int, is_mapping: bool) -> Line | None:
@@ -280,9 +280,9 @@ def _fill_entries(mapping: document.Mapping, by_item: Mapping[int, _Run]) -> int
     ]
     if not fills:
         return 0
-    begun, n_names = mapping.entries, len(mapping.entries)
+    entries_before, n_names = mapping.entries, len(mapping.entries)
     mapping.entries = {}
-    for entry_name, filled_entry in begun.items():
+    for entry_name, filled_entry in entries_before.items():
         run = by_item.get(filled_entry[0].start)
         if run is None or run.name != entry_name:
             mapping.entries[entry_name] = filled_entry

@@ -14,7 +14,7 @@ _Value = TypeVar("_Value")
 
 
 class Recall(Protocol):
-    """Gives what was made under a key, or makes it now."""
+    """Gives the stored value of a key, or makes it."""
 
     def __call__(self, key: Hashable, make: Callable[[], _Value], /) -> _Value:
         """The value of the key."""
@@ -40,12 +40,12 @@ class Memory:
         self.is_loose = is_loose
         self.lock = threading.RLock()  # one reading at a time: all share the collector
         self._collector = Collector()
-        self._now: dict[Hashable, Any] = {}
-        self._before: dict[Hashable, Any] = {}
+        self._values_now: dict[Hashable, Any] = {}
+        self._values_before: dict[Hashable, Any] = {}
         self.last: tuple[Any, Any] | None = None  # what was read last as a whole, and what it is
         # For each section (file, name): the lines of its lists, by their texts.
         self.lines: dict[tuple[str, str], dict[str, Line]] = {}
-        self._held: dict[str, tuple[Any, Any]] = {}
+        self._held_values: dict[str, tuple[Any, Any]] = {}
         self._conditions: dict[str, Any] = {}
 
     def begin(self, *, is_whole: bool = True) -> Collector:
@@ -55,25 +55,26 @@ class Memory:
         not use are not forgotten.
         """
         if is_whole:
-            self._before, self._now = self._now, {}
+            self._values_before, self._values_now = self._values_now, {}
         self._collector.clear()
         return self._collector
 
     def under(self, file_name: str, condition: Any) -> None:
-        """Forget all that was read if a file is read under another condition than before: what
-        its texts mean depends on it, such as notes on a tuning. None is that of a new file.
+        """Forget all values of a file if its condition has changed. The meaning of its texts
+        depends on the condition, as that of notes depends on the tuning. The condition of a new
+        file is None.
         """
         if self._conditions.get(file_name) == condition:
             return
         self._conditions[file_name] = condition
-        self._now, self._before, self._held, self.last = {}, {}, {}, None
+        self._values_now, self._values_before, self._held_values, self.last = {}, {}, {}, None
         for lines in self.lines.values():
             for line in lines.values():
                 line.values.clear()
 
     def held(self, name: str, condition: Any) -> Any:
-        """What is held under a name, if it was under an equal condition; else None."""
-        condition_and_value = self._held.get(name)
+        """The value held under a name; None if there is none, or if its condition differs."""
+        condition_and_value = self._held_values.get(name)
         return (
             condition_and_value[1]
             if condition_and_value is not None and condition_and_value[0] == condition
@@ -81,28 +82,30 @@ class Memory:
         )
 
     def hold(self, name: str, condition: Any, value: Any) -> None:
-        """Hold something under a name, in place of what was."""
-        self._held[name] = condition, value
+        """Hold a value and its condition under a name, in place of the value before."""
+        self._held_values[name] = condition, value
 
     def held_for(self, name: str, *objects: Any) -> Any:
-        """What is held under a name for these same objects; None if it is for others."""
-        condition_and_value = self._held.get(name)
+        """The value held under a name for the same objects; None if it is held for other
+        objects.
+        """
+        condition_and_value = self._held_values.get(name)
         if condition_and_value is None or len(condition_and_value[0]) != len(objects):
             return None
         return condition_and_value[1] if all(map(is_, condition_and_value[0], objects)) else None
 
     def recall(self, key: Hashable, make: Callable[[], _Value]) -> _Value:
-        """The value made under a key, or made now; a value whose making made a report is not
-        kept.
+        """The stored value of a key, or a new one by `make`. A value is not stored if `make`
+        reported a mistake.
         """
         built: _Value
-        if key in self._now:
-            built = self._now[key]
-        elif key in self._before:
-            built = self._now[key] = self._before[key]
+        if key in self._values_now:
+            built = self._values_now[key]
+        elif key in self._values_before:
+            built = self._values_now[key] = self._values_before[key]
         else:
             n_reports = self._collector.n_reports
             built = make()
             if self._collector.n_reports == n_reports:
-                self._now[key] = built
+                self._values_now[key] = built
         return built

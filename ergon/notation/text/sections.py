@@ -15,8 +15,8 @@ from ergon.notation.text.memory import Memory
 
 # A line that begins at the margin with a name: in a block mapping only its own names begin there.
 # A search for a line break is ten times as fast as one for the beginning of a line.
-_FIRST = re.compile(r"[^\s#'\"\-?:,\[\]{}&*!|>%@`][^:\n]*:(?=\s|\Z)")
-_OTHERS = re.compile(rf"\n{_FIRST.pattern}")
+_FIRST_NAME = re.compile(r"[^\s#'\"\-?:,\[\]{}&*!|>%@`][^:\n]*:(?=\s|\Z)")
+_NEXT_NAME = re.compile(rf"\n{_FIRST_NAME.pattern}")
 # What may stand before the first section: blank lines and comments.
 _HEAD = re.compile(r"(?:[ \t]*(?:#.*)?\n)*")
 _MARKERS = "---", "...", "%"  # marks that begin or end a YAML document
@@ -80,8 +80,10 @@ def _has_marker(text: str) -> bool:
 # An edit asks for the sections of the same text again and again.
 @lru_cache(maxsize=4)
 def _cut(source_text: str) -> tuple[tuple[str, int, int], ...]:
-    name_matches = [(0, first.group())] if (first := _FIRST.match(source_text)) else []
-    name_matches += [(match.start() + 1, match.group()) for match in _OTHERS.finditer(source_text)]
+    name_matches = [(0, first.group())] if (first := _FIRST_NAME.match(source_text)) else []
+    name_matches += [
+        (match.start() + 1, match.group()) for match in _NEXT_NAME.finditer(source_text)
+    ]
     section_ends = [*(start for start, _ in name_matches[1:]), len(source_text)]
     return tuple(
         (name[:-1].strip(), start, end)

@@ -1,4 +1,4 @@
-"""Where everything of a YAML text stands, as an edit needs it.
+"""The spans of all nodes of a YAML text, for edits.
 
 Unlike the nodes of a document, aliases are spans of their own, collections say whether they are
 written in flow style, and nothing ends later than its last character.

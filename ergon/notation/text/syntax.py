@@ -19,7 +19,7 @@ PURE_PARSER_LIMIT = 200_000  # characters: the pure parser's better message cost
 
 _INDENTED = "this line is indented differently from the lines that it belongs to"
 _INDENTED_BY_BLANK = re.compile(f"^ *{BLANK.pattern}", re.MULTILINE)
-_SHOWN_MAX = 4  # lines above whose indentation a line may have
+_INDENTATIONS_SHOWN_MAX = 4  # lines above whose indentation a line may have
 
 # libyaml and PyYAML say what the parser wanted; a composer needs what to do.
 _SENTENCES = (
@@ -57,7 +57,7 @@ def is_too_deep(error: Exception) -> bool:
     return "maximum nesting depth" in str(getattr(error, "problem", ""))
 
 
-def level_opens(
+def index_of_level(
     source_text: str, error: Exception, start_and_level: tuple[int, int], bracket_level: int
 ) -> int:
     """Index at which bracket level `bracket_level` opens before such an error; `start_and_level` is
@@ -81,8 +81,8 @@ def explained(source_text: str, error: Exception) -> tuple[int, str]:
         try:
             for _ in yaml.parse(source_text[: 2 * PURE_PARSER_LIMIT], yaml.SafeLoader):
                 pass
-        except yaml.YAMLError as better:
-            error = better
+        except yaml.YAMLError as clearer_error:
+            error = clearer_error
         except (RecursionError, ValueError):
             pass  # keep the first message
     if (blank := _typeset_blank(source_text, _index_of(error))) is not None:
@@ -99,8 +99,8 @@ def explained(source_text: str, error: Exception) -> tuple[int, str]:
 
 
 def _indented(source_text: str, error_index: int) -> str:
-    """What is wrong with how a line begins: with how many spaces the lines above do that are still
-    open, or that it is a name among items of a list.
+    """The message for a wrongly indented line: the indentations that the lines above allow, or
+    that a name stands among the items of a list.
     """
     line_begin = source_text.rfind("\n", 0, error_index) + 1
     indent = len(source_text[line_begin:error_index]) - len(
@@ -121,7 +121,7 @@ def _indented(source_text: str, error_index: int) -> str:
                 )
             depth = spaces
             line_places.append(f"{spaces} ('{line_word.partition(':')[0][:20]}')")
-        if depth == 0 or len(line_places) == _SHOWN_MAX:
+        if depth == 0 or len(line_places) == _INDENTATIONS_SHOWN_MAX:
             break
     if not line_places:
         return _INDENTED
@@ -146,11 +146,16 @@ def _index_of(error: Exception, unclosed: bool = False) -> int:
     """Index of an error; for something that is never closed, the index where it was opened, if that
     is on an earlier line.
     """
-    met = getattr(error, "problem_mark", None)
-    opened = getattr(error, "context_mark", None)
-    if unclosed and met is not None and opened is not None and opened.line < met.line:
-        return int(opened.index)
-    mark = met if met is not None else opened
+    problem_mark = getattr(error, "problem_mark", None)
+    context_mark = getattr(error, "context_mark", None)
+    if (
+        unclosed
+        and problem_mark is not None
+        and context_mark is not None
+        and context_mark.line < problem_mark.line
+    ):
+        return int(context_mark.index)
+    mark = problem_mark if problem_mark is not None else context_mark
     if mark is not None:
         return int(mark.index)
     position = getattr(error, "position", getattr(error, "start", 0))

@@ -25,12 +25,12 @@ _CHARACTERS = {
 BLANK = re.compile("[\u00a0\u2007\u2009\u202f\u200b]")
 _ANY = re.compile(f"[{''.join(_CHARACTERS)}]")
 _BEFORE_UNIT = re.compile(r"(?<=\d)[\u00a0\u2007\u2009\u202f](?=[A-Za-zµμ%°])")
-_RANGE = re.compile(r"(?<=\w)\s*[\u2013\u2014]\s*(?=[\w.+-])")
+_RANGE_DASH = re.compile(r"(?<=\w)\s*[\u2013\u2014]\s*(?=[\w.+-])")
 # The first number of a range, and the unit of the second.
 _WITHOUT_UNIT = re.compile(
     r"(?<![\w.])(\d+(?:\.\d+)?)(?=\.\.-?\d+(?:\.\d+)?([A-Za-zµμ%°][\w/²³]*))"
 )
-_PLAIN = {
+_PLAIN_CHARACTERS = {
     **dict.fromkeys("\u00a0\u2007\u2009\u202f", " "),
     **dict.fromkeys("\u2013\u2014\u2212", "-"),
     **dict.fromkeys("\u201c\u201d", '"'),
@@ -56,5 +56,7 @@ def plain(typeset_word: str) -> str:
     """A word in the characters of a score: `2g` for `2 g`, `C3..C5` for `C3–C5`, `2g..3g` for
     `2–3g`.
     """
-    typeset_word = _RANGE.sub("..", _BEFORE_UNIT.sub("", typeset_word))
-    return _WITHOUT_UNIT.sub(r"\1\2", _ANY.sub(lambda match: _PLAIN[match[0]], typeset_word))
+    typeset_word = _RANGE_DASH.sub("..", _BEFORE_UNIT.sub("", typeset_word))
+    return _WITHOUT_UNIT.sub(
+        r"\1\2", _ANY.sub(lambda match: _PLAIN_CHARACTERS[match[0]], typeset_word)
+    )

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _HITS = ("BUT", "LNL", "BRISTLE", "DRY")
 _POINTS = 200  # struck or touched points of a bank, at most
-_LEAST = 1e-12  # share of the largest amplitude; less is rounding
+_AMPLITUDE_SHARE_MIN = 1e-12  # share of the largest amplitude; less is rounding
 _LEVEL = 0.1  # share of full scale at the reference level
 
 
@@ -105,12 +105,16 @@ def _inputs(
     for mat in range(network.n_mat):
         slot = slots.get(network.name_of(mat))
         if slot is not None and (strikes := prepared.timeline.impulses_on(mat)):
-            instants_and_impulses = [(one.at, one.impulse) for one in strikes]
+            instants_and_impulses = [
+                (strike_group.at, strike_group.impulse) for strike_group in strikes
+            ]
             bank_inputs.append(
                 (part_modes.masses[slot], part_modes.shapes[:, slot], instants_and_impulses)
             )
     struck_names = {name for name, _, _ in bank_inputs}
-    struck_names |= {target.text for one in piece.strikes for target in one.to}  # several points
+    struck_names |= {
+        target.text for strikes in piece.strikes for target in strikes.to
+    }  # several points
     other_points = {**part_modes.points, **touched(piece, prepared.built, part_modes)}
     for point_label, moves in other_points.items():
         is_output = point_label.split(" ")[0] == "out"
@@ -133,7 +137,7 @@ def _path(
     from ergon.workshop.models.programs.bank import ModePath
 
     gain_sizes = np.abs(mode_gains)
-    audible = gain_sizes > _LEAST * gain_sizes.max(initial=0.0)
+    audible = gain_sizes > _AMPLITUDE_SHARE_MIN * gain_sizes.max(initial=0.0)
     if not audible.any():
         return []
     poles = part_modes.poles[swings][audible]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ergon.scores.reading.load import Loaded
     from ergon.scores.reading.piece import Piece
     from ergon.workshop.models.programs.bank import Bank
-    from ergon.workshop.models.programs.network import Part, Stepped
+    from ergon.workshop.models.programs.elements import Part, Stepped
 
 HIGHEST = 20_000.0  # [Hz] nobody hears a mode above it
 
@@ -228,7 +228,7 @@ def _programs(
 
 def _parts(piece: Piece, part_names: Sequence[str]) -> list[Part]:
     from ergon.workshop.models.errors import ModelError
-    from ergon.workshop.models.programs.network import Part
+    from ergon.workshop.models.programs.elements import Part
 
     for part_name in part_names:
         if part_name in piece.keys and piece.keys[part_name].reach != 1.0:

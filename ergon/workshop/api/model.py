@@ -122,14 +122,14 @@ def import_model(
 
 def _text(path: Path) -> str:
     """The text of a model. Raises ModelError, also for a file of a program that is not read."""
-    foreign = foreign_file(path)
+    foreign_kind = foreign_file(path)
     try:
         text = text_of(path)
-        if foreign is None or is_model(text):
+        if foreign_kind is None or is_model(text):
             return text
-        error = ModelError(foreign)
+        error = ModelError(foreign_kind)
     except ModelError as not_text:
-        error = not_text if foreign is None else ModelError(foreign)
+        error = not_text if foreign_kind is None else ModelError(foreign_kind)
     error.file = str(path)
     raise error
 
@@ -141,8 +141,8 @@ def _unfed(inputs: Mapping[str, Input], port_names: Sequence[str]) -> tuple[str,
     for name in inputs:
         if name not in port_names:
             suggestion = nearest(name, port_names)
-            meant = f"; did you mean {suggestion}?" if suggestion else ""
-            raise OptionError("feed", f"the model has no input {quote(name)}{meant}")
+            suggestion_text = f"; did you mean {suggestion}?" if suggestion else ""
+            raise OptionError("feed", f"the model has no input {quote(name)}{suggestion_text}")
     return tuple(name for name in port_names if name not in inputs)
 
 

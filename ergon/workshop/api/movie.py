@@ -32,7 +32,7 @@ _PICTURES_MAX = 1_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MovieOptions:
-    """How a film is made.
+    """Options of a film.
 
     `size`: width x height [px], even numbers; `rate`: pictures a second; `camera`: views of the
     page, 1 to 9, and when each is reached, such as "1@0s 3@12s": between two, the camera moves;
@@ -142,7 +142,7 @@ class MovieMaker:
         return [start_seconds + i / movie_options.rate for i in range(n)]
 
     def _look(self, page: Page) -> None:
-        stops = [[when, view - 1] for view, when in self._stops]
+        stops = [[reached_at, view - 1] for view, reached_at in self._stops]
         n_views = page.run(f"ergon.page.travel({json.dumps(stops)})")
         if n_views is not None:
             reason = f"the piece has the views 1 to {n_views}"
@@ -204,7 +204,7 @@ def _stops(views_text: str) -> list[tuple[int, float]]:
             reason = "write views and when they are reached, such as '1@0s 3@12s'"
             raise OptionError("camera", reason, value=views_text)
         stops.append((int(stop_match[1]), float(stop_match[2] or 0.0)))
-    times = [when for _, when in stops]
+    times = [reached_at for _, reached_at in stops]
     if not stops or any(
         instant_after <= instant_before for instant_before, instant_after in pairwise(times)
     ):

@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _SMOOTH = 5  # bins over which valleys between peaks are sought
-_NEAR, _FAR = 0.6, 1.4  # of a band's width: where its edge may lie
-_RISE = 3.98  # of the noise's power (6 dB): a band with less has no peak
+_EDGE_SHARE_MIN, _EDGE_SHARE_MAX = 0.6, 1.4  # of a band's width: where its edge may lie
+_PEAK_POWER_RATIO_MIN = 3.98  # of the noise's power (6 dB): a band with less has no peak
 _QUIET = 20.0  # percentile of the powers that counts as noise
 _PERCENTILE_OVER_MEAN = (
     0.223  # that percentile over the mean, of powers that are distributed exponentially
@@ -64,17 +64,18 @@ class Bands:
         edges = [low_hertz]
         while edges[-1] < high_hertz - 1.5 * band_width:
             band_begin, band_end = (
-                int((edges[-1] + part * band_width) / bin_width) for part in (_NEAR, _FAR)
+                int((edges[-1] + part * band_width) / bin_width)
+                for part in (_EDGE_SHARE_MIN, _EDGE_SHARE_MAX)
             )
             edges.append((band_begin + int(np.argmin(smooth[band_begin:band_end]))) * bin_width)
         edges.append(high_hertz)
         for low_edge, high_edge in pairwise(edges):
             power_in_band = power_spectrum[int(low_edge / bin_width) : int(high_edge / bin_width)]
-            around = power_spectrum[
+            power_around = power_spectrum[
                 max(1, int(0.7 * low_edge / bin_width)) : int(1.4 * high_edge / bin_width)
             ]
-            noise = float(np.percentile(around, _QUIET)) / _PERCENTILE_OVER_MEAN
-            if power_in_band.size and power_in_band.max() > _RISE * noise * (
+            noise = float(np.percentile(power_around, _QUIET)) / _PERCENTILE_OVER_MEAN
+            if power_in_band.size and power_in_band.max() > _PEAK_POWER_RATIO_MIN * noise * (
                 1.0 + log(power_in_band.size)
             ):
                 yield low_edge, high_edge

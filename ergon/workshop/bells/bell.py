@@ -14,13 +14,13 @@ from ergon.workshop.bells.modes import Modes, Uncertainty, find_modes, fit_ampli
 from ergon.workshop.bells.stroke import NotAStrokeError, Stroke
 
 RESIDUAL_ENERGY_MAX = 0.25  # of the energy that modes may leave (-6 dB)
-_SAME = 5.0  # standard deviations within which two strokes have one mode
+_SAME_MODE_DEVIATIONS = 5.0  # standard deviations within which two strokes have one mode
 _LEAST_APART = 0.02  # [Hz]
-_NEAR = 0.04  # over a decay [Hz·s]: a quarter of the width of a partial
+_NEAR_WIDTHS = 0.04  # over a decay [Hz·s]: a quarter of the width of a partial
 _SAME_MODE = 0.01  # over a decay [Hz·s]: nearer modes of one stroke are one, found twice
 _FAINT = 1e-7  # of the energy of every stroke: what other modes left
 _PEAK = 0.5  # share of full scale for all modes of a table together
-_FIRST = np.arange(-0.003, 0.003, 1e-5)  # [s] where the middle of a stroke may lie
+_STROKE_OFFSETS = np.arange(-0.003, 0.003, 1e-5)  # [s] where the middle of a stroke may lie
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,9 @@ def _merged_modes(modes_and_errors: Sequence[tuple[Modes, Uncertainty]]) -> tupl
             )
             and abs(mode_row[0] - group[0][0])
             <= max(
-                _SAME * float(np.hypot(mode_row[2], group[0][2])), _LEAST_APART, _NEAR * mode_row[1]
+                _SAME_MODE_DEVIATIONS * float(np.hypot(mode_row[2], group[0][2])),
+                _LEAST_APART,
+                _NEAR_WIDTHS * mode_row[1],
             )
         ]
         if near_groups:
@@ -218,11 +220,11 @@ def _signs(bell_modes: Modes) -> Array:
     """
     weight = np.abs(bell_modes.c) ** 0.5
     phase = np.angle(bell_modes.c)
-    turns = phase[None, :] + 2.0 * np.pi * _FIRST[:, None] * bell_modes.f[None, :]
-    together = np.exp(2j * turns) @ weight
-    loudest_row = int(np.argmax(np.abs(together)))
+    turns = phase[None, :] + 2.0 * np.pi * _STROKE_OFFSETS[:, None] * bell_modes.f[None, :]
+    phasor_sums = np.exp(2j * turns) @ weight
+    loudest_row = int(np.argmax(np.abs(phasor_sums)))
     signs = np.where(
-        np.cos(turns[loudest_row] - 0.5 * np.angle(together[loudest_row])) >= 0.0, 1.0, -1.0
+        np.cos(turns[loudest_row] - 0.5 * np.angle(phasor_sums[loudest_row])) >= 0.0, 1.0, -1.0
     )
     return np.asarray(signs * signs[int(np.argmax(np.abs(bell_modes.c)))])
 

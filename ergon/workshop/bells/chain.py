@@ -10,8 +10,8 @@ from ergon.common.decay import LN_1000
 from ergon.workshop.bells.bands import Array
 
 PARTIALS_MAX = 15  # partials
-_APART = 1.02  # ratio of neighbours: nearer ones need masses of tonnes
-_FAR = 0.1  # relative error of a decay at which dampers do not make it
+_NEIGHBOUR_RATIO_MIN = 1.02  # ratio of neighbours: nearer ones need masses of tonnes
+_DECAY_ERROR_MAX = 0.1  # relative error of a decay at which dampers do not make it
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ def chain(mode_frequencies: Array, t60: Array, mode_shares: Array, chain_mass: f
             f"a chain is offered for at most {PARTIALS_MAX} modes, and here are "
             f"{mode_frequencies.size}"
         )
-    if np.any(mode_frequencies[1:] < _APART * mode_frequencies[:-1]):
+    if np.any(mode_frequencies[1:] < _NEIGHBOUR_RATIO_MIN * mode_frequencies[:-1]):
         raise ValueError("a chain cannot have modes that beat: two are nearer than 2 %")
     sigma = LN_1000 / t60
     eigen = (2.0 * np.pi * mode_frequencies) ** 2 + sigma**2
@@ -59,7 +59,7 @@ def chain(mode_frequencies: Array, t60: Array, mode_shares: Array, chain_mass: f
     z = _not_negative((element_squares / (2.0 * sigma)).T, np.ones(n))
     rebuilt = element_squares.T @ z / 2.0
     worst = float(np.max(np.abs(rebuilt / sigma - 1.0)))
-    if not worst < _FAR:
+    if not worst < _DECAY_ERROR_MAX:
         message = f"no dampers of a chain give these decays: one would be {100 * worst:.0f} % off"
         raise ValueError(message)
     return Chain(masses, springs, z[:n], z[n:])

@@ -14,12 +14,12 @@ HAMMER = 0.008  # mass [kg]
 SPEED = 1.0  # speed of the hammer [m/s]
 LENGTH = 1e-4  # contact time if strokes do not reveal it; barely audible [s]
 _TRIED_LENGTHS = np.geomspace(2e-5, 2e-2, 90)  # lengths [s]
-_REACH = 1.2  # f·length up to which the spectrum of a push is that of half a sine
+_REACH_CYCLES = 1.2  # f·length up to which the spectrum of a push is that of half a sine
 _SHAPE = 0.15  # logarithm: how far pushes of other shapes are from it there
-_BEYOND = 0.8  # and beyond, where they have zeros of their own
-_KNOWN = 0.03  # levels are no better than this, relatively
-_LEAST = 5  # modes within reach: fewer do not tell a length
-_RANGE = 4.0  # cost above the least: two standard deviations
+_BEYOND_CYCLES = 0.8  # and beyond, where they have zeros of their own
+_LEVEL_ERROR_MIN = 0.03  # levels are no better than this, relatively
+_MODES_MIN = 5  # modes within reach: fewer do not tell a length
+_COST_RANGE = 4.0  # cost above the least: two standard deviations
 _RANGE_RATIO_MIN = (
     2.0  # a length is told where the longest in that range is so many times the shortest
 )
@@ -65,7 +65,7 @@ def levels(mode_frequencies: Array, amplitudes: Array, errors: Array) -> Strokes
         return Strokes(amplitudes[0], np.ones(1), (None,))
     with np.errstate(divide="ignore"):
         logs = np.where(amplitudes > 0.0, np.log(np.maximum(amplitudes, 1e-300)), -700.0)
-    variance = np.minimum(errors, 1e3) ** 2 + _KNOWN**2
+    variance = np.minimum(errors, 1e3) ** 2 + _LEVEL_ERROR_MIN**2
     contact_shapes, doubts = _shapes(mode_frequencies)
     # For each other stroke: the cost (tried, tried) of each pair of lengths of the hardest stroke
     # and this one.
@@ -75,12 +75,13 @@ def levels(mode_frequencies: Array, amplitudes: Array, errors: Array) -> Strokes
         if s != hardest
     }
     total_costs = np.sum([cost.min(axis=1) for cost in costs.values()], axis=0)
-    likely = np.flatnonzero(total_costs <= total_costs.min() + _RANGE)
+    likely = np.flatnonzero(total_costs <= total_costs.min() + _COST_RANGE)
     is_told = _TRIED_LENGTHS[likely[-1]] <= _RANGE_RATIO_MIN * _TRIED_LENGTHS[likely[0]]
     row = int(np.argmin(total_costs)) if is_told else int(likely[0])
     chosen_rows = [row if s == hardest else int(np.argmin(costs[s][row])) for s in range(n_strokes)]
     is_told &= all(
-        np.count_nonzero(mode_frequencies * _TRIED_LENGTHS[length_index] < _REACH) >= _LEAST
+        np.count_nonzero(mode_frequencies * _TRIED_LENGTHS[length_index] < _REACH_CYCLES)
+        >= _MODES_MIN
         for length_index in chosen_rows
     )
     weights = 1.0 / (variance + doubts[chosen_rows])
@@ -100,11 +101,11 @@ def _shapes(mode_frequencies: Array) -> tuple[Array, Array]:
     n).
     """
     x = mode_frequencies * _TRIED_LENGTHS[:, None]
-    is_near = x < _REACH
+    is_near = x < _REACH_CYCLES
     beyond = np.sqrt(0.5) / np.maximum(4.0 * x * x - 1.0, 1.0)  # without its zeros
     exact = np.stack([spectrum(mode_frequencies, length) for length in _TRIED_LENGTHS])
     shapes = np.log(np.where(is_near, np.maximum(exact, 1e-3), beyond))
-    return shapes, np.where(is_near, _SHAPE * (x / _REACH) ** 2, _BEYOND) ** 2
+    return shapes, np.where(is_near, _SHAPE * (x / _REACH_CYCLES) ** 2, _BEYOND_CYCLES) ** 2
 
 
 def _costs(logs: Array, variance: Array, contact_shapes: Array, doubts: Array) -> Array:
@@ -114,16 +115,20 @@ def _costs(logs: Array, variance: Array, contact_shapes: Array, doubts: Array) -
     costs = np.full((len(contact_shapes), len(contact_shapes)), np.inf)
     for first_shape in range(len(contact_shapes)):
         residuals = logs - (contact_shapes[first_shape:] - contact_shapes[first_shape])
-        doubt = variance + doubts[first_shape] + doubts[first_shape:]
-        doubt[0] = variance  # equal lengths leave the same residual
+        total_variance = variance + doubts[first_shape] + doubts[first_shape:]
+        total_variance[0] = variance  # equal lengths leave the same residual
         mean = np.median(residuals, axis=1)
         for _ in range(4):  # Huber's: a mode in a zero of the spectrum tells nothing
             weight = (
-                1.0 / np.sqrt(doubt) / np.maximum(np.sqrt(doubt), _distances(residuals, mean) / 2.0)
+                1.0
+                / np.sqrt(total_variance)
+                / np.maximum(np.sqrt(total_variance), _distances(residuals, mean) / 2.0)
             )
             mean = np.sum(weight * residuals, axis=1) / np.sum(weight, axis=1)
-        away = _distances(residuals, mean) / np.sqrt(doubt)
-        cost = np.where(away < 2.0, away**2, 4.0 * away - 4.0) + np.log(doubt)
+        normalised_distance = _distances(residuals, mean) / np.sqrt(total_variance)
+        cost = np.where(
+            normalised_distance < 2.0, normalised_distance**2, 4.0 * normalised_distance - 4.0
+        ) + np.log(total_variance)
         costs[first_shape, first_shape:] = np.sum(cost, axis=1)
     return costs
 

@@ -16,19 +16,19 @@ from ergon.workshop.bells.poles import exponentials, polish_poles
 
 LOW, HIGH = 50.0, 16_000.0  # [Hz] modes are sought here
 _WIDTHS = (80.0, 400.0)  # [Hz] of bands; wider ones in what is left
-_LONGEST = 1_100  # samples of a band
-_SHORTEST = 40
+_SAMPLES_MAX = 1_100  # samples of a band
+_SAMPLES_MIN = 40
 _BAND_MODES_MAX = 16  # modes of a band
 _SKIP = 3.0  # over a band's width: what its edge smears [s]
 _DECAYS = 0.03, 1.5  # least decay [1/s]; most, over a band's width
-_FASTEST = _DECAYS[1] * _WIDTHS[1]  # decay [1/s]
+_DECAY_RATE_MAX = _DECAYS[1] * _WIDTHS[1]  # decay [1/s]
 _FITTED = 2.0  # [s] of the beginning that tell amplitudes
-_KNOWN = 0.5  # largest relative error of a mode's decay
+_DECAY_ERROR_MAX = 0.5  # largest relative error of a mode's decay
 _AROUND = 20.0, 200.0  # [Hz] on both sides of a mode that is removed; its neighbours are polished
 _POLISHED = 3_000  # samples
-_ROUNDS = 40  # largest number of rounds of removals
+_ROUNDS_MAX = 40  # largest number of rounds of removals
 _BLOCK = 4096  # samples
-_NEAR = 25.0  # [Hz] around a mode, where the residual tells its noise
+_NOISE_HERTZ = 25.0  # [Hz] around a mode, where the residual tells its noise
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def find_modes(stroke_sound: Array, rate: float) -> tuple[Modes, Array]:
             bell_modes, residual = fit_amplitudes(
                 stroke_sound, rate, np.array(mode_frequencies)[order], np.array(decay_rates)[order]
             )
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS_MAX):
         errors = uncertainty(bell_modes, residual, rate)
         worst = _unknown(bell_modes, errors)
         if not worst:
@@ -93,7 +93,7 @@ def _unknown(bell_modes: Modes, errors: Uncertainty) -> list[int]:
     decay_share = errors.d / bell_modes.d
     chosen_modes: list[int] = []
     for mode_index in np.argsort(-decay_share):
-        if decay_share[mode_index] < _KNOWN:
+        if decay_share[mode_index] < _DECAY_ERROR_MAX:
             break
         reach = _reach(bell_modes, mode_index)
         if all(
@@ -133,7 +133,7 @@ def _without_modes(
         )
         signal, band_rate, centre = Bands(near_sound, rate).take(max(low_hertz, 1.0), top)
         skip = ceil(_SKIP * band_rate / (top - low_hertz))
-        signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _POLISHED))]
+        signal = signal[skip : max(skip + _SAMPLES_MIN, min(signal.size - skip, _POLISHED))]
         z = np.exp(
             (-decay_rates[other_modes] + 2j * np.pi * (mode_frequencies[other_modes] - centre))
             / band_rate
@@ -146,7 +146,7 @@ def _without_modes(
         is_fit = (
             (np.abs(new_f - mode_frequencies[other_modes]) < mode_reach)
             & (new_d > _DECAYS[0])
-            & (new_d < _FASTEST)
+            & (new_d < _DECAY_RATE_MAX)
         )
         mode_frequencies[other_modes[is_fit]], decay_rates[other_modes[is_fit]] = (
             new_f[is_fit],
@@ -162,8 +162,8 @@ def _in_band(
 ) -> tuple[Array, Array]:
     signal, rate, centre = bands.take(low_hertz, top_hertz)
     skip = ceil(_SKIP * rate / (top_hertz - low_hertz))
-    signal = signal[skip : max(skip + _SHORTEST, min(signal.size - skip, _LONGEST))]
-    if signal.size < _SHORTEST:
+    signal = signal[skip : max(skip + _SAMPLES_MIN, min(signal.size - skip, _SAMPLES_MAX))]
+    if signal.size < _SAMPLES_MIN:
         return np.zeros(0), np.zeros(0)
     z, _ = exponentials(signal, min(_BAND_MODES_MAX, signal.size // 5))
     band_frequencies = centre + np.angle(z) * rate / (2.0 * np.pi)
@@ -186,20 +186,22 @@ def fit_amplitudes(
     n = min(stroke_sound.size, round(_FITTED * rate))
     pole_logarithms = (-decay_rates + 2j * np.pi * mode_frequencies) / rate
     # Sums of products of the real parts u and of -v, from sums of e^(s+s')k and of e^(s+s'*)k.
-    plain_sums, turned = (
+    plain_sums, rotated_sums = (
         _sum(pole_logarithms[:, None] + pole_logarithms, n),
         _sum(pole_logarithms[:, None] + pole_logarithms.conj(), n),
     )
     gram = 0.5 * np.block(
         [
-            [(turned + plain_sums).real, (turned - plain_sums).imag],
-            [-(turned + plain_sums).imag, (turned - plain_sums).real],
+            [(rotated_sums + plain_sums).real, (rotated_sums - plain_sums).imag],
+            [-(rotated_sums + plain_sums).imag, (rotated_sums - plain_sums).real],
         ]
     )
     products = _exponential_products(pole_logarithms, stroke_sound[:n])
-    right = np.concatenate([products.real, -products.imag])
+    right_side = np.concatenate([products.real, -products.imag])
     size = np.sqrt(gram.diagonal())
-    solution = np.linalg.lstsq(gram / np.outer(size, size), right / size, rcond=1e-12)[0] / size
+    solution = (
+        np.linalg.lstsq(gram / np.outer(size, size), right_side / size, rcond=1e-12)[0] / size
+    )
     modes = Modes(
         mode_frequencies,
         decay_rates,
@@ -266,8 +268,11 @@ def _noise(f: Array, residual: Array, rate: float) -> Array:
     """Variance of white noise that is as strong as the residual near each frequency."""
     power = np.abs(np.fft.rfft(residual)) ** 2 / residual.size
     step = rate / residual.size
-    around = [
-        power[max(1, int((frequency - _NEAR) / step)) : int((frequency + _NEAR) / step) + 2]
+    neighbours = [
+        power[
+            max(1, int((frequency - _NOISE_HERTZ) / step)) : int((frequency + _NOISE_HERTZ) / step)
+            + 2
+        ]
         for frequency in f
     ]
-    return np.array([float(powers.mean()) if powers.size else 0.0 for powers in around])
+    return np.array([float(powers.mean()) if powers.size else 0.0 for powers in neighbours])

@@ -15,9 +15,9 @@ from ergon.workshop.bells.bands import Array, Complex
 
 NOISE_RATIO_MIN = 24.0  # power of an exponential over that of the noise in it: below, it is none
 _POLISH = 8  # steps
-_CLOSE = 1e-10  # relative fall of the residual at which polishing ends
+_RESIDUAL_TOLERANCE = 1e-10  # relative fall of the residual at which polishing ends
 _FIRST_STEP = 0.02  # most change of a logarithm of a pole in the first step
-_SHORTEST = 0.3  # |z| of exponentials that are over within three samples
+_MODULUS_MIN = 0.3  # |z| of exponentials that are over within three samples
 
 
 def exponentials(band_signal: Complex, count_max: int) -> tuple[Complex, Complex]:
@@ -26,7 +26,7 @@ def exponentials(band_signal: Complex, count_max: int) -> tuple[Complex, Complex
     Each is far above the residual noise.
     """
     z: Complex = _esprit(band_signal, count_max)
-    z = z[(np.abs(z) < 1.0) & (np.abs(z) > _SHORTEST)]
+    z = z[(np.abs(z) < 1.0) & (np.abs(z) > _MODULUS_MIN)]
     while z.size:  # the worst goes first, before the others are polished
         pole_amplitudes, residual = _amplitudes(band_signal, z)
         score = _scores(z, pole_amplitudes, residual)
@@ -109,7 +109,7 @@ def polish_poles(band_signal: Complex, z: Complex) -> tuple[Complex, Complex, Co
         amplitudes = _complex(np.linalg.lstsq(basis, band_signal, rcond=None)[0])
         residual_now = _complex(band_signal - basis @ amplitudes)
         cost = float(np.vdot(residual_now, residual_now).real)
-        if not cost < last_cost * (1.0 - _CLOSE):
+        if not cost < last_cost * (1.0 - _RESIDUAL_TOLERANCE):
             break
         last_cost, best_logarithms, pole_amplitudes, residual = (
             cost,

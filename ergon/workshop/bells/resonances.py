@@ -25,8 +25,8 @@ def read(path: Path) -> list[tuple[float, float, float]]:
     ; or # are comments. Amplitudes are factors; if any is negative, all are in dB. A resonance
     with bandwidth b falls by 60 dB in 3·ln 10/(π·b). Raises TableError.
     """
-    if (foreign := foreign_file(path)) is not None:
-        raise TableError(f"{path}: {foreign}")
+    if (foreign_kind := foreign_file(path)) is not None:
+        raise TableError(f"{path}: {foreign_kind}")
     try:
         table_bytes = read_bounded(path, _BYTES_MAX)
         if len(table_bytes) > _BYTES_MAX:

@@ -15,18 +15,18 @@ from ergon.workshop.bells.bands import Array
 
 LONGEST = 30.0  # [s] of a stroke that are analysed
 _SAMPLES_MAX = 1 << 27  # of a file, all channels: 1 GB
-_SHORTEST = 0.1  # [s]
-_AFTER = 0.004  # [s] from its beginning to what is analysed: the stroke itself is over
+_STROKE_SECONDS_MIN = 0.1  # [s]
+_ATTACK_SECONDS = 0.004  # [s] from its beginning to what is analysed: the stroke itself is over
 _LATEST = 0.03  # [s] of a soft stroke
-_SILENT = 1e-6  # peak of full scale
+_SILENT_PEAK = 1e-6  # peak of full scale
 _CLIPPED_RUN, _CLIPPED_RUNS = 3, 3  # samples at the peak in a row; how often
 _FLAT = 1e-4  # relative to the peak
 _FRAME, _HOP = 1024, 256
 _BANDS = 24
-_RISE = 4.0  # rise of power within two hops that is a second stroke
+_SECOND_STROKE_RATIO = 4.0  # rise of power within two hops that is a second stroke
 _BEFORE = 12  # hops that it is compared with, after a gap of _GAP
-_GAP = 2
-_STRUCK = 0.5  # share of the sounding bands
+_GAP_HOPS = 2
+_STRUCK_BAND_SHARE = 0.5  # share of the sounding bands
 _SOUNDING = 100.0  # power over that of a band's quietest hop
 
 
@@ -78,22 +78,22 @@ def _loudest_channel(path: Path, report: Report) -> tuple[Array, float]:
 def stroke(file_name: str, stroke_sound: Array, rate: float) -> Stroke:
     """The one stroke of a sound. Raises NotAStrokeError."""
     peak = float(np.abs(stroke_sound).max(initial=0.0))
-    if peak < _SILENT:
+    if peak < _SILENT_PEAK:
         raise NotAStrokeError(f"{file_name}: it is silent; record a stroke")
     stroke_sound = stroke_sound - stroke_sound.mean()
     begin = _onset(stroke_sound, rate)
     audible = stroke_sound[begin : begin + round(LONGEST * rate)]
-    if audible.size < _SHORTEST * rate:
+    if audible.size < _STROKE_SECONDS_MIN * rate:
         message = f"{file_name}: only {1e3 * audible.size / rate:.0f} ms follow its stroke; record "
         raise NotAStrokeError(message + "until it has died away, 100 ms at least")
     _refuse_clipped(file_name, audible)
     _refuse_steady(file_name, audible)
     _refuse_second(file_name, audible, rate)
     loudest = int(np.argmax(np.abs(audible[: round(_LATEST * rate)]))) + round(0.001 * rate)
-    skip = max(round(_AFTER * rate), min(loudest, round(_LATEST * rate)))
+    skip = max(round(_ATTACK_SECONDS * rate), min(loudest, round(_LATEST * rate)))
     # The middle of a soft push is shortly before the loudest sample, not where the push begins.
     # Extrapolated to its beginning, quickly decaying modes would be hundreds of dB louder.
-    return Stroke(file_name, audible[skip:], rate, min(skip / rate, _AFTER))
+    return Stroke(file_name, audible[skip:], rate, min(skip / rate, _ATTACK_SECONDS))
 
 
 def _onset(stroke_sound: Array, rate: float) -> int:
@@ -129,22 +129,27 @@ def _refuse_second(file_name: str, stroke_sound: Array, rate: float) -> None:
     slowly.
     """
     n_frames = (stroke_sound.size - _FRAME) // _HOP
-    if n_frames < 2 * (_BEFORE + _GAP):
+    if n_frames < 2 * (_BEFORE + _GAP_HOPS):
         return
     windows = np.lib.stride_tricks.sliding_window_view(stroke_sound, _FRAME)[::_HOP][:n_frames]
     spectra = np.abs(np.fft.rfft(windows * np.hanning(_FRAME), axis=1)) ** 2
     edges = np.unique(np.geomspace(2, _FRAME // 2, _BANDS + 1).astype(int))
     power_spectrum = np.add.reduceat(spectra, edges[:-1], axis=1)
     noise = np.percentile(power_spectrum, 5, axis=0)
-    first_frame = 2 * _GAP + _BEFORE
+    first_frame = 2 * _GAP_HOPS + _BEFORE
     for frame_index in range(first_frame, n_frames):
-        peak_before = power_spectrum[frame_index - _GAP - _BEFORE : frame_index - _GAP].max(axis=0)
+        peak_before = power_spectrum[
+            frame_index - _GAP_HOPS - _BEFORE : frame_index - _GAP_HOPS
+        ].max(axis=0)
         is_sounding = (power_spectrum[frame_index] > _SOUNDING * noise) & (
             power_spectrum[frame_index] > 1e-6 * power_spectrum.max()
         )
-        is_raised = is_sounding & (power_spectrum[frame_index] > _RISE * peak_before)
+        is_raised = is_sounding & (power_spectrum[frame_index] > _SECOND_STROKE_RATIO * peak_before)
         weight = power_spectrum[frame_index] > 1e-4 * power_spectrum[frame_index].max()
-        if is_raised.sum() >= 3 and (is_raised & weight).sum() > _STRUCK * (weight).sum():
+        if (
+            is_raised.sum() >= 3
+            and (is_raised & weight).sum() > _STRUCK_BAND_SHARE * (weight).sum()
+        ):
             seconds = frame_index * _HOP / rate
             message = (
                 f"{file_name}: something strikes again {seconds:.2f} s after the first stroke; "

@@ -27,11 +27,11 @@ _LIMITS: Mapping[str, tuple[float, float]] = {
     "modal": (inf, 0.0),
 }
 
-_PLAIN = "ca"
+_PLAIN_METHOD = "ca"
 
 # A method for meshes needs at least this many masses. A scene of one or two masses is copied: the
 # copies start alike, so the very weak springs that join them exert no force.
-_LEAST = 4
+_OVERSAMPLING_MIN = 4
 _WEAK = 1e-9  # share of the scene's stiffness
 _MESH_METHODS = ("ca2p", "bm4", "ieq")
 
@@ -48,13 +48,13 @@ def damped(method: str) -> float:
 
 def _copies(masses: int, method: str) -> int:
     """The number of copies of a linear scene of so few masses that a method needs."""
-    return _LEAST // masses if method in _MESH_METHODS else 1
+    return _OVERSAMPLING_MIN // masses if method in _MESH_METHODS else 1
 
 
 # --- one mass on a spring and a damper ----------------------------------------------------------
 
 
-def cell(kappa: float, zeta: float, method: str = _PLAIN) -> Bare:
+def cell(kappa: float, zeta: float, method: str = _PLAIN_METHOD) -> Bare:
     """A mass on a link to a fixed point, with κ = K·T²/M and ζ = Z·T/M at 44.1 kHz, released from 1
     mm.
     """
@@ -125,7 +125,7 @@ def contact(kappa: float) -> Bare:
         "b", a, b, K=_stiffness(kappa, HAMMER, BAR), side="above"))  # fmt: skip
 
 
-def coupled(kappa: float, method: str = _PLAIN) -> Bare:
+def coupled(kappa: float, method: str = _PLAIN_METHOD) -> Bare:
     """Two cells a fifth apart, joined by a spring."""
     k = _stiffness(kappa, LEFT, RIGHT)
     return _pair(LEFT, RIGHT, lambda network, a, b: network.ref("k", a, b, K=k),
@@ -158,7 +158,7 @@ def _pair(
     return Bare(build, RATE)
 
 
-_GAP = 1e-4  # [m] from where the spring holds the mass to the stop
+_STOP_GAP = 1e-4  # [m] from where the spring holds the mass to the stop
 _SPANS = 10  # spans of a run, each with many turns of the mass
 
 
@@ -170,7 +170,7 @@ def rattle(f: float, ratio: float) -> Bare:
 
     def build(network: _core.Network) -> None:
         network.part("rattle")
-        ground, stop_mat = network.sol("g"), network.sol("s", X0=-_GAP)
+        ground, stop_mat = network.sol("g"), network.sol("s", X0=-_STOP_GAP)
         mass_mat = network.mas("m", M=_MASS, X0=_START)
         network.ref("r", ground, mass_mat, K=k)
         network.but("c", stop_mat, mass_mat, K=ratio * k)
@@ -190,7 +190,7 @@ def risen(run_frames: Floats) -> float:
 
 def contact_load(kappa: float, times: float, method: str) -> float:
     """λ over the limit while the contact is closed, at `times` the rate."""
-    return _pair_load(HAMMER, BAR, kappa, times, _PLAIN)
+    return _pair_load(HAMMER, BAR, kappa, times, _PLAIN_METHOD)
 
 
 def coupled_load(kappa: float, times: float, method: str) -> float:
@@ -213,7 +213,7 @@ def _pair_load(
 # --- strings ------------------------------------------------------------------------------------
 
 _STRING, _PITCH = 8e-3, 110.0  # [kg], [Hz]
-_STRUCK, _HARDENING = 40, 1e11  # masses; q [N/m³] of k·d + q·d³
+_STRING_MASSES, _HARDENING = 40, 1e11  # masses; q [N/m³] of k·d + q·d³
 
 
 def string(masses: int, rate: float) -> Bare:
@@ -249,7 +249,7 @@ def struck(speed: float) -> Bare:
     def build(network: _core.Network) -> None:
         network.part("string")
         first_mat = network.string(
-            "s", masses=_STRUCK, M=_STRING, f=_PITCH, t60=3.0, hardening=_HARDENING
+            "s", masses=_STRING_MASSES, M=_STRING, f=_PITCH, t60=3.0, hardening=_HARDENING
         )
         network.start(first_mat + 7, 0.0, speed)
         network.listen("s", positions=[(first_mat + 26, 1, 1.0)])
@@ -262,8 +262,8 @@ def struck_load(speed: float, speed_times: float, method_name: str) -> float:
 
     The elongation d then satisfies ½k·d² + ¼q·d⁴ = ½m·v², and the slope is k + 3q·d².
     """
-    k, m, q = _spring(_STRUCK), _STRING / _STRUCK, _HARDENING
+    k, m, q = _spring(_STRING_MASSES), _STRING / _STRING_MASSES, _HARDENING
     square = (sqrt(k * k + 2.0 * q * m * speed * speed) - k) / q
     # Modes do not step laws: there CA does.
-    stepped = _PLAIN if method_name == "modal" else method_name
-    return (1.0 + 3.0 * q * square / k) * string_load(_STRUCK, RATE * speed_times, stepped)
+    stepped = _PLAIN_METHOD if method_name == "modal" else method_name
+    return (1.0 + 3.0 * q * square / k) * string_load(_STRING_MASSES, RATE * speed_times, stepped)

@@ -30,7 +30,9 @@ _DOUBLINGS = 2  # of the reference, beyond all that is charted
 _EXACT_PLAN = Setting(None, budget_db=-120.0)
 _YARDSTICK = 100  # masses of a string, for a second: some 10 ms
 _SCATTER = 1.1  # between two timings of the same work
-_SAME = 1e-10  # of the largest sample: so little differ sounds of one motion, in their last bits
+_SAME_SOUND_RATIO = (
+    1e-10  # of the largest sample: so little differ sounds of one motion, in their last bits
+)
 # What an energy error counts: all energy; what links made alone, where no ledger is kept.
 EnergyCount = Literal["", "all", "links"]
 Progress = Callable[[int], None]
@@ -204,7 +206,7 @@ def measure(
     has_plans = any(setting.method is None for setting in settings_wanted)
     rival = _EXACT_PLAN if has_plans else None
     reference = refine(sounds, bench.sound, doublings=_DOUBLINGS, rival=rival)
-    points = _with_ledger_of_ca([each.point for each in played], sounds_by_setting)
+    points = _with_ledger_of_ca([played.point for played in played], sounds_by_setting)
     floor = None
     doubtful: tuple[str, ...] = ()
     if reference is not None:
@@ -270,16 +272,16 @@ def played_beside(
     frames = None if run is None else bench.play(setting, run)
     if run is None or frames is None:
         return Played(bench.failed[setting], None), nan
-    costs_in_rounds, beside = [], []
+    costs_in_rounds, reference_rounds = [], []
     for _ in range(ROUNDS):
-        beside.append(yardstick())
+        reference_rounds.append(yardstick())
         run.rewind()
         bench.play(setting, run)
         costs_in_rounds.append(run.spent)
     point = Point(setting, "ok", run.chosen, median(costs_in_rounds) * scene.rate / n_frames)
     if has_energy:
         point = _with_energy(bench, point)
-    return Played(point, scene.hear(frames)), median(beside)
+    return Played(point, scene.hear(frames)), median(reference_rounds)
 
 
 def yardstick() -> float:
@@ -365,8 +367,8 @@ def _with_ledger_of_ca(points: list[Point], sounds: Mapping[Setting, Floats]) ->
         twin = by_ca.get(point.setting.oversampling)
         if point.energy_of != "links" or twin is None or twin.energy_of != "all":
             return point
-        ours, theirs = sounds.get(point.setting), sounds.get(twin.setting)
-        if ours is None or theirs is None or not _is_same(ours, theirs):
+        sound, twin_sound = sounds.get(point.setting), sounds.get(twin.setting)
+        if sound is None or twin_sound is None or not _is_same(sound, twin_sound):
             return point
         return replace(point, energy_db=twin.energy_db, drift_db_s=twin.drift_db_s, energy_of="all")
 
@@ -375,7 +377,7 @@ def _with_ledger_of_ca(points: list[Point], sounds: Mapping[Setting, Floats]) ->
 
 def _is_same(y: Floats, x: Floats) -> bool:
     """Whether two sounds differ in last bits alone."""
-    return bool(np.abs(y - x).max(initial=0.0) <= _SAME * np.abs(x).max(initial=0.0))
+    return bool(np.abs(y - x).max(initial=0.0) <= _SAME_SOUND_RATIO * np.abs(x).max(initial=0.0))
 
 
 class Judge:

@@ -95,10 +95,10 @@ class Workers:
         metric: MapMetric = "waveform",
     ) -> Surveyors:
         """The surveyors of columns of maps, for `maps`."""
-        which = _Which(method=method, seconds=run_seconds, accurate=accurate, metric=metric)
+        survey_choice = _Which(method=method, seconds=run_seconds, accurate=accurate, metric=metric)
         if self.content is not None:
-            which["content"] = self.content
-        return Surveyors(self.cluster, which)
+            survey_choice["content"] = self.content
+        return Surveyors(self.cluster, survey_choice)
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,12 +153,12 @@ def play(
 
 
 def survey(
-    versions_asked: list[Any], which: _Which, map_name: str, x: float
+    versions_asked: list[Any], survey_choice: _Which, map_name: str, x: float
 ) -> list[dict[str, Any]]:
     """Survey a column of a map. Raises ClusterError if another version of ergon asks."""
     check_version(versions_asked)
     with lock:
-        surveyed_map = _map(which, map_name)
+        surveyed_map = _map(survey_choice, map_name)
         return [asdict(compute_spot(surveyed_map, x, y)) for y in surveyed_map.ys]
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _IN_DB = ("waveform", "energy")
-_LEAST = 1e-6  # cents, or dB of spectra: smaller is nothing, and a logarithm needs an end
+_ERROR_MIN = 1e-6  # cents, or dB of spectra: smaller is nothing, and a logarithm needs an end
 _LEAST_DB = -320.0
 _TITLE = 60  # letters of a title that fit beside one another
 _ROW = 0.045  # of the height of the axes: a row of failures
@@ -77,7 +77,7 @@ def _height(chart: Chart, point: Point) -> float:
         known = (p.error("energy") for p in chart.points if not p.is_bounded)
         lowest = min((db for db in known if db is not None), default=0.0)
         return _BELOW_DB * rounded_down(lowest / _BELOW_DB - 1.0)
-    least = _LEAST_DB if chart.metric in _IN_DB else _LEAST
+    least = _LEAST_DB if chart.metric in _IN_DB else _ERROR_MIN
     return max(error, least if chart.floor is None else chart.floor, least)
 
 
@@ -167,7 +167,7 @@ def _limits(ax: Axes, chart: Chart, measured_points: list[Point]) -> None:
         return
     if chart.metric == "energy":
         return  # arrows say what is below rounding
-    floor = max(floor, _LEAST_DB if chart.metric in _IN_DB else _LEAST)
+    floor = max(floor, _LEAST_DB if chart.metric in _IN_DB else _ERROR_MIN)
     bottom = ax.get_ylim()[0]
     if chart.metric not in _IN_DB:
         bottom = min(bottom, floor / 3.0)

@@ -86,10 +86,10 @@ def chart(
     ):
         for method_name in chosen_names:
             if method_name not in allowed_names:
-                meant = nearest(method_name, allowed_names)
+                suggestion = nearest(method_name, allowed_names)
                 advice = (
-                    f"; did you mean '{meant}'?"
-                    if meant
+                    f"; did you mean '{suggestion}'?"
+                    if suggestion
                     else f"; there is {', '.join(allowed_names)}"
                 )
                 raise OptionError(option, f"there is no '{method_name}'{advice}")

@@ -20,8 +20,8 @@ from ergon.workshop.lab.scene import Bare, Scene, Score
 from ergon.workshop.lab.stiffness import has_contacts, stiffer
 from ergon.workshop.lab.truth import EXACT_DB, UNKNOWN, Motion, Truth, converged, motion
 
-_TIMES = (1.0, 2.0, 4.0, 8.0)
-_OVERSAMPLED = "oversampling"
+_OVERSAMPLINGS = (1.0, 2.0, 4.0, 8.0)
+_OVERSAMPLING_LABEL = "oversampling"
 
 
 def _spaced(low: float, high: float, count: int) -> tuple[float, ...]:
@@ -60,7 +60,7 @@ def maps(
 def built_in(method_name: str) -> dict[str, Map]:
     """The maps of a method, by name."""
     if method_name == SLOW:
-        maps = tuple(_cut(name, *survey_map) for name, survey_map in _CUTS.items())
+        maps = tuple(_slow_key_map(name, *survey_map) for name, survey_map in _SLOW_KEYS.items())
     else:
         makers = (_cell, _contact, _strike, _rate, _coupling)
         maps = tuple(make(method_name) for make in makers)
@@ -127,7 +127,7 @@ def _contact(method_name: str) -> Map:
     # steps.
     title = "a hammer that bounces on a bar" + ("" if method_name == "ca" else ", by CA")
     return Map("contact", title, "κ of the contact at 44.1 kHz",
-               _OVERSAMPLED, _spaced(0.03, 3000.0, 21), _TIMES, 0.25,
+               _OVERSAMPLING_LABEL, _spaced(0.03, 3000.0, 21), _OVERSAMPLINGS, 0.25,
                _oversampled(method_name, canonical.contact), load)  # fmt: skip
 
 
@@ -140,7 +140,7 @@ def _strike(method_name: str) -> Map:
         return canonical.struck_load(speed, times, method_name)
 
     return Map("strike", map_title, "speed of the stroke [m/s]",
-               _OVERSAMPLED, _spaced(0.1, 1000.0, 21), _TIMES, 0.1,
+               _OVERSAMPLING_LABEL, _spaced(0.1, 1000.0, 21), _OVERSAMPLINGS, 0.1,
                _oversampled(method_name, canonical.struck), load)  # fmt: skip
 
 
@@ -162,7 +162,7 @@ def _coupling(method_name: str) -> Map:
         return canonical.coupled_load(kappa, times, method_name)
 
     return Map("coupling", "two cells joined by a spring", "κ of the joint at 44.1 kHz",
-               _OVERSAMPLED, _spaced(0.003, 300.0, 21), _TIMES, 0.1,
+               _OVERSAMPLING_LABEL, _spaced(0.003, 300.0, 21), _OVERSAMPLINGS, 0.1,
                # The difference mode is high and decays slowly, so its phase needs a finer
                # reference.
                _oversampled(method_name, lambda kappa: canonical.coupled(kappa, method_name), 256),
@@ -171,14 +171,14 @@ def _coupling(method_name: str) -> Map:
 
 # A key, and its label. Errors count as right if a plan calls the slow key preserved. Above 20
 # frames a plan only reports the error, and the map keeps the limit of -70 dB.
-_CUTS = {
+_SLOW_KEYS = {
     "soft": (slow_key_scene.SOFT, "23 Hz"),
     "quick": (slow_key_scene.QUICK, "264 Hz, its last mass 1 g"),
 }
-_PRESERVED = ((10.0, -75.0), (inf, -70.0))
+_PRESERVED_LIMITS = ((10.0, -75.0), (inf, -70.0))
 
 
-def _cut(map_name: str, slow_key: slow_key_scene.Key, modes_label: str) -> Map:
+def _slow_key_map(map_name: str, slow_key: slow_key_scene.Key, modes_label: str) -> Map:
     def case(stiffness: float, frames_per_pull: float) -> MapPoint:
         return slow_key_scene.SlowKeyPoint(
             slow_key_scene.SlowKeyScene(slow_key, 1e3 * stiffness, round(frames_per_pull))
@@ -191,7 +191,7 @@ def _cut(map_name: str, slow_key: slow_key_scene.Key, modes_label: str) -> Map:
     pull_spacings = tuple(float(frames) for frames in range(2, 61, 2))
     return Map(map_name, title, "K of the spring between [kN/m]", "frames from pull to pull",
                _spaced(0.01, 1e3, 21), pull_spacings, 4.0, case, load,
-               log_y=False, right=_PRESERVED, judged=1.0)  # fmt: skip
+               log_y=False, right=_PRESERVED_LIMITS, judged=1.0)  # fmt: skip
 
 
 # --- a score ------------------------------------------------------------------------------------

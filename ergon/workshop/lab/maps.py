@@ -178,12 +178,12 @@ def _judged(surveyed_map: Map, spot: Spot, case: MapPoint, run_frames: Floats) -
     hear = case.scene.hear
     sound, true_sound = hear(run_frames), hear(truth.frames)
     error = early_db(sound, true_sound, case.scene.rate, surveyed_map.judged)
-    sure = truth.change_db < max(error, right_db) + _SURE_DB
-    accurate = error <= right_db if sure else None
+    is_certain = truth.change_db < max(error, right_db) + _SURE_DB
+    accurate = error <= right_db if is_certain else None
     if not true_sound.any():
         accurate, unknown_reason = None, "accuracy is not known: nothing sounds"
     else:
-        unknown_reason = "" if sure else "accuracy is not known: finer runs differ as much"
+        unknown_reason = "" if is_certain else "accuracy is not known: finer runs differ as much"
     return replace(
         spot,
         accurate=accurate,

@@ -33,13 +33,15 @@ def waveform_db(y: Floats, x: Floats) -> float:
     -inf if the sounds are equal within rounding, inf if only x is silent. A channel that is silent
     beside the others, within rounding, is not counted.
     """
-    ours, theirs = _columns(y), _columns(x)
-    least = _ROUNDED * np.linalg.norm(theirs)
-    counted = np.linalg.norm(ours - theirs, axis=0) > least
+    y_columns, x_columns = _columns(y), _columns(x)
+    least = _ROUNDED * np.linalg.norm(x_columns)
+    counted = np.linalg.norm(y_columns - x_columns, axis=0) > least
     if not counted.any():
         return -inf
-    ours, theirs = (np.ascontiguousarray(sound[:, counted]) for sound in (ours, theirs))
-    return _core.waveform_errors(ours, theirs, [len(theirs)])[0]
+    y_columns, x_columns = (
+        np.ascontiguousarray(sound[:, counted]) for sound in (y_columns, x_columns)
+    )
+    return _core.waveform_errors(y_columns, x_columns, [len(x_columns)])[0]
 
 
 def onset(x: Floats) -> int | None:
@@ -77,10 +79,10 @@ def spectral(y: Floats, x: Floats) -> Spectral:
 def _by_frames(y: Floats, x: Floats, window_size: int) -> tuple[float, float]:
     """(mean |ΔdB|, convergence) with windows of `window_size` frames."""
     total_db, n_bins, error, energy = 0.0, 0, 0.0, 0.0
-    for ours, theirs in zip(_columns(y).T, _columns(x).T, strict=True):
+    for y_column, x_column in zip(_columns(y).T, _columns(x).T, strict=True):
         magnitudes, reference_magnitudes = (
-            _magnitudes(ours, window_size),
-            _magnitudes(theirs, window_size),
+            _magnitudes(y_column, window_size),
+            _magnitudes(x_column, window_size),
         )
         error += float(np.sum((magnitudes - reference_magnitudes) ** 2))
         energy += float(np.sum(reference_magnitudes**2))
@@ -124,9 +126,9 @@ def bands_db(y: Floats, x: Floats, rate: float) -> float:
     It still compares sounds whose waveforms have diverged for good, such as a gong, a bow or a
     rattle.
     """
-    ours, theirs = (third_octaves(sound, rate)[1] for sound in (y, x))
-    audible = theirs > theirs.max() + _COMPARED_DB
-    return float(np.mean(np.minimum(np.abs(ours - theirs)[audible], _WORST_DB)))
+    y_levels, x_levels = (third_octaves(sound, rate)[1] for sound in (y, x))
+    audible = x_levels > x_levels.max() + _COMPARED_DB
+    return float(np.mean(np.minimum(np.abs(y_levels - x_levels)[audible], _WORST_DB)))
 
 
 def _centres(highest: float) -> Iterator[float]:

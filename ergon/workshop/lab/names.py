@@ -16,7 +16,7 @@ ORDERS: dict[Method, int | None] = {
     "ieq": 2,
 }
 METHODS: tuple[Method, ...] = tuple(ORDERS)
-_PLAIN = 2  # order of contacts and laws in a method exact otherwise
+_PLAIN_ORDER = 2  # order of contacts and laws in a method exact otherwise
 PRECISIONS = ("f64",)
 
 Metric = Literal["waveform", "spectral", "cents", "energy"]
@@ -37,4 +37,4 @@ CUTS = ("soft", "quick")  # its maps
 def order_of(method: str | None) -> int:
     """The order of a method's error, as an upper bound."""
     orders = [order for name, order in ORDERS.items() if name == method]
-    return (orders[0] if orders else None) or _PLAIN
+    return (orders[0] if orders else None) or _PLAIN_ORDER

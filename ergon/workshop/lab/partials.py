@@ -14,11 +14,11 @@ from ergon.workshop.lab.metrics import Floats
 Complexes = NDArray[np.complex128]
 
 _SMOOTHING = 0.05  # [s] of Hann window: partials 40 Hz apart do not mix
-_APART = 2.0 / _SMOOTHING  # [Hz] its main lobe, to one side
+_RESOLUTION_HERTZ = 2.0 / _SMOOTHING  # [Hz] its main lobe, to one side
 _HOP = 1e-3  # [s]
 _DOWN = 1e-3  # weaker partials, relative to the strongest, are not followed
-_RISE = 1.12  # growth over one window that means another stroke: 1 dB
-_SHORTEST = 0.05  # [s] of ringing that tell a pitch
+_STROKE_GROWTH = 1.12  # growth over one window that means another stroke: 1 dB
+_RING_SECONDS_MIN = 0.05  # [s] of ringing that tell a pitch
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +58,8 @@ def compare(y: Floats, x: Floats, partial_frequency: float, rate: float) -> Part
         2.0 * pi
     )
     decay = -_slope(t, np.log(np.abs(X[ringing_span])), amplitude_weight)
-    ours = decay - _slope(t, np.log(np.abs(amplitude_ratio)), amplitude_weight)
-    ratio60 = decay / ours if decay > 0.0 and ours > 0.0 else nan
+    measured_decay = decay - _slope(t, np.log(np.abs(amplitude_ratio)), amplitude_weight)
+    ratio60 = decay / measured_decay if decay > 0.0 and measured_decay > 0.0 else nan
     cents = 1200.0 * log2(1.0 + drift / true) if drift > -true else -inf
     return Partial(true, cents, ratio60, 3.0 * log(10.0) / decay if decay > 0.0 else inf)
 
@@ -76,7 +76,7 @@ def strongest(x: Floats, rate: float, count: int = 5, window: Floats | None = No
     if window is None:
         window = np.hanning(len(x) + 1)[:-1]
     magnitude = np.abs(np.fft.rfft(x * window, window_size))
-    reach = max(2, int(_APART * window_size / rate))
+    reach = max(2, int(_RESOLUTION_HERTZ * window_size / rate))
     low_bin, high_bin = int(1.5 * reach), int(0.45 * window_size)
     # The rise towards a stronger peak's neighbour is not a peak.
     nearby = sliding_window_view(np.pad(magnitude, reach), 2 * reach + 1)
@@ -108,8 +108,8 @@ def _baseband(y: Floats, x: Floats, f: float, rate: float) -> tuple[Floats, Comp
         )
         return smoothed
 
-    ours, theirs = smooth(y), smooth(x)
-    return window_size / 2.0 + hop * np.arange(len(theirs), dtype=np.float64), ours, theirs
+    y_smooth, x_smooth = smooth(y), smooth(x)
+    return window_size / 2.0 + hop * np.arange(len(x_smooth), dtype=np.float64), y_smooth, x_smooth
 
 
 def _ringing(amplitude_sizes: Floats) -> slice | None:
@@ -117,11 +117,11 @@ def _ringing(amplitude_sizes: Floats) -> slice | None:
     window = round(_SMOOTHING / _HOP)
     strong = amplitude_sizes > _DOWN * amplitude_sizes.max(initial=0.0)
     rising = np.zeros(len(amplitude_sizes), dtype=bool)
-    for i in np.flatnonzero(amplitude_sizes[window:] > _RISE * amplitude_sizes[:-window]):
+    for i in np.flatnonzero(amplitude_sizes[window:] > _STROKE_GROWTH * amplitude_sizes[:-window]):
         rising[i : i + window] = True
     edges = np.flatnonzero(np.diff(np.concatenate([[False], strong & ~rising, [False]])))
     spans = [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    spans = [span for span in spans if (span.stop - span.start) * _HOP >= _SHORTEST]
+    spans = [span for span in spans if (span.stop - span.start) * _HOP >= _RING_SECONDS_MIN]
     return max(spans, key=lambda span: float(np.sum(amplitude_sizes[span] ** 2)), default=None)
 
 

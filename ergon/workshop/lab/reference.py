@@ -22,7 +22,7 @@ from ergon.workshop.lab.runs import Setting
 
 EXACT_DB = -180.0  # change by doubling in an exact method: rounding
 _DOUBLING_DB = 20.0 * log10(2.0)  # of an error of order 1
-_LOOKED_AT = 4  # changes that tell the order
+_CHANGES_FOR_ORDER = 4  # changes that tell the order
 _DOUBT_DB = 20.0  # the estimates themselves may be wrong by so much
 _ORDER_MIN = 0.5  # slower than that nothing is left out by extrapolating
 
@@ -59,13 +59,13 @@ class Reference:
 
     def _line(self) -> tuple[float | None, float]:
         """The order, and the last change [dB], from a straight line through the last changes."""
-        if len(self.changes) < 2 or min(self.changes[-_LOOKED_AT:]) < EXACT_DB:
+        if len(self.changes) < 2 or min(self.changes[-_CHANGES_FOR_ORDER:]) < EXACT_DB:
             return None, self.changes[-1]
         steepest = _DOUBLING_DB * (order_of(self.setting.method))
         lifted_changes = [self.changes[0]]
         for change in self.changes[1:]:
             lifted_changes.append(max(change, lifted_changes[-1] - steepest))
-        lifted_changes = lifted_changes[-_LOOKED_AT:]
+        lifted_changes = lifted_changes[-_CHANGES_FOR_ORDER:]
         fall, start = np.polyfit(np.arange(len(lifted_changes)), lifted_changes, 1)
         last_change = max(float(start + fall * (len(lifted_changes) - 1)), lifted_changes[-1])
         p = -float(fall) / _DOUBLING_DB
@@ -172,10 +172,11 @@ def doubts(sounds: Mapping[Setting, Floats], chosen_reference: Reference) -> lis
         if method == chosen_reference.setting.method or len(ladder(sounds, method)) < 2:
             continue
         rival_top = _top(sounds, method)
-        apart = waveform_db(rival_top.sound, chosen_reference.sound)
-        if apart > max(rival_top.floor_db, chosen_reference.floor_db) + _DOUBT_DB:
+        rival_difference = waveform_db(rival_top.sound, chosen_reference.sound)
+        if rival_difference > max(rival_top.floor_db, chosen_reference.floor_db) + _DOUBT_DB:
             sentences.append(
-                f"{rival_top.setting} and {chosen_reference.setting} differ by {apart:.0f} dB, "
+                f"{rival_top.setting} and {chosen_reference.setting} differ by "
+                f"{rival_difference:.0f} dB, "
                 "though their "
                 "own "
                 f"errors seem to be {rival_top.floor_db:.0f} and {chosen_reference.floor_db:.0f} dB"
@@ -185,4 +186,7 @@ def doubts(sounds: Mapping[Setting, Floats], chosen_reference: Reference) -> lis
 
 def _changes(row: Sequence[tuple[int, Floats]]) -> tuple[float, ...]:
     """The change of each doubling [dB]."""
-    return tuple(max(waveform_db(one, two), 2.0 * EXACT_DB) for (_, one), (_, two) in pairwise(row))
+    return tuple(
+        max(waveform_db(level, next_level), 2.0 * EXACT_DB)
+        for (_, level), (_, next_level) in pairwise(row)
+    )

@@ -63,7 +63,7 @@ class SlowKeyScene:
         return RATE
 
     def build_at(self, rate: float) -> NetworkAndTimeline:
-        """Build the scene anew, at its own rate whatever `rate` is."""
+        """Build the scene again at its own rate; `rate` is not used."""
         network = _core.Network()
         network.part("key", ca_rate=RATE, macrostep=self.every)
         M, K, Z = self.key.M, self.key.K, self.key.Z

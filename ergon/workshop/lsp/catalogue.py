@@ -44,9 +44,9 @@ class Catalogue:
 
     def find(self, word: str, sections: tuple[str, ...] = ()) -> Definition | None:
         """The definition of a word, or of the longest part before one of its dots."""
-        searched = sections or tuple(self.sections)
+        searched_sections = sections or tuple(self.sections)
         while word:
-            for section in searched:
+            for section in searched_sections:
                 if (entry := self.sections.get(section, {}).get(word)) is not None:
                     return entry
             word = word.rpartition(".")[0]
@@ -77,9 +77,9 @@ def catalogue(loaded: Loaded) -> Catalogue:
             modules = None if values is None else values.by_name.get("modules")
             for module, fields_read in (modules or {}).items():
                 if isinstance(fields_read, Values):
-                    full = f"{defined_name}.{module}"
-                    sections[MODULES][full] = Definition(
-                        full, fields_read.kind or "module", fields_read.place
+                    qualified_name = f"{defined_name}.{module}"
+                    sections[MODULES][qualified_name] = Definition(
+                        qualified_name, fields_read.kind or "module", fields_read.place
                     )
     return Catalogue(sections, score_names.tuning, score_names.tunings)
 

@@ -27,9 +27,9 @@ _LINE_MAX, _LINES_MAX = 4096, 32  # bytes and lines of a header
 _WORDS_MAX = 300  # characters of what is wrong with a message
 _DEPTH_MAX = 64  # levels of nesting; the protocol needs about ten
 _INTEGER_MAX = 1 << 53
-_LENGTH = re.compile(rb"Content-Length: *([0-9]{1,20}) *\r?\n", re.IGNORECASE)
-_HALF = re.compile(rb"\\u[dD][89a-fA-F]")  # half of a character, which UTF-8 cannot say
-_LIFE = (t.INITIALIZE, t.INITIALIZED, t.SHUTDOWN, t.EXIT, t.CANCEL_REQUEST, t.SET_TRACE)
+_CONTENT_LENGTH = re.compile(rb"Content-Length: *([0-9]{1,20}) *\r?\n", re.IGNORECASE)
+_SURROGATE = re.compile(rb"\\u[dD][89a-fA-F]")  # half of a character, which UTF-8 cannot say
+_LIFECYCLE = (t.INITIALIZE, t.INITIALIZED, t.SHUTDOWN, t.EXIT, t.CANCEL_REQUEST, t.SET_TRACE)
 
 
 class ProtocolError(ErgonError):
@@ -55,7 +55,7 @@ class GuardedInput:
         self.failure: ProtocolError | None = None
         self.exits_early = False
         self._source, self._target = source, target
-        self._methods = methods | {*_LIFE}
+        self._methods = methods | {*_LIFECYCLE}
         self._converter = converters.get_converter()
         self._ready = io.BytesIO()
         self._open: set[str] = set()
@@ -97,7 +97,7 @@ class GuardedInput:
             header_line = self._source.readline(_LINE_MAX)
             if not header_line and not number:
                 return None
-            if match := _LENGTH.fullmatch(header_line):
+            if match := _CONTENT_LENGTH.fullmatch(header_line):
                 body_length = int(match[1])
             elif not header_line.strip():
                 break
@@ -119,7 +119,7 @@ class GuardedInput:
         """A message as a mapping. Raises _RefusedError."""
         try:
             message = parse_json(body)
-            if _HALF.search(body):
+            if _SURROGATE.search(body):
                 json.dumps(message, ensure_ascii=False).encode()
         except MalformedTextError as error:
             raise _RefusedError(t.ErrorCodes.ParseError, str(error)) from None

@@ -50,10 +50,10 @@ def _fit_figures(fit: Fit) -> tuple[list[str], Floats, Floats]:
     figure_values: list[float] = []
     slopes: list[Floats] = []
 
-    def add(name: str, value: float, by: dict[int, float]) -> None:
+    def add(name: str, value: float, gradient: dict[int, float]) -> None:
         figure_names.append(name)
         figure_values.append(float(value))
-        slopes.append(np.array([by.get(index, 0.0) for index in fitted_columns]))
+        slopes.append(np.array([gradient.get(index, 0.0) for index in fitted_columns]))
 
     add(
         "M",
@@ -229,10 +229,10 @@ def read(file_text: str) -> Calibration:
             date = text_line.removeprefix("date: ").strip()
         elif (line_match := _FIGURE.match(text_line)) and line_match[1] in UNITS:
             figure_name, figure_value, unit, deviation = line_match.groups()
-            usual, per_unit = UNITS[figure_name]
-            if unit != usual:
+            usual_unit, per_unit = UNITS[figure_name]
+            if unit != usual_unit:
                 raise MeasurementError(
-                    f"{figure_name} must be in {usual}, as ergon metrology writes it"
+                    f"{figure_name} must be in {usual_unit}, as ergon metrology writes it"
                 )
             figures[figure_name] = float(figure_value) / per_unit
             if deviation is not None:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 # s over which residuals may be correlated: a window that is too short misses correlations, and one
 # that is too long has too few independent parts to tell a variance from.
 _WINDOWS = (0.0, 0.03, 0.1, 0.3, 1.0, 2.0, 4.0)
-_USUAL = 2  # the window whose correlations of parameters count
+_REFERENCE_WINDOW = 2  # the window whose correlations of parameters count
 N_WINDOWS = len(_WINDOWS)
 
 
@@ -54,6 +54,6 @@ def covariance(square: Floats, scores: Floats) -> Floats:
     inverse = np.linalg.pinv(square, hermitian=True)
     covariances = inverse @ scores @ inverse
     size = np.sqrt(np.einsum("wii->wi", covariances))
-    usual = np.where(size[_USUAL] > 0, size[_USUAL], 1.0)
-    greatest = size.max(axis=0) / usual
-    return np.asarray(covariances[_USUAL] * np.outer(greatest, greatest))
+    usual_size = np.where(size[_REFERENCE_WINDOW] > 0, size[_REFERENCE_WINDOW], 1.0)
+    greatest = size.max(axis=0) / usual_size
+    return np.asarray(covariances[_REFERENCE_WINDOW] * np.outer(greatest, greatest))

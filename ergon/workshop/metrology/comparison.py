@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from .gesture import Floats, Gesture
 
 _RATE = 44100 / 44  # ticks a second of the standard gesture
-_SECONDS, _REACH, _FORCE_MAX = 4.0, 5e-3, 20.0  # standard gesture: s, m, N
+_SECONDS, _AMPLITUDE, _FORCE_MAX = 4.0, 5e-3, 20.0  # standard gesture: s, m, N
 _GRAVITY = 9.80665
-_ALIKE = 0.2  # modes nearer than this in log pitch are one mode
-_CERTAIN = 1e-5  # smaller eigenvalues of a correlation matrix are rounding
+_SAME_MODE_DISTANCE = 0.2  # modes nearer than this in log pitch are one mode
+_EIGENVALUE_MIN = 1e-5  # smaller eigenvalues of a correlation matrix are rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ def replay_difference(first_row: Floats, second_row: Floats) -> float:
     """
     guided = first_row.copy()
     guided[INDEX["stiffness"]] = max(first_row[1], 1e-3)
-    knock_forces = excitation.knocks(guided, _RATE, _SECONDS, _REACH, _FORCE_MAX)
+    knock_forces = excitation.knocks(guided, _RATE, _SECONDS, _AMPLITUDE, _FORCE_MAX)
     paths = []
     for row in (first_row, second_row):
         held_row = row.copy()
@@ -126,14 +126,14 @@ def differences(calibration: Calibration, second_calibration: Calibration) -> li
 
 def _alike(calibration: Calibration, second_calibration: Calibration) -> list[tuple[int, int]]:
     """Pairs of mode numbers, from 1; a mode that only one calibration has is paired with 0."""
-    apart = sorted(
+    sorted_differences = sorted(
         (abs(np.log(f / g)), a, b)
         for a, (_, f, _) in enumerate(calibration.modes, 1)
         for b, (_, g, _) in enumerate(second_calibration.modes, 1)
     )
     mode_pairs: list[tuple[int, int]] = []
-    for distance, a, b in apart:
-        if distance < _ALIKE and not any(a == x or b == y for x, y in mode_pairs):
+    for distance, a, b in sorted_differences:
+        if distance < _SAME_MODE_DISTANCE and not any(a == x or b == y for x, y in mode_pairs):
             mode_pairs.append((a, b))
     first_modes, second_modes = {a for a, _ in mode_pairs}, {b for _, b in mode_pairs}
     mode_pairs += [(a, 0) for a in range(1, len(calibration.modes) + 1) if a not in first_modes]
@@ -159,7 +159,7 @@ def chi_squared(calibration: Calibration, second_calibration: Calibration) -> tu
     size = np.sqrt(np.diag(covariance))
     eigen_values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     components = vectors.T @ np.array([d.deviations for d in comparable])
-    is_certain = eigen_values > _CERTAIN
+    is_certain = eigen_values > _EIGENVALUE_MIN
     return float(np.sum(components[is_certain] ** 2 / eigen_values[is_certain])), int(
         is_certain.sum()
     )

@@ -72,8 +72,8 @@ def mixed(n: int, rate: float, chance: np.random.Generator, quick: Floats, share
 
 def framed(force: Floats, rate: float) -> tuple[Floats, int]:
     """The force after a beginning without force, and the number of ticks of that beginning."""
-    still = round(STILL * rate)
-    return np.concatenate([np.zeros(still), force]), still
+    still_ticks = round(STILL * rate)
+    return np.concatenate([np.zeros(still_ticks), force]), still_ticks
 
 
 def scaled_to_reach(
@@ -84,14 +84,14 @@ def scaled_to_reach(
     Quick forces move a key little, so the part of the force below 20 Hz is reduced first.
     """
     spectrum = np.fft.rfft(push_forces)
-    slow = np.fft.irfft(
+    low_passed = np.fft.irfft(
         spectrum * (np.fft.rfftfreq(push_forces.size, 1 / rate) < 20.0), push_forces.size
     )
-    quick, quick_share, all_of_it = push_forces - slow, 1.0, 1.0
+    quick, quick_share, all_of_it = push_forces - low_passed, 1.0, 1.0
     parameter_row = parameter_row.copy()
     parameter_row[START] = parameter_row[INDEX["weight"]] = 0.0
     while True:
-        weakened: Floats = all_of_it * (quick_share * slow + quick)
+        weakened: Floats = all_of_it * (quick_share * low_passed + quick)
         path = _core.key_path(parameter_row, weakened, rate, columns=())[0]
         if np.abs(path).max() <= reach or all_of_it < least:
             return weakened

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from .gesture import Floats, Gesture
 
-_CUT = 25.0  # Hz: below modes, above strokes
+_CUTOFF = 25.0  # Hz: below modes, above strokes
 _WIDER = 100.0  # Hz: where a delay of a tick is seen
 _EDGE = 0.2  # s at both ends, where a filter rings
 _MOVES = 2e-3  # m/s: faster, and dry friction has its level
@@ -69,7 +69,7 @@ def _solved(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floa
 def first_guess(gestures: Sequence[Gesture]) -> Floats:
     """The parameters of a key without modes, (10,)."""
     delay = min(_DELAYS, key=lambda ticks: _solved(gestures, float(ticks), _WIDER)[1])
-    mass, damping, stiffness, weight, dry = _solved(gestures, float(delay), _CUT)[0]
+    mass, damping, stiffness, weight, dry = _solved(gestures, float(delay), _CUTOFF)[0]
     guessed_row = np.zeros(N_KEY)
     guessed_row[:3] = max(mass, 1e-3), max(stiffness, 0.0), max(damping, 1e-3)
     guessed_row[INDEX["weight"]] = weight
@@ -84,14 +84,14 @@ def signed_mass(gesture: Gesture) -> tuple[float, float]:
     The certainty is the mass over its standard deviation.
     """
     delay = min(_DELAYS, key=lambda ticks: _solved([gesture], float(ticks), _WIDER)[1])
-    matrix, equation_forces = _equations([gesture], float(delay), _CUT)
+    matrix, equation_forces = _equations([gesture], float(delay), _CUTOFF)
     column_norms = np.sqrt(np.mean(matrix**2, axis=0))
     column_norms[column_norms == 0] = 1.0
     unit_matrix = matrix / column_norms
     square = unit_matrix.T @ unit_matrix + 1e-9 * len(unit_matrix) * np.eye(5)
     solution = np.linalg.solve(square, unit_matrix.T @ equation_forces)
     residual = equation_forces - unit_matrix @ solution
-    independent = max(len(equation_forces) * 2 * _CUT / gesture.rate - 5, 1.0)
+    independent = max(len(equation_forces) * 2 * _CUTOFF / gesture.rate - 5, 1.0)
     variance = (
         np.linalg.inv(square)[0, 0] * len(equation_forces) * np.mean(residual**2) / independent
     )

@@ -22,10 +22,10 @@ _FRESH = 1  # bit in a recording's flags
 TICKS_MIN = 500
 LATE = 0.1  # largest share of late ticks whose forces can be found
 _OFF_GRID = 0.2  # deviation, in steps, above which there is no grid
-_JITTER = 5e-3  # replies nearer to their tick than this count as on it [ticks]
-_NEAR = 0.75  # largest distance of a reply from its tick [ticks]
-_MIXED = 0.01  # share of a tick with an unknown force that can be ignored
-_STILL = 50  # ticks of a still beginning by which the sensor's noise is known
+_JITTER_TICKS = 5e-3  # replies nearer to their tick than this count as on it [ticks]
+_REPLY_DISTANCE_MAX = 0.75  # largest distance of a reply from its tick [ticks]
+_UNKNOWN_SHARE_MAX = 0.01  # share of a tick with an unknown force that can be ignored
+_STILL_TICKS = 50  # ticks of a still beginning by which the sensor's noise is known
 
 
 class MeasurementError(ErgonError):
@@ -51,7 +51,7 @@ class Unknown:
         return 0.5 * (self.greatest - self.least)
 
 
-_NONE = Unknown(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
+_NO_UNKNOWN = Unknown(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ class Gesture:
     position: Floats
     counts: NDArray[np.bool_]
     rate: float
-    unknown: Unknown = _NONE
+    unknown: Unknown = _NO_UNKNOWN
     read: Floats | None = None
 
     def with_forces(self, forces: Floats) -> Gesture:
@@ -156,13 +156,13 @@ def gesture_from_rows(
     Raises MeasurementError.
     """
     sent, fresh = np.asarray(sent, float), np.asarray(fresh)
-    sure = np.asarray(fresh if is_known is None else is_known)
+    is_measured = np.asarray(fresh if is_known is None else is_known)
     exact = _instants(np.asarray(ticks, np.int64), fresh, np.asarray(clock), rate)
     # Of two replies within one tick of the device, the later one counts.
     tick_numbers = np.maximum.accumulate(np.round(exact).astype(np.int64))
     n = int(tick_numbers[-1]) + 1
-    which = np.searchsorted(tick_numbers, np.arange(1, n + 1), side="right") - 1
-    reply_forces, even_positions = sent[which], np.zeros(n)
+    reply_indices = np.searchsorted(tick_numbers, np.arange(1, n + 1), side="right") - 1
+    reply_forces, even_positions = sent[reply_indices], np.zeros(n)
     even_positions[tick_numbers], counts = key_positions, np.zeros(n, bool)
     counts[tick_numbers] = fresh
     last_read_tick = np.maximum.accumulate(
@@ -172,13 +172,13 @@ def gesture_from_rows(
         gesture_from_arrays(reply_forces, even_positions[last_read_tick], rate), counts=counts
     )
     tick_offsets = (exact - tick_numbers)[fresh]
-    if np.sqrt(np.mean(tick_offsets**2)) >= _JITTER:
+    if np.sqrt(np.mean(tick_offsets**2)) >= _JITTER_TICKS:
         tick_numbers = np.maximum.accumulate(exact)
         retimed = _retimed(retimed, tick_numbers, sent, np.asarray(key_positions), fresh)
     least, latest = sent.copy(), sent.copy()
     if is_told is not None and is_told.any():
         least[~is_told], latest[~is_told] = sent[is_told].min(), sent[is_told].max()
-    unknown = _unknown(tick_numbers - 1.0, (least, latest), sure, n)
+    unknown = _unknown(tick_numbers - 1.0, (least, latest), is_measured, n)
     return replace(retimed, unknown=unknown).with_forces(unknown.middle)
 
 
@@ -195,8 +195,8 @@ def _retimed(
     tick_edges = np.arange(n + 1.0)
     replies, x = reply_ticks[fresh], reply_positions[fresh]
     # Two replies at the same instant give no speed.
-    apart = np.concatenate([[True], np.diff(replies) > 0])
-    replies, x = replies[apart], x[apart]
+    is_new_reply = np.concatenate([[True], np.diff(replies) > 0])
+    replies, x = replies[is_new_reply], x[is_new_reply]
     speed = np.gradient(x, replies)
     nearest = np.round(np.interp(tick_edges[:-1], replies, np.arange(replies.size))).astype(
         np.int64
@@ -206,7 +206,7 @@ def _retimed(
         gesture,
         force=_means(reply_ticks - 1.0, sent, tick_edges),
         position=x[nearest] + speed[nearest] * reply_offsets,
-        counts=gesture.counts & (np.abs(reply_offsets) < _NEAR),
+        counts=gesture.counts & (np.abs(reply_offsets) < _REPLY_DISTANCE_MAX),
         read=x,
     )
 
@@ -221,11 +221,11 @@ def _unknown(
     than lost, and all forces count as known.
     """
     shares = _means(begins, (~is_known).astype(float), np.arange(n + 1.0))
-    ticks = np.flatnonzero(shares > _MIXED)
+    ticks = np.flatnonzero(shares > _UNKNOWN_SHARE_MAX)
     if ticks.size > LATE * n:
-        return _NONE
-    sure = np.maximum.accumulate(np.where(is_known, np.arange(is_known.size), 0))
-    first_begin = sure[np.maximum(np.searchsorted(begins, ticks, side="right") - 1, 0)]
+        return _NO_UNKNOWN
+    last_known = np.maximum.accumulate(np.where(is_known, np.arange(is_known.size), 0))
+    first_begin = last_known[np.maximum(np.searchsorted(begins, ticks, side="right") - 1, 0)]
     last_begin = np.minimum(np.searchsorted(begins, ticks + 1, side="left"), begins.size - 1)
     acted = [slice(i, j + 1) for i, j in zip(first_begin, last_begin, strict=True)]
     least = np.array([sent[0][rows].min() for rows in acted])
@@ -323,7 +323,9 @@ def sensor_noise(gestures: Sequence[Gesture]) -> float | None:
     """
     # Second differences suppress slow creep; for white noise their variance is 6 times that of the
     # noise.
-    still_differences = [np.diff(g.position[: g.still], 2) for g in gestures if g.still >= _STILL]
+    still_differences = [
+        np.diff(g.position[: g.still], 2) for g in gestures if g.still >= _STILL_TICKS
+    ]
     if not still_differences:
         return None
     rounding = (sensor_step(gestures) or 0.0) / np.sqrt(12)
@@ -334,11 +336,13 @@ def sensor_step(gestures: Sequence[Gesture]) -> float | None:
     """Step [m] of the sensor: the grid on which positions lie; None if there is no grid."""
     reads = [g.position[g.counts] if g.read is None else g.read for g in gestures]
     read_places = np.unique(np.concatenate(reads))
-    apart = np.diff(read_places)
-    apart = apart[apart > 1e-6 * np.ptp(read_places)]  # else the same, but for rounding
-    if not apart.size:
+    place_steps = np.diff(read_places)
+    place_steps = place_steps[
+        place_steps > 1e-6 * np.ptp(read_places)
+    ]  # else the same, but for rounding
+    if not place_steps.size:
         return None
-    step_counts = np.round((read_places - read_places[0]) / apart.min())
-    if np.abs((read_places - read_places[0]) / apart.min() - step_counts).max() > _OFF_GRID:
+    step_counts = np.round((read_places - read_places[0]) / place_steps.min())
+    if np.abs((read_places - read_places[0]) / place_steps.min() - step_counts).max() > _OFF_GRID:
         return None
     return float((read_places - read_places[0]) @ step_counts / (step_counts @ step_counts))

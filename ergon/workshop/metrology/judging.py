@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 FITTED_SHARE = 0.75  # share of the last take that is fitted if none is held out
 _ITERATIONS, _TRIAL_ITERATIONS = 30, 12  # of a fit, and of a fit before it is compared
 _ROUGH_ITERATIONS = 5  # iterations from each of several starts
-_UNKNOWN = 0.5  # relative deviation above which a part is not significant
-_WORTH = 10.0  # fall of BIC: very strong evidence (Kass and Raftery 1995)
-_SURE = 100.0  # fall of BIC that residuals which are correlated do not explain either
+_RELATIVE_DEVIATION_MAX = 0.5  # relative deviation above which a part is not significant
+_BIC_FALL_MIN = 10.0  # fall of BIC: very strong evidence (Kass and Raftery 1995)
+_BIC_FALL_CERTAIN = 100.0  # fall of BIC that residuals which are correlated do not explain either
 _HIDDEN = 0.1  # of the relative fall of the error in the takes: so little a replay may rise
 
 
@@ -47,13 +47,13 @@ class Stage:
         """Whether there is very strong evidence that it explains the takes better than another
         stage.
         """
-        return self.fit.bic < other.fit.bic - _WORTH
+        return self.fit.bic < other.fit.bic - _BIC_FALL_MIN
 
     def is_hidden(self, before: Stage) -> bool:
         """Whether the parts since a stage surely explain the takes, and the held-out gesture hardly
         speaks against them: its error rises by less than a tenth of what that of the takes falls.
         """
-        is_sure = self.is_worth and self.fit.bic < before.fit.bic - _SURE
+        is_sure = self.is_worth and self.fit.bic < before.fit.bic - _BIC_FALL_CERTAIN
         fall, rise = np.log(before.fit.rms / self.fit.rms), np.log(self.replay / before.replay)
         return bool(is_sure and rise < _HIDDEN * fall)
 
@@ -97,7 +97,7 @@ class Judge:
         )
         model_replay = self._replay(fit)
         is_worth = stage_before is None or (
-            fit.bic < stage_before.fit.bic - _WORTH
+            fit.bic < stage_before.fit.bic - _BIC_FALL_MIN
             and knows(fit, set(columns) - set(stage_before.fit.columns))
         )
         is_accepted = is_worth and (stage_before is None or model_replay < stage_before.replay)
@@ -120,7 +120,7 @@ class Judge:
         row = with_values(stage_before.fit.row, dict.fromkeys(parameters, 0.0))
         stage = self.stage(name, row, columns, stage_before)
         return replace(
-            stage, is_accepted=stage.fit.bic < stage_before.fit.bic + _WORTH, is_removal=True
+            stage, is_accepted=stage.fit.bic < stage_before.fit.bic + _BIC_FALL_MIN, is_removal=True
         )
 
     def best_of(
@@ -170,5 +170,5 @@ def _is_known(fit: Fit, parameter_index: int) -> bool:
         return False
     return (
         is_plain(parameter_index)
-        or fit.deviation(parameter_index) < _UNKNOWN * fit.row[parameter_index]
+        or fit.deviation(parameter_index) < _RELATIVE_DEVIATION_MAX * fit.row[parameter_index]
     )

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 FRAMES, RATE = 44, 44100.0  # frames of a tick, and the audio rate
 TICK_RATE = RATE / FRAMES
 RUNG = 2.0  # s
-_FIRST, _LAST = 0.05, 0.9  # of the force
+_FIRST_SHARE, _LAST_SHARE = 0.05, 0.9  # of the force
 _RUNGS_MAX = 12
 _ENOUGH = 0.4  # excursion, over half the travel, of the last rung
 _TARGET = 0.55  # target of the next rung, over half the travel
@@ -42,13 +42,13 @@ _RAIN = 0.3  # of the force of a rung
 _GUIDE, _GUIDE_RATIO = 12.0, 0.8
 _BRAKE_STIFFNESS, _BRAKE_DAMPING = 3.0, 45.0  # of the guide's; 1/s of the mass
 _SPRING = 40.0  # (rad/s)²: with a faster spring of its own a key needs no guide
-_NEAR = 0.35  # of half the range: a key that rests nearer to an end has no room
+_END_DISTANCE_MIN = 0.35  # of half the range: a key that rests nearer to an end has no room
 # Jolts show the direction of the motor and the approximate mass.
 _JOLTS = 0.6  # s
 _FIRST_JOLT, _JOLT_MAX = 0.01, 0.8  # of the force
 _JOLTED = 0.2  # excursion, over half the travel, of the last jolt
-_SURE = 15.0  # the mass over its deviation, from which on it is believed
-_LONGEST = 6.0  # times the length of the first jolts, at most
+_MASS_CERTAINTY_MIN = 15.0  # the mass over its deviation, from which on it is believed
+_JOLT_LENGTH_RATIO_MAX = 6.0  # times the length of the first jolts, at most
 _IN_TIME = 0.75  # smallest share of ticks with a reply in time
 _RESTS = 3.0  # s at most, until a key rests
 
@@ -247,13 +247,13 @@ def climb(
     )
     guide = hand_place.guide(moving_mass)
     settle(device_axis, guide)
-    push_force, gestures = _FIRST * greatest, []
+    push_force, gestures = _FIRST_SHARE * greatest, []
     rungs: list[Rung] = []
     while len(rungs) < _RUNGS_MAX:
         n = round(RUNG * TICK_RATE)
         stream = excitation.mixed(n, TICK_RATE, chance, excitation.rain(n, chance), _RAIN)
-        framed, still = excitation.framed(push_force * stream, TICK_RATE)
-        excited = push(device_axis, framed, guide, still, forgiven=True)
+        framed, still_ticks = excitation.framed(push_force * stream, TICK_RATE)
+        excited = push(device_axis, framed, guide, still_ticks, forgiven=True)
         settle(device_axis, guide)
         excursion = float(np.abs(excited.positions() - guide.centre).max())
         braked = excited.end != "done" or bool(excited.braked().any())
@@ -265,12 +265,12 @@ def climb(
         if not braked:
             moving_mass = hand_place.better(moving_mass, gestures[-1])
             guide = hand_place.guide(moving_mass)
-            if excursion_share >= _ENOUGH or push_force >= _LAST * greatest:
+            if excursion_share >= _ENOUGH or push_force >= _LAST_SHARE * greatest:
                 break
         elif sum(rung.braked for rung in rungs) >= _BRAKED:
             break
         factor = 0.7 if braked else min(2.0, _TARGET / max(excursion_share, 1e-6))
-        push_force = min(_LAST * greatest, push_force * factor)
+        push_force = min(_LAST_SHARE * greatest, push_force * factor)
     if not gestures:
         raise TakeEnded(excited.end)
     rough = _rough(gestures[-2:])
@@ -298,7 +298,7 @@ class _Place:
         read_positions = push(device_axis, np.zeros(round(0.2 * TICK_RATE)), free).positions()
         self.centre = float(np.median(read_positions))
         self.half = min(self.centre - low_end, high_end - self.centre)
-        if self.half < _NEAR * 0.5 * (high_end - low_end):
+        if self.half < _END_DISTANCE_MIN * 0.5 * (high_end - low_end):
             raise MeasurementError(
                 f"the key rests at {self.centre * 1e3:.3g} mm, {max(self.half, 0.0) * 1e3:.2g} mm "
                 f"from an end of its travel ({low_end * 1e3:.3g} to {high_end * 1e3:.3g} mm), and "
@@ -321,15 +321,15 @@ class _Place:
             _FIRST_JOLT * self.axis.request_max,
             1.0,
         )
-        while jolt_length < _LONGEST:
+        while jolt_length < _JOLT_LENGTH_RATIO_MAX:
             n = round(_JOLTS * TICK_RATE)
             stream = jolt_force * excitation.jolts(n, TICK_RATE, self.chance, jolt_length)
-            framed, still = excitation.framed(stream, TICK_RATE)
-            excited = push(self.axis, framed, self.free, still)
-            took = gesture(excited)
-            went = float(np.abs(took.position - took.start).max())
-            mass, sureness = signed_mass(took)
-            if went > self.shows and sureness > _SURE:
+            framed, still_ticks = excitation.framed(stream, TICK_RATE)
+            excited = push(self.axis, framed, self.free, still_ticks)
+            taken_gesture = gesture(excited)
+            went = float(np.abs(taken_gesture.position - taken_gesture.start).max())
+            mass, sureness = signed_mass(taken_gesture)
+            if went > self.shows and sureness > _MASS_CERTAINTY_MIN:
                 return (1 if mass > 0 else -1), abs(mass)
             if went > _JOLTED * self.half:
                 break

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # 20 lies above 18, the highest score of 20 keys without a mode; 50 keys reached 37 at least
 # with a mode of a twentieth of their mass, a second mode 26. What passes is fitted and judged.
 SCORE_MIN = 20.0
-_LOW, _HIGH = 5.0, 0.479  # Hz; of the rate
+_LOWEST_HERTZ, _HIGHEST_RATE_SHARE = 5.0, 0.479  # Hz; of the rate
 _PITCHES = 1200
 _RATIOS = np.array([0.003, 0.01, 0.03, 0.1])
 _SHARE_MAX = 0.3  # largest mass of a mode over that of the key
@@ -65,15 +65,18 @@ def _taper(n: int) -> Floats:
 def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
     """The mode that explains most of the residual of a fit, to first order in its mass."""
     parameter_row, rate = fit.row, gestures[0].rate
-    pitches = np.geomspace(_LOW, _HIGH * rate, _PITCHES)
+    pitches = np.geomspace(_LOWEST_HERTZ, _HIGHEST_RATE_SHARE * rate, _PITCHES)
     omega = 2 * np.pi * pitches[:, None]
-    along, square = np.zeros((_PITCHES, _RATIOS.size)), np.zeros((_PITCHES, _RATIOS.size))
+    projection, squared_norm = (
+        np.zeros((_PITCHES, _RATIOS.size)),
+        np.zeros((_PITCHES, _RATIOS.size)),
+    )
     for gesture, start in zip(gestures, fit.starts, strict=True):
         error = np.zeros(gesture.force.size)
         error[gesture.counts] = errors(parameter_row, gesture, start)
         taper = _taper(error.size)
         frequency = np.fft.rfftfreq(error.size, 1 / rate)
-        band = (frequency > _LOW) & (frequency < _HIGH * rate)
+        band = (frequency > _LOWEST_HERTZ) & (frequency < _HIGHEST_RATE_SHARE * rate)
         s = 2j * np.pi * frequency[band]
         residual_spectrum = np.fft.rfft(error * taper)
         force_spectrum = np.fft.rfft(gesture.force * taper)[band]
@@ -97,11 +100,13 @@ def highest_peak(gestures: Sequence[Gesture], fit: Fit) -> Peak:
             for pitch_part in np.array_split(np.arange(_PITCHES), 12):
                 w = omega[pitch_part]
                 template = base / (s * s + (2 * ratio * w) * s + w * w)
-                along[pitch_part, ratio_column] += np.real(template.conj() @ residual_spectrum)
-                square[pitch_part, ratio_column] += np.einsum(
+                projection[pitch_part, ratio_column] += np.real(template.conj() @ residual_spectrum)
+                squared_norm[pitch_part, ratio_column] += np.einsum(
                     "ij,ij->i", template, template.conj()
                 ).real
-    score = np.where(along > 0, 2 * along**2 / square, 0.0)
+    score = np.where(projection > 0, 2 * projection**2 / squared_norm, 0.0)
     i, j = divmod(int(np.argmax(score)), _RATIOS.size)
-    mass = float(np.clip(along[i, j] / square[i, j], 1e-4, _SHARE_MAX * parameter_row[0]))
+    mass = float(
+        np.clip(projection[i, j] / squared_norm[i, j], 1e-4, _SHARE_MAX * parameter_row[0])
+    )
     return Peak(mass, float(pitches[i]), float(_RATIOS[j]), float(score[i, j]))

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from .gesture import Floats, Gesture
 
 _DAMPING = (1e-3, 1e-7)  # Levenberg-Marquardt damping: initial and smallest
-_HARDLY = 1e-5  # damping below which a step is nearly that of Gauss and Newton
+_DAMPING_MIN = 1e-5  # damping below which a step is nearly that of Gauss and Newton
 _SLOW = 3  # steps that hardly fall, after which it has converged even if they are damped
 _TRIALS = 12
 # Maximal rounds of recovering unknown forces, the relative fall of the cost that ends them, and the
 # least share of a step.
 _RECOVERIES, _SETTLED, _LEAST_SHARE = 20, 1e-4, 0.05
 _EVERY = 3  # steps of a fit, from one look at what the unknown forces do to the next
-_CLOSE = 1e-6  # relative fall of the cost below which it has converged
+_COST_TOLERANCE = 1e-6  # relative fall of the cost below which it has converged
 
 
 @dataclass(frozen=True, slots=True)
@@ -329,8 +329,8 @@ def fit(
         )
         damping /= 10
         # A step that is much damped falls little anywhere.
-        n_slow_steps = n_slow_steps + 1 if fall < _CLOSE else 0
-        if n_slow_steps and (damping < _HARDLY or n_slow_steps == _SLOW):
+        n_slow_steps = n_slow_steps + 1 if fall < _COST_TOLERANCE else 0
+        if n_slow_steps and (damping < _DAMPING_MIN or n_slow_steps == _SLOW):
             if iteration % _EVERY == 0 or not any(g.unknown.ticks.size for g in gestures):
                 break
             by_force = []

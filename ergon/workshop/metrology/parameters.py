@@ -32,7 +32,7 @@ INDEX = {name: index for index, name in enumerate(NAMES)}
 START = INDEX["start"]
 N_KEY, N_MODE = len(NAMES), len(MODE_NAMES)
 # Fitted on a linear scale, because they may be zero; [least, most].
-_PLAIN = {
+_PLAIN_PARAMETERS = {
     INDEX["stiffness"]: (0.0, np.inf),
     INDEX["damping"]: (0.0, np.inf),
     INDEX["weight"]: (-np.inf, np.inf),
@@ -49,13 +49,13 @@ def name(parameter_index: int) -> str:
     """The name of a parameter; those of a mode end in its number from 1."""
     if parameter_index < N_KEY:
         return NAMES[parameter_index]
-    mode, which = divmod(parameter_index - N_KEY, N_MODE)
-    return f"{MODE_NAMES[which]}_{mode + 1}"
+    mode, mode_parameter = divmod(parameter_index - N_KEY, N_MODE)
+    return f"{MODE_NAMES[mode_parameter]}_{mode + 1}"
 
 
 def mode_indices(mode: int) -> list[int]:
     """The indices of the parameters of a mode, which counts from 0."""
-    return [N_KEY + N_MODE * mode + which for which in range(N_MODE)]
+    return [N_KEY + N_MODE * mode + mode_parameter for mode_parameter in range(N_MODE)]
 
 
 def n_modes(row: Floats) -> int:
@@ -67,7 +67,7 @@ def scale(parameter_row: Floats, fitted_columns: Sequence[int]) -> Floats:
     """Derivatives of the parameters with respect to the fitted variables, (columns,)."""
     return np.array(
         [
-            1.0 if index in _PLAIN or _is_mass(index) else parameter_row[index]
+            1.0 if index in _PLAIN_PARAMETERS or _is_mass(index) else parameter_row[index]
             for index in fitted_columns
         ]
     )
@@ -84,9 +84,9 @@ def step_parameters(parameter_row: Floats, fitted_columns: Sequence[int], step: 
     stepped_row = parameter_row.copy()
     for parameter_index, parameter_step in zip(fitted_columns, step, strict=True):
         value_before = parameter_row[parameter_index]
-        if parameter_index in _PLAIN:
+        if parameter_index in _PLAIN_PARAMETERS:
             stepped_row[parameter_index] = np.clip(
-                value_before + parameter_step, *_PLAIN[parameter_index]
+                value_before + parameter_step, *_PLAIN_PARAMETERS[parameter_index]
             )
         elif _is_mass(parameter_index):
             stepped_row[parameter_index] = np.clip(
@@ -106,7 +106,7 @@ def leads_beyond(row: Floats, columns: Sequence[int], step: Floats) -> NDArray[n
 
 
 def _is_beyond(row: Floats, index: int, parameter_step: float) -> bool:
-    least, greatest = _PLAIN.get(index, (0.0, _STIFFEST.get(index, np.inf)))
+    least, greatest = _PLAIN_PARAMETERS.get(index, (0.0, _STIFFEST.get(index, np.inf)))
     value = row[index]
     return bool(
         (value <= least and parameter_step < 0) or (value >= greatest and parameter_step > 0)
@@ -115,7 +115,7 @@ def _is_beyond(row: Floats, index: int, parameter_step: float) -> bool:
 
 def is_plain(index: int) -> bool:
     """Whether a parameter is fitted on a linear scale, and so may be zero."""
-    return index in _PLAIN
+    return index in _PLAIN_PARAMETERS
 
 
 def is_stiffest(row: Floats, index: int) -> bool:

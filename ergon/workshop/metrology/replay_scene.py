@@ -17,7 +17,11 @@ if TYPE_CHECKING:
     from .comparison import Replay
     from .gesture import Floats
 
-_POINTS, _LENGTH, _LASTS = 100, 1.0, 0.5  # points of a chain; its length [m]; the time shown [s]
+_CHAIN_POINTS, _CHAIN_LENGTH, _SHOWN_SECONDS = (
+    100,
+    1.0,
+    0.5,
+)  # points of a chain; its length [m]; the time shown [s]
 _HEIGHT = 0.1  # largest deflection of a curve [m]
 
 
@@ -55,14 +59,14 @@ def write_scene(motion_comparison: Replay, folder: Path) -> Path:
         ],
     )
     take_columns, chains, comments = {}, "", []
-    for together in curves:
-        curve_unit, curve_size = together[0].unit
+    for curve_group in curves:
+        curve_unit, curve_size = curve_group[0].unit
         a_centimetre = _rounded_scale(
-            max(float(np.abs(curve.values).max()) for curve in together) / curve_size
+            max(float(np.abs(curve.values).max()) for curve in curve_group) / curve_size
         )
-        names = " and ".join(curve.name for curve in together)
+        names = " and ".join(curve.name for curve in curve_group)
         comments.append(f"{names} {a_centimetre:g} {curve_unit} a cm")
-        for curve in together:
+        for curve in curve_group:
             take_columns[curve.name] = (
                 curve.above + 0.01 / (a_centimetre * curve_size) * curve.values
             )
@@ -95,11 +99,13 @@ def _chain(scene_curve: _Curve) -> str:
     leads = "".join(
         f"      {scene_curve.name}_{i}: "
         f"{{ENX: {{to: {scene_curve.name}.{i}.z, from: {scene_curve.name}, "
-        f"at: {i * _LASTS / (_POINTS - 1):.5f}s}}}}\n"
-        for i in range(_POINTS)
+        f"at: {i * _SHOWN_SECONDS / (_CHAIN_POINTS - 1):.5f}s}}}}\n"
+        for i in range(_CHAIN_POINTS)
     )
     # The springs are drawn; they are too weak to pull the heavy points sideways.
     return (
-        f"      {scene_curve.name}: {{CHAIN: {{masses: {_POINTS}, ends: free, M: {_POINTS}kg, "
-        f"K: 1e-9N/m, from: [0m, {curve_place}], to: [-{_LENGTH}m, {curve_place}]}}}}\n{leads}"
+        f"      {scene_curve.name}: "
+        f"{{CHAIN: {{masses: {_CHAIN_POINTS}, ends: free, M: {_CHAIN_POINTS}kg, "
+        f"K: 1e-9N/m, from: [0m, {curve_place}], to: [-{_CHAIN_LENGTH}m, "
+        f"{curve_place}]}}}}\n{leads}"
     )

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from .output_error import Fit
 
 MODES_MAX = 3
-_DETOURS = 2  # refused parts after which the search continues
+_DETOURS_MAX = 2  # refused parts after which the search continues
 _LINEAR = tuple(INDEX[name] for name in ("mass", "stiffness", "damping", "weight"))
 _DELAYS = (0.0, 1.0)  # delays tried beside the guess [ticks]: lockstep, own clock
 
@@ -150,7 +150,7 @@ class _Search:
                 in_vain, turn = in_vain + 1, turn + 1
 
     def _add(self, part: _Part) -> bool:
-        """Whether a part was kept."""
+        """Add a part if it is kept; return whether it was."""
         best_before = self.best
         if not part.is_open(best_before.fit) or self._was_refused(part.name):
             return False
@@ -200,7 +200,7 @@ class _Search:
         for stage in sorted(
             [stage for stage in self.refused if stage.explains_more(best_before)],
             key=lambda stage: (not stage.is_worth, stage.fit.bic),
-        )[:_DETOURS]:
+        )[:_DETOURS_MAX]:
             self._decide(replace(stage, is_accepted=True))
             self.add_parts()
             added = set(stage.fit.columns) - set(best_before.fit.columns)

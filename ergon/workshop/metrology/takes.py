@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 KINDS = ("strikes", "rain", "held-out")
 HELD_OUT = 8.0  # s
 _SHARES = {"strikes": 0.5, "rain": 0.8}  # of the force: what is quick
-_REACH, _TARGET = 0.4, 0.5  # of half the travel: enough, by the rough key too; what is aimed at
+_AMPLITUDE_SHARE, _TARGET_SHARE = (
+    0.4,
+    0.5,
+)  # of half the travel: enough, by the rough key too; what is aimed at
 _RUNG, _RUNGS_MAX = 1.0, 8  # s; until such a take is as strong as the key bears
 _FORCE_SHARE = 0.9  # of the force
 _FORCE_REDUCTION = 0.7  # after a safety stage held the axis at zero
@@ -65,15 +68,15 @@ def record(
     push_force = _bearable_force(ladder, kind, guide, seed, path)
     for part_number in range(1, _PARTS_MAX + 1):
         stream = _stream(ladder, kind, seconds_left, push_force, seed + part_number, path)
-        framed, still = excitation.framed(stream, TICK_RATE)
+        framed, still_ticks = excitation.framed(stream, TICK_RATE)
         settle(device_axis, ladder.guide)
         excited = push(
-            device_axis, framed, guide, still, record_target(kind, part_number), forgiven=True
+            device_axis, framed, guide, still_ticks, record_target(kind, part_number), forgiven=True
         )
         n = excited.sent().size
-        if n >= max(TICKS_MIN, still + TICK_RATE) or excited.end == "done":
+        if n >= max(TICKS_MIN, still_ticks + TICK_RATE) or excited.end == "done":
             takes.append(Take(kind, part_number, gesture(excited)))
-            seconds_left -= (n - still) / TICK_RATE
+            seconds_left -= (n - still_ticks) / TICK_RATE
         if excited.end not in DOUBTS or seconds_left < 1.0:
             break
         push_force *= _FORCE_REDUCTION
@@ -96,9 +99,11 @@ def _bearable_force(
         if excited.end != "done" or excited.braked().any():
             return _FORCE_REDUCTION * push_force
         travel_share = float(np.abs(excited.positions() - guide.centre).max()) / guide.half
-        if travel_share >= _REACH or push_force >= force_limit:
+        if travel_share >= _AMPLITUDE_SHARE or push_force >= force_limit:
             break
-        push_force = min(force_limit, push_force * min(2.0, _TARGET / max(travel_share, 1e-6)))
+        push_force = min(
+            force_limit, push_force * min(2.0, _TARGET_SHARE / max(travel_share, 1e-6))
+        )
     return push_force
 
 
@@ -112,7 +117,7 @@ def _stream(
 ) -> Floats:
     """Forces of a take (n,) [N]."""
     n, chance, rough = round(take_seconds * TICK_RATE), np.random.default_rng(seed), ladder.rough
-    reach_metres = _REACH * ladder.guide.half
+    reach_metres = _AMPLITUDE_SHARE * ladder.guide.half
     guided = rough.copy()
     if ladder.needs_guide:
         stiffness, damping = ladder.guide.guide

@@ -20,8 +20,8 @@ class ModelError(ErgonError, ValueError):
     def __str__(self) -> str:
         """`model.mdl:12: …; did you mean 'spring'?`."""
         place = f"{self.file}:{self.line}: " if self.line else f"{self.file}: "
-        meant = f"; did you mean {self.suggestion!r}?" if self.suggestion else ""
-        return printable(f"{place if self.file else ''}{self.message}{meant}")
+        suggestion_text = f"; did you mean {self.suggestion!r}?" if self.suggestion else ""
+        return printable(f"{place if self.file else ''}{self.message}{suggestion_text}")
 
 
 class DialectError(ModelError):

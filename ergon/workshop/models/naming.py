@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from ergon.notation.tables.expressions import UNITS
 
 _WORD = re.compile(r"(?<![\w.])[A-Za-z_]\w*")
-_PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
+_PLAIN_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
 NAME_MAX = 64  # characters
 
 
@@ -45,7 +45,7 @@ class Params:
 
 def metres(expression: str) -> str:
     """A length of one metre for each 1 of an expression."""
-    if _PLAIN.fullmatch(expression):
+    if _PLAIN_NUMBER.fullmatch(expression):
         return f"{expression}m"
     return f"({expression})*1m"
 

@@ -157,15 +157,22 @@ class Browser:
         browser_arguments = [program, *_FLAGS, *flags, f"--user-data-dir={folder}", "about:blank"]
         if os.geteuid() == 0:
             browser_arguments.insert(1, "--no-sandbox")  # Chromium's sandbox does not run as root
-        nothing = os.open(os.devnull, os.O_RDWR)
-        descriptors = {0: nothing, 1: nothing, 2: nothing, _READS: theirs_in, _WRITES: theirs_out}
+        null_device = os.open(os.devnull, os.O_RDWR)
+        descriptors = {
+            0: null_device,
+            1: null_device,
+            2: null_device,
+            _READS: theirs_in,
+            _WRITES: theirs_out,
+        }
         try:
             self._pid = os.posix_spawn(
                 program,
                 browser_arguments,
                 os.environ | {"HOME": folder},
                 file_actions=[
-                    (os.POSIX_SPAWN_DUP2, ours, theirs) for theirs, ours in descriptors.items()
+                    (os.POSIX_SPAWN_DUP2, parent_descriptor, child_descriptor)
+                    for child_descriptor, parent_descriptor in descriptors.items()
                 ],
                 setpgroup=0,  # Ctrl-C in a terminal is ergon's, which ends the browser itself
             )
@@ -174,7 +181,7 @@ class Browser:
             os.close(ours_out)
             raise BrowserError(f"{program} does not start: {error.strerror}") from None
         finally:
-            for descriptor in (theirs_in, theirs_out, nothing):
+            for descriptor in (theirs_in, theirs_out, null_device):
                 os.close(descriptor)
         self._in, self._out = ours_in, ours_out
         self._pages: dict[str, Page] = {}

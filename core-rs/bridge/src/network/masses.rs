@@ -1,6 +1,6 @@
 //! MATs: single ones, points in space and proxies.
 
-use ergon_engine::network::{Along, Following, Shares, SpacePoints, Tie};
+use ergon_engine::network::{Following, Shares, SidePosition, SpacePoints, Tie};
 use pyo3::prelude::*;
 
 use super::Network;
@@ -120,8 +120,8 @@ impl Network {
         along: [(Option<usize>, f64, f64); 2],
     ) -> PyResult<usize> {
         let along = along.map(|(mat, position, span)| match mat {
-            None => Along::Fixed(position),
-            Some(mat) => Along::Following {
+            None => SidePosition::Fixed(position),
+            Some(mat) => SidePosition::Following {
                 mat,
                 offset: position,
                 span,
@@ -130,7 +130,7 @@ impl Network {
         let moving_shares = Shares::Moving {
             mats: mats.into(),
             columns,
-            along,
+            sides: along,
         };
         self.0.proxy(name, moving_shares).map_err(from_engine)
     }

@@ -157,7 +157,7 @@ impl Script {
                     let mode_index = member - strikes.among.start;
                     let impulse = impulse * strikes.share[mode_index];
                     let split_force = match strikes.responses.get(mode_index) {
-                        Some(own) => own.split(impulse, step_fraction, self.rate)[usize::from(second)],
+                        Some(cell) => cell.split(impulse, step_fraction, self.rate)[usize::from(second)],
                         None => impulse * self.rate.hertz(),
                     };
                     added.0[lane_index] += lane_scales[lane_index] * split_force * strikes.w;

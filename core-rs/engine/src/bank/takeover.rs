@@ -26,8 +26,8 @@ impl Bank {
     }
 
     /// Copy the motion of an oscillator of another bank; exact to the last bit if both have the same scale.
-    pub(crate) fn copy_motion(&mut self, oscillator: usize, old: &Self, there: usize) {
-        let ((group_index, lane_index), (old_group, old_lane)) = (self.place(oscillator), old.place(there));
+    pub(crate) fn copy_motion(&mut self, oscillator: usize, old: &Self, old_oscillator: usize) {
+        let ((group_index, lane_index), (old_group, old_lane)) = (self.place(oscillator), old.place(old_oscillator));
         if self.script.scales[group_index].0[lane_index] == old.script.scales[old_group].0[old_lane] {
             let old_motion = &old.motions[old_group];
             self.store(
@@ -36,7 +36,7 @@ impl Bank {
                 (old_motion.now.0[old_lane], old_motion.before.0[old_lane]),
             );
         } else {
-            self.set_motion(oscillator, old.motion(there));
+            self.set_motion(oscillator, old.motion(old_oscillator));
         }
     }
 

@@ -19,7 +19,7 @@ use crate::units::Rate;
 /// A complex number: real and imaginary part.
 pub(crate) type Complex = [f64; 2];
 
-/// The complex mode and the part of it that an oscillator is, and the sign with which it is seen.
+/// Describes one oscillator of a complex mode: the mode, the oscillator's part in it, and the sign of its output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ComplexPart {
     pub(crate) mode: usize,
@@ -102,7 +102,7 @@ impl ComplexModes {
         let mut complex_modes = Self {
             output_shapes: vec![Vec::new(); outputs.len()],
             struck_shapes: vec![Vec::new(); struck.len()],
-            rest: coordinates.rests(),
+            rest: coordinates.rest_outputs(),
             ..Self::default()
         };
         match &coordinates.damping {
@@ -218,13 +218,13 @@ impl Coordinates {
         let mut rows: Vec<Vec<f64>> = outputs.iter().map(|sum| row(&sum.positions)).collect();
         rows.extend(outputs.iter().map(|sum| row(&sum.velocities)));
         rows.extend(struck.iter().map(|&mat| row(&vec![(mat, 1.0)])));
-        let weighted = |value_of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+        let mass_weighted = |value_of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
             let free_mats = linear_body.free.iter().enumerate();
             free_mats.map(|(slot, &mat)| value_of(slot, mat)).collect()
         };
-        rows.push(weighted(&|slot, mat| sqrt_masses[slot] * mats.x0[mat]));
-        rows.push(weighted(&|slot, mat| sqrt_masses[slot] * mats.v0[mat]));
-        rows.push(weighted(&|slot, _| linear_body.force[slot] / sqrt_masses[slot]));
+        rows.push(mass_weighted(&|slot, mat| sqrt_masses[slot] * mats.x0[mat]));
+        rows.push(mass_weighted(&|slot, mat| sqrt_masses[slot] * mats.v0[mat]));
+        rows.push(mass_weighted(&|slot, _| linear_body.force[slot] / sqrt_masses[slot]));
         let first_damper = rows.len();
         if has_coupled_damping {
             rows.extend(linear_body.dampers.iter().map(|damper| damper_row(damper, sqrt_masses)));
@@ -269,7 +269,7 @@ impl Coordinates {
         })
     }
 
-    fn rests(&self) -> Vec<f64> {
+    fn rest_outputs(&self) -> Vec<f64> {
         let row_rest = |row: &Vec<f64>| row.iter().zip(&self.rest).map(|(a, b)| a * b).sum();
         self.positions.iter().map(row_rest).collect()
     }

@@ -72,7 +72,7 @@ impl Response {
             exp(-decay * if is_steep { -t } else { t })
         };
         match *self {
-            Self::Cell(cell) => cell.answer_around(t),
+            Self::Cell(cell) => cell.impulse_response_around(t),
             Self::Pair {
                 decay,
                 omega,

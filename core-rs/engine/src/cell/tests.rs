@@ -225,12 +225,12 @@ proptest! {
         let (cell, step) = (Cell::new(m, k, z), rate.step());
         let within = cell.within_step(from, rate, cell.response(step));
         prop_assert_eq!(within, (cell.interpolation(from, rate), cell.split(1.0, from, rate)));
-        if cell.has_answer_factors(step) {
+        if cell.has_impulse_response_factors(step) {
             let [from, to] = [from, to].map(|instant| (instant - 0.5) * step);
-            let ([_, earlier], [later, _]) = (cell.answer_factors(from), cell.answer_factors(to));
+            let ([_, earlier], [later, _]) = (cell.impulse_response_factors(from), cell.impulse_response_factors(to));
             let answer = later[0] * earlier[0] + later[1] * earlier[1];
-            let size = cell.answer_around(-step).abs().max(cell.answer_around(step));
-            prop_assert!((answer - cell.answer_around(to - from)).abs() <= 1e-11 * size);
+            let size = cell.impulse_response_around(-step).abs().max(cell.impulse_response_around(step));
+            prop_assert!((answer - cell.impulse_response_around(to - from)).abs() <= 1e-11 * size);
         }
     }
 }

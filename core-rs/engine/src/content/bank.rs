@@ -46,8 +46,7 @@ impl BankContent {
     }
 
     /// A hash of all that the bank depends on up to frame `until` (64 hex digits); `previous_key` is that hash up to
-    /// frame
-    /// `from`, empty at 0.
+    /// frame `from`, empty at 0.
     pub(crate) fn key(&self, bank: &BankPlan, (from, until): (u64, u64), previous_key: &str) -> String {
         let is_in_span = |frame: u64| frame <= until && (from == 0 || frame > from);
         let mut hash_sink = Sink::new();

@@ -159,7 +159,7 @@ pub fn tune_points(
         positive("`t60`", t60)?;
     }
     let mut points = points.to_vec();
-    points.sort_by(|one, two| one.0.total_cmp(&two.0));
+    points.sort_by(|point, other_point| point.0.total_cmp(&other_point.0));
     if let Some(rate) = discrete
         && let Some(f) = [f, points[points.len() - 1].0]
             .into_iter()
@@ -336,7 +336,10 @@ impl<'a> Fit<'a> {
         let named_places = &self.places[self.places.len() - self.named.len()..];
         let relative_error = |[u, loss, _]: &[f64; 3]| (value(fitted, *u) / loss - 1.0).abs();
         let place_errors = named_places.iter().map(relative_error).enumerate();
-        place_errors.fold((0, 0.0), |worst, own| if own.1 > worst.1 { own } else { worst })
+        place_errors.fold(
+            (0, 0.0),
+            |worst, place_error| if place_error.1 > worst.1 { place_error } else { worst },
+        )
     }
 
     fn dampers(&self, fitted: &[f64], mass: f64) -> Vec<LinkRun> {

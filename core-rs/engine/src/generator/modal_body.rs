@@ -28,7 +28,7 @@ pub struct ModalBody {
 }
 
 /// The body whose modes have `poles` (ω² and ζ of a mass of 1, n_modes), `levels` (n_modes, n_places), and the modal
-/// mass `mass` [kg] at a level of 1; `beyond` is the pole of the modes that are added.
+/// mass `mass` [kg] at a level of 1; `added_pole` is that of the modes that are added.
 ///
 /// ```
 /// use ergon_engine::generator::modal_body;
@@ -44,7 +44,7 @@ pub fn modal_body(
     mass: f64,
     poles: &[(f64, f64)],
     levels: &[Vec<f64>],
-    beyond: (f64, f64),
+    added_pole: (f64, f64),
 ) -> Result<ModalBody, GeneratorError> {
     count("The number of modes", poles.len(), 1, MAX_MODAL)?;
     let n_places = levels.first().map_or(0, Vec::len);
@@ -59,7 +59,7 @@ pub fn modal_body(
     let mut mode_shapes: Vec<Vec<f64>> = levels.to_vec();
     mode_shapes.extend(added_levels.iter().cloned());
     let mut poles = poles.to_vec();
-    poles.resize(mode_shapes.len(), beyond);
+    poles.resize(mode_shapes.len(), added_pole);
     let n_modes = mode_shapes.len();
     // Coordinates x = Hᵀ q, of which the first are those of the places.
     let mut place_basis: Vec<Vec<f64>> = (0..n_places)
@@ -70,14 +70,14 @@ pub fn modal_body(
     let mut damping = diagonal(poles.iter().map(|pole| pole.1), n_modes);
     for step in 0..n_places {
         interrupt::poll();
-        let Some(mirror) = mirror(&place_basis[step], step) else {
+        let Some(householder) = householder_vector(&place_basis[step], step) else {
             continue;
         };
         for row in &mut place_basis[step..] {
-            reflect(row, &mirror);
+            reflect(row, &householder);
         }
-        reflect_both(&mut stiffness, &mirror);
-        reflect_both(&mut damping, &mirror);
+        reflect_both(&mut stiffness, &householder);
+        reflect_both(&mut damping, &householder);
     }
     let inner_mass = mass / (basis_norm[0] * basis_norm[0]);
     let mut masses: Vec<f64> = basis_norm
@@ -133,9 +133,9 @@ fn added(levels: &[Vec<f64>]) -> Vec<Vec<f64>> {
                 remainder[row * n_places + other] -= a * b;
             }
         }
-        for done in 0..n_places {
-            remainder[pivot_index * n_places + done] = 0.0;
-            remainder[done * n_places + pivot_index] = 0.0;
+        for other_row in 0..n_places {
+            remainder[pivot_index * n_places + other_row] = 0.0;
+            remainder[other_row * n_places + pivot_index] = 0.0;
         }
         added_modes.push(
             factor_column
@@ -160,9 +160,9 @@ fn diagonal(values: impl Iterator<Item = f64>, n: usize) -> Vec<f64> {
     diagonal_matrix
 }
 
-/// v of the reflection 1 - v·vᵀ that takes `vector` to a positive multiple of axis `first` and leaves the axes before it
-/// alone.
-fn mirror(vector: &[f64], first: usize) -> Option<Vec<f64>> {
+/// v of the reflection 1 - v·vᵀ that takes `vector` to a positive multiple of axis `first` and leaves the axes before
+/// it alone.
+fn householder_vector(vector: &[f64], first: usize) -> Option<Vec<f64>> {
     let mut reflector: Vec<f64> = vector.to_vec();
     reflector[..first].fill(0.0);
     let tail_square = dot(&reflector[first + 1..], &reflector[first + 1..]);

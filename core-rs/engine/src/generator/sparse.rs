@@ -69,7 +69,7 @@ impl Sparse {
     /// the sum of its row. `hardens` tells whether the link between two masses hardens.
     pub(super) fn links(&self, ground: usize, hardens: impl Fn(usize, usize) -> bool) -> Vec<LinkRun> {
         let largest = self.0.iter().flat_map(BTreeMap::values);
-        let entry_threshold = ROUNDING * largest.fold(0.0, |most: f64, value| most.max(value.abs()));
+        let entry_threshold = ROUNDING * largest.fold(0.0, |largest_yet: f64, value| largest_yet.max(value.abs()));
         let mut matrix_links = Vec::new();
         for (i, row) in self.0.iter().enumerate() {
             for (j, value) in row.range(i + 1..) {

@@ -91,7 +91,7 @@ struct Partials {
     /// Eigenvalue of L for every mode, rising   (n_modes)
     u: Vec<f64>,
     /// The stiffness of each partial relative to the first   (n_partials)
-    wanted: Vec<f64>,
+    target_partials: Vec<f64>,
 }
 
 impl Partials {
@@ -110,9 +110,15 @@ impl Partials {
         let u = (0..n_modes)
             .map(|i| squared_sine(partial_number(i) * angle_step))
             .collect();
-        let wanted = |n: f64| n * n * (1.0 + b * n * n) / (1.0 + b);
-        let wanted = (0..PARTIALS.min(n_modes)).map(partial_number).map(wanted).collect();
-        Self { u, wanted }
+        let stiff_partial = |n: f64| n * n * (1.0 + b * n * n) / (1.0 + b);
+        let wanted = (0..PARTIALS.min(n_modes))
+            .map(partial_number)
+            .map(stiff_partial)
+            .collect();
+        Self {
+            u,
+            target_partials: wanted,
+        }
     }
 
     /// Coefficients of p, from L¹ on, that tune the partials; `None` if none are near enough.
@@ -136,7 +142,7 @@ impl Partials {
     }
 
     fn with_reach(&self, reach: usize) -> Vec<f64> {
-        let n_partials = self.wanted.len();
+        let n_partials = self.target_partials.len();
         let greatest = self.u[n_partials.saturating_sub(1)];
         // Each partial counts by its relative error. Powers of u are relative to the largest u, so that none is tiny.
         let scaled_lambdas: Vec<f64> = self.u[..n_partials].iter().map(|u| u / greatest).collect();
@@ -144,7 +150,11 @@ impl Partials {
         let columns: Vec<Vec<f64>> = (0..reach)
             .map(|_| {
                 lambda_powers.iter_mut().zip(&scaled_lambdas).for_each(|(p, u)| *p *= u);
-                lambda_powers.iter().zip(&self.wanted).map(|(p, w)| p / w).collect()
+                lambda_powers
+                    .iter()
+                    .zip(&self.target_partials)
+                    .map(|(p, w)| p / w)
+                    .collect()
             })
             .collect();
         let mut power_scale = 1.0;
@@ -160,8 +170,8 @@ impl Partials {
 
     /// The largest error of a partial relative to the first one [cents].
     fn error(&self, all: &[f64]) -> f64 {
-        let cents_off = |(own, wanted): (&f64, &f64)| 600.0 / log(2.0) * log(own / all[0] / wanted);
-        let partial_errors = all.iter().zip(&self.wanted).map(cents_off);
+        let cents_off = |(partial, target): (&f64, &f64)| 600.0 / log(2.0) * log(partial / all[0] / target);
+        let partial_errors = all.iter().zip(&self.target_partials).map(cents_off);
         partial_errors.map(f64::abs).fold(0.0, f64::max)
     }
 }

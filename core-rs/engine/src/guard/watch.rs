@@ -49,7 +49,7 @@ impl Stiffening {
 
     /// Stiffness at elongation `e` minus stiffness at rest [N/m].
     #[inline(always)]
-    fn rise(&self, e: f64) -> f64 {
+    fn stiffness_rise(&self, e: f64) -> f64 {
         match self {
             Self::Square(square_factor) => square_factor * (e * e),
             Self::Law(law, rest_slope) => (law.slope(e) - rest_slope).max(0.0),
@@ -60,13 +60,13 @@ impl Stiffening {
         }
     }
 
-    /// The largest elongation [m], either way, at which the stiffness has risen by no more than `rise` [N/m].
-    fn reach(&self, rise: f64) -> f64 {
+    /// The largest elongation [m], either way, at which the stiffness has risen by no more than `stiffness_rise` [N/m].
+    fn reach(&self, stiffness_rise: f64) -> f64 {
         match self {
-            Self::Square(square_factor) => (rise / square_factor).sqrt(),
-            Self::Law(law, rest_slope) => law.stiffens_beyond(rest_slope + rise),
+            Self::Square(square_factor) => (stiffness_rise / square_factor).sqrt(),
+            Self::Law(law, rest_slope) => law.stiffens_beyond(rest_slope + stiffness_rise),
             Self::AnyLaw(laws, rest_slope) => {
-                let reaches = laws.iter().map(|law| law.stiffens_beyond(rest_slope + rise));
+                let reaches = laws.iter().map(|law| law.stiffens_beyond(rest_slope + stiffness_rise));
                 reaches.fold(f64::INFINITY, f64::min)
             }
         }
@@ -93,8 +93,9 @@ pub(super) fn watches(runs: &[Run], mat_moves: impl Fn(usize) -> bool) -> Vec<Wa
     runs.iter().filter_map(watch_of_run).collect()
 }
 
-/// Set the reach of every run such that λ rises by no more than `rise`, and remove runs that never stiffen so much.
-pub(super) fn set_reaches(watches: &mut Vec<WatchedRun>, rise: f64, inverse_masses: &[f64]) {
+/// Set the reach of every run such that λ rises by no more than `stiffness_rise`, and remove runs that never stiffen so
+/// much.
+pub(super) fn set_reaches(watches: &mut Vec<WatchedRun>, stiffness_rise: f64, inverse_masses: &[f64]) {
     let mut link_degree = vec![0.0; inverse_masses.len()];
     for watch in &*watches {
         for first_mat in [watch.a, watch.b] {
@@ -103,12 +104,14 @@ pub(super) fn set_reaches(watches: &mut Vec<WatchedRun>, rise: f64, inverse_mass
                 .for_each(|degree| *degree += 1.0);
         }
     }
-    // If the stiffening of each link is at most half of `rise`, divided by degree times 1/M at either end, no edge sum
-    // exceeds `rise`.
+    // If the stiffening of each link is at most half of `stiffness_rise`, divided by degree times 1/M at either end, no
+    // edge sum exceeds `stiffness_rise`.
     let edge_weight = |mat: usize| link_degree[mat] * inverse_masses[mat];
     for watch in &mut *watches {
         let end_weights = (0..watch.len).map(|i| edge_weight(watch.a + i).max(edge_weight(watch.b + i)));
-        watch.reach = watch.stiffening.reach(0.5 * rise / end_weights.fold(0.0, f64::max));
+        watch.reach = watch
+            .stiffening
+            .reach(0.5 * stiffness_rise / end_weights.fold(0.0, f64::max));
     }
     watches.retain(|watch| watch.reach < f64::INFINITY);
 }
@@ -162,7 +165,7 @@ pub(super) fn stiffening(
         for (i, rise) in rises.iter_mut().enumerate() {
             *rise = watch
                 .stiffening
-                .rise(positions_b[i] - positions_a[i] - watch.rest_length);
+                .stiffness_rise(positions_b[i] - positions_a[i] - watch.rest_length);
         }
         for first_mat in [end_a, end_b] {
             let sums = &mut sums[first_mat..][..watch.len];

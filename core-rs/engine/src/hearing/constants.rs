@@ -18,13 +18,13 @@ pub(crate) const SHORTEST_SECONDS: f64 = 0.05;
 pub(crate) const QUIET_POWER_RATIO: f64 = 1e-4;
 /// Third octaves are compared if their power is above this part of the strongest one's.
 pub(super) const COMPARED_POWER_MIN: f64 = 1e-6;
-/// The ratio as which a missing band or stroke counts [power].
+/// A band or stroke that is missing is compared as if it had this power, relative to the reference.
 pub(super) const MISSING_POWER_RATIO: f64 = 1e-10;
 /// An output sounds from where it has moved by this part of its largest motion (-120 dB): a gesture may take seconds
 /// to reach what sounds.
-pub(super) const MOVED_SHARE: f64 = 1e-6;
+pub(super) const MOTION_START_SHARE: f64 = 1e-6;
 /// What differs from the mean by less than this share of the largest position is rounding, and no sound.
-pub(super) const MEAN_ROUNDING: f64 = 1e-14;
+pub(super) const MEAN_ROUNDING_SHARE: f64 = 1e-14;
 /// Most partials that are compared.
 pub(super) const PARTIALS_MAX: usize = 5;
 /// Time from window to window in which partials are followed [s].
@@ -53,4 +53,4 @@ pub(super) const BAND_VALUES_MIN_PARTED: f64 = 8.0;
 /// The lowest third octave, of centre 1 kHz times 2^(i/3): 25 Hz.
 pub(super) const LOWEST_THIRD_OCTAVE: i32 = -16;
 /// Third octaves end at this part of the rate, or at `HIGHEST_AUDIBLE` if that is lower.
-pub(super) const RATE_SHARE: f64 = 0.45;
+pub(super) const HIGHEST_BAND_RATE_SHARE: f64 = 0.45;

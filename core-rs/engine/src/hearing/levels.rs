@@ -111,7 +111,7 @@ mod tests {
         let (near_partial, far_partial) = ((1_260.0, 3e-3), (4_000.0, 3e-3));
         let loud_partial = (1_000.0, 1.0);
         let reference = tones(&[loud_partial, near_partial, far_partial]);
-        let without = |faint_partial: (f64, f64)| {
+        let level_without = |faint_partial: (f64, f64)| {
             let weakened = [loud_partial, near_partial, far_partial].map(|partial| {
                 if partial == faint_partial {
                     (partial.0, 0.3 * partial.1)
@@ -121,12 +121,12 @@ mod tests {
             });
             level_error(&tones(&weakened), &reference, RATE)
         };
-        assert!(without(near_partial) < 1e-6, "{}", without(near_partial));
+        assert!(level_without(near_partial) < 1e-6, "{}", level_without(near_partial));
         let level_change = -20.0 * log10(0.3);
         assert!(
-            (without(far_partial) - level_change).abs() < 0.5,
+            (level_without(far_partial) - level_change).abs() < 0.5,
             "{}",
-            without(far_partial)
+            level_without(far_partial)
         );
     }
 

@@ -146,7 +146,7 @@ mod tests {
     #[test]
     fn stroke_errors_of_late_and_loud_strokes() {
         let reference = strokes(&[(0.05, 1.0), (0.2, 0.5)]);
-        let errors_of = |each: &[(f64, f64)]| stroke_errors(&strokes(each), &reference, RATE);
+        let errors_of = |stroke_list: &[(f64, f64)]| stroke_errors(&strokes(stroke_list), &reference, RATE);
         assert_eq!(errors_of(&[(0.05, 1.0), (0.2, 0.5)]), StrokeErrors::default());
         let late_errors = errors_of(&[(0.051, 1.0), (0.197, 0.5)]);
         assert!((late_errors.first - 1e-3).abs() < 2e-4, "{late_errors:?}");

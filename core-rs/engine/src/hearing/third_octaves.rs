@@ -4,7 +4,8 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use crate::hearing::constants::{
-    BAND_VALUES_MIN_PARTED, COMPARED_POWER_MIN, HIGHEST_AUDIBLE, LOWEST_THIRD_OCTAVE, MISSING_POWER_RATIO, RATE_SHARE,
+    BAND_VALUES_MIN_PARTED, COMPARED_POWER_MIN, HIGHEST_AUDIBLE, HIGHEST_BAND_RATE_SHARE, LOWEST_THIRD_OCTAVE,
+    MISSING_POWER_RATIO,
 };
 use crate::maths::{log10, pow, sincos};
 
@@ -67,7 +68,7 @@ pub(super) fn bands(n_frames: usize, rate: f64, fewest: f64) -> Vec<Band> {
     let centres = (LOWEST_THIRD_OCTAVE..).map(|i| CENTRE_HERTZ * pow(2.0, f64::from(i) / 3.0));
     let (lower_ratio, upper_ratio) = (pow(2.0, -1.0 / 6.0), pow(2.0, 1.0 / 6.0));
     centres
-        .take_while(|centre| *centre <= HIGHEST_AUDIBLE.min(RATE_SHARE * rate))
+        .take_while(|centre| *centre <= HIGHEST_AUDIBLE.min(HIGHEST_BAND_RATE_SHARE * rate))
         .filter(|centre| centre * (upper_ratio - lower_ratio) * seconds >= fewest)
         .map(|centre| Band {
             centre,

@@ -129,7 +129,7 @@ impl Stepper for Bm4 {
         for ((spring, first), [k, z]) in unshared_mesh
             .springs
             .iter_mut()
-            .zip(&unshared_mesh.firsts)
+            .zip(&unshared_mesh.first_links)
             .zip(&*self.written)
         {
             if lead.links().contains(first) {
@@ -157,7 +157,7 @@ impl Stepper for Bm4 {
 
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
         for &(mat, impulse) in impulses {
-            self.v[mat] += self.mesh.jump(mat, impulse);
+            self.v[mat] += self.mesh.velocity_step(mat, impulse);
         }
         for (stage_index, stage) in STAGES.into_iter().enumerate() {
             self.kick_drift(stage_index, stage, team);

@@ -27,7 +27,7 @@ pub(super) struct Ca2p {
     previous: Box<PreviousState>,
     guard: Option<Box<Guard>>,
     /// Positions and velocities at which the second pass computes forces   (n_mat)
-    there: Vec<f64>,
+    x_second: Vec<f64>,
     v: Vec<f64>,
     /// Elastic and viscous forces at x and d, and the elastic forces of the step before [N]   (n_mat)
     elastic: Vec<f64>,
@@ -43,7 +43,7 @@ crate::archive::state!(Ca2p {
     d,
     previous,
     guard,
-    there,
+    x_second,
     v,
     elastic,
     viscous,
@@ -63,7 +63,7 @@ impl Ca2p {
         let d = last_step(&mesh, &x, &v, &mut scratch);
         let zero_vector = vec![0.0; x.len()];
         let mut integrator = Self {
-            there: x.iter().zip(&d).map(|(x, d)| x - d).collect(),
+            x_second: x.iter().zip(&d).map(|(x, d)| x - d).collect(),
             v,
             elastic: zero_vector.clone(),
             viscous: zero_vector.clone(),
@@ -78,7 +78,7 @@ impl Ca2p {
         };
         let lone_team = &mut ThreadTeam::alone();
         integrator.mesh.elastic(
-            &integrator.there,
+            &integrator.x_second,
             &mut integrator.scratch,
             &mut integrator.elastic,
             lone_team,
@@ -150,26 +150,26 @@ impl Stepper for Ca2p {
     fn step(&mut self, impulses: &[(usize, f64)], team: &mut ThreadTeam<'_>) {
         let (mesh, scratch) = (&*self.mesh, &mut self.scratch);
         let [elastic, viscous] = [&self.elastic, &self.viscous];
-        let (x, d, there, v) = (&self.x, &self.d, &mut self.there, &mut self.v);
-        mesh.ranges(scratch, team, [there, v], |mats, ties, [there, v]| {
+        let (x, d, x_second, v) = (&self.x, &self.d, &mut self.x_second, &mut self.v);
+        mesh.ranges(scratch, team, [x_second, v], |mats, ties, [x_second, v]| {
             let mat_forces = [elastic, viscous].map(|all| &all[mats.clone()]);
             let mat_motion = [x, d].map(|all| &all[mats.clone()]);
-            passes::evaluation_point(ties, mat_forces, mat_motion, there, v);
+            passes::evaluation_point(ties, mat_forces, mat_motion, x_second, v);
         });
         for &(mat, impulse) in impulses {
-            let impulse_jump = mesh.jump(mat, impulse);
-            self.there[mat] += impulse_jump * (1.0 / 6.0);
+            let impulse_jump = mesh.velocity_step(mat, impulse);
+            self.x_second[mat] += impulse_jump * (1.0 / 6.0);
             self.v[mat] += 0.5 * impulse_jump;
         }
-        mesh.total([&self.there, &self.v], scratch, &mut self.force, team);
+        mesh.total([&self.x_second, &self.v], scratch, &mut self.force, team);
         for &(mat, impulse) in impulses {
-            self.d[mat] += mesh.jump(mat, impulse);
+            self.d[mat] += mesh.velocity_step(mat, impulse);
         }
         self.previous.swap(&mut self.x, &mut self.d);
-        let (force, there, v, previous) = (&self.force, &self.there, &self.v, &self.previous);
+        let (force, x_second, v, previous) = (&self.force, &self.x_second, &self.v, &self.previous);
         let (x, d) = (&mut self.x, &mut self.d);
         mesh.ranges(scratch, team, [&mut *x, &mut *d], |mats, ties, [x, d]| {
-            let point_motion = [there, v].map(|all| &all[mats.clone()]);
+            let point_motion = [x_second, v].map(|all| &all[mats.clone()]);
             let previous_motion = [&previous.x, &previous.d].map(|all| &all[mats.clone()]);
             passes::second_pass(ties, &force[mats], point_motion, previous_motion, x, d);
         });
@@ -222,11 +222,11 @@ impl Stepper for Ca2p {
     }
 
     fn settle(&mut self) {
-        for (there, (x, d)) in self.there.iter_mut().zip(self.x.iter().zip(&self.d)) {
-            *there = x - d;
+        for (x_second, (x, d)) in self.x_second.iter_mut().zip(self.x.iter().zip(&self.d)) {
+            *x_second = x - d;
         }
         let (scratch, lone_team) = (&mut self.scratch, &mut ThreadTeam::alone());
-        self.mesh.elastic(&self.there, scratch, &mut self.elastic, lone_team);
+        self.mesh.elastic(&self.x_second, scratch, &mut self.elastic, lone_team);
         self.first_pass(lone_team);
     }
 

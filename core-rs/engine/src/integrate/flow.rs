@@ -124,8 +124,8 @@ pub(crate) fn row_of_three() -> (Square, Square) {
         (2, 1, -3e-3, 0.0),
         (2, 2, 3e-3, 2e-2),
     ];
-    for (row, column, stiff, damp) in entries {
-        (*k.entry(row, column), *z.entry(row, column)) = (stiff, damp);
+    for (row, column, stiffness, damping) in entries {
+        (*k.entry(row, column), *z.entry(row, column)) = (stiffness, damping);
     }
     (k, z)
 }

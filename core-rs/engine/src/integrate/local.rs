@@ -28,7 +28,7 @@ impl Mesh {
         let mesh_scheme = &self.scheme;
         let mut net_force = 0.0;
         let springs = self.springs.iter().map(|run| (run.a, run.b, run.len));
-        let other_ends = self.others.iter().map(|run| (run.a, run.b, run.len));
+        let other_ends = self.other_runs.iter().map(|run| (run.a, run.b, run.len));
         for (run_index, (a, b, len)) in springs.chain(other_ends).enumerate() {
             for (end, sign) in [(a, 1.0), (b, -1.0)] {
                 let Some(link_index) = mat.checked_sub(end).filter(|link_index| *link_index < len) else {
@@ -45,7 +45,7 @@ impl Mesh {
                             run.k * e + run.q * (e * e * e) + run.z * de
                         }
                         None => {
-                            let run = &self.others[run_index - self.springs.len()];
+                            let run = &self.other_runs[run_index - self.springs.len()];
                             let elongation =
                                 |link_index: usize| x(run.b + link_index) - x(run.a + link_index) - run.rest;
                             match run.tension(elongation) {
@@ -72,7 +72,7 @@ impl Mesh {
         for run in &self.springs {
             energy_sum += total(run.len, |i| run.potential(x[run.b + i] - x[run.a + i] - run.rest));
         }
-        for run in &self.others {
+        for run in &self.other_runs {
             let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
             let tension = run.tension(elongation);
             energy_sum += total(run.len, |i| {
@@ -100,7 +100,7 @@ impl Mesh {
                 0.5 * run.k * square_term + 0.25 * run.q * fourth_term - loss_factor * run.z * ((e - last) * (e - last))
             });
         }
-        for run in &self.others {
+        for run in &self.other_runs {
             let now = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
             let last = |i: usize| position_before(run.b + i) - position_before(run.a + i) - run.rest;
             let tensions = [run.tension(now), run.tension(last)];

@@ -1,4 +1,5 @@
-//! A mesh as the methods step it: the scaled numbers of a scheme, with all springs in one list for a single pass.
+//! A mesh in the form that the methods step: the scaled coefficients of a scheme, with all springs in one list for a
+//! single pass.
 
 use std::ops::Range;
 
@@ -9,8 +10,8 @@ use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::springs::Part;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
+use crate::scheme::{ForceEnds, Spring};
 use crate::scheme::{Kind, Run, Scheme};
-use crate::scheme::{Pull, Spring};
 use crate::units::Rate;
 
 /// A network in numbers scaled by the step.
@@ -22,9 +23,9 @@ pub(super) struct Mesh {
     /// Springs, hardening or not, in order of declaration.
     pub(super) springs: Vec<Spring>,
     /// The first link of each run of springs.
-    pub(super) firsts: Vec<usize>,
+    pub(super) first_links: Vec<usize>,
     /// Contacts and other laws, in order of declaration.
-    pub(super) others: Vec<Run>,
+    pub(super) other_runs: Vec<Run>,
     /// Whether any link loses energy.
     pub(super) is_damped: bool,
 }
@@ -58,8 +59,8 @@ impl Mesh {
         let mut new_mesh = Self {
             m: scheme.w.iter().map(inverse).collect(),
             springs: Vec::new(),
-            firsts: Vec::new(),
-            others: Vec::new(),
+            first_links: Vec::new(),
+            other_runs: Vec::new(),
             is_damped: false,
             scheme,
         };
@@ -78,12 +79,12 @@ impl Mesh {
                         Kind::Lnl { law, .. } => law.is_damped(),
                         _ => run.z != 0.0,
                     };
-                    new_mesh.others.push(run.clone());
+                    new_mesh.other_runs.push(run.clone());
                     continue;
                 }
             };
             new_mesh.is_damped |= z != 0.0;
-            new_mesh.firsts.push(run.first);
+            new_mesh.first_links.push(run.first);
             new_mesh.springs.push(Spring {
                 a: run.a,
                 b: run.b,
@@ -92,7 +93,7 @@ impl Mesh {
                 q,
                 z,
                 rest: run.rest,
-                pull: Pull::Both(run.a, run.b),
+                force_ends: ForceEnds::Both(run.a, run.b),
             });
         }
         Ok(new_mesh)
@@ -123,7 +124,7 @@ impl Mesh {
     }
 
     /// The velocity per step that an impulse [N·s] gives a MAT [m]: T·p/m.
-    pub(super) fn jump(&self, mat: usize, impulse: f64) -> f64 {
+    pub(super) fn velocity_step(&self, mat: usize, impulse: f64) -> f64 {
         self.scheme.w[mat] * (impulse * self.scheme.rate)
     }
 
@@ -203,13 +204,13 @@ impl Mesh {
     }
 
     fn others(&self, part: Part, [x, v]: [&[f64]; 2], scratch: &mut Scratch, force: &mut [f64]) {
-        for run in &self.others {
+        for run in &self.other_runs {
             let link_force = &mut scratch.f[..run.len];
             match &run.kind {
                 Kind::Lnl {
                     law,
                     rate,
-                    room: room_index,
+                    room: scratch_index,
                 } => {
                     let law_buffers = &mut scratch.laws;
                     let (e, de) = (&mut law_buffers.e[..run.len], &mut law_buffers.v[..run.len]);
@@ -217,7 +218,7 @@ impl Mesh {
                         e[i] = x[run.b + i] - x[run.a + i] - run.rest;
                         de[i] = (v[run.b + i] - v[run.a + i]) * rate;
                     }
-                    let law_scratch = &mut law_buffers.scratch[*room_index];
+                    let law_scratch = &mut law_buffers.scratch[*scratch_index];
                     match part {
                         Part::Elastic => law.spring_run(e, link_force, law_scratch),
                         Part::Viscous => law.drag_run(e, de, link_force, law_scratch),

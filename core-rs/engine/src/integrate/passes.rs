@@ -62,7 +62,7 @@ impl<'a> Ties<'a> {
 
     /// The same arrays, with a length that the compiler can see.
     #[inline(always)]
-    fn cut(&self, n: usize) -> [&[f64]; 4] {
+    fn equal_slices(&self, n: usize) -> [&[f64]; 4] {
         [&self.w[..n], &self.kappa[..n], &self.zeta[..n], &self.rest[..n]]
     }
 }
@@ -78,7 +78,7 @@ wide! {
     ) {
         let [b, a] = stage;
         let n = force.len();
-        let [w, kappa, _, rest] = ties.cut(n);
+        let [w, kappa, _, rest] = ties.equal_slices(n);
         let (x, v) = (&mut x[..n], &mut v[..n]);
         for i in 0..n {
             v[i] += b * (force[i] * w[i] - kappa[i] * (x[i] - rest[i]));
@@ -98,7 +98,7 @@ wide! {
         v: &mut [f64],
     ) {
         let n = force.len();
-        let [w, kappa, _, rest] = ties.cut(n);
+        let [w, kappa, _, rest] = ties.equal_slices(n);
         let [decay, gain] = losses.map(|numbers| &numbers[..n]);
         let (x, v) = (&mut x[..n], &mut v[..n]);
         for i in 0..n {
@@ -120,7 +120,7 @@ wide! {
     ) {
         let ([elastic, viscous], [x, v]) = (forces, motion);
         let n = elastic.len();
-        let [w, kappa, zeta, rest] = ties.cut(n);
+        let [w, kappa, zeta, rest] = ties.equal_slices(n);
         let (viscous, x, v, mid) = (&viscous[..n], &x[..n], &v[..n], &mut mid[..n]);
         for i in 0..n {
             let tie = kappa[i] * (x[i] - rest[i]) + zeta[i] * v[i];
@@ -141,7 +141,7 @@ wide! {
     ) {
         let ([b, a], [elastic, viscous]) = (stage, forces);
         let n = elastic.len();
-        let [w, kappa, zeta, rest] = ties.cut(n);
+        let [w, kappa, zeta, rest] = ties.equal_slices(n);
         let (viscous, mid, x, v) = (&viscous[..n], &mid[..n], &mut x[..n], &mut v[..n]);
         for i in 0..n {
             let tie = kappa[i] * (x[i] - rest[i]) + zeta[i] * mid[i];
@@ -163,7 +163,7 @@ wide! {
     ) {
         let ([elastic, viscous], [x, d]) = (forces, motion);
         let n = elastic.len();
-        let [w, kappa, zeta, rest] = ties.cut(n);
+        let [w, kappa, zeta, rest] = ties.equal_slices(n);
         let (x, d, viscous) = (&x[..n], &d[..n], &viscous[..n]);
         let (there, v) = (&mut there[..n], &mut v[..n]);
         for i in 0..n {
@@ -188,7 +188,7 @@ wide! {
     ) {
         let ([there, v], n) = (point, force.len());
         let [previous, by] = from.map(|from| &from[..n]);
-        let [w, kappa, zeta, rest] = ties.cut(n);
+        let [w, kappa, zeta, rest] = ties.equal_slices(n);
         let (there, v, x, d) = (&there[..n], &v[..n], &mut x[..n], &mut d[..n]);
         for i in 0..n {
             d[i] = by[i] + (force[i] * w[i] - kappa[i] * (there[i] - rest[i]) - zeta[i] * v[i]);

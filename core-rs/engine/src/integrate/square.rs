@@ -59,7 +59,7 @@ impl Square {
     /// self + factor·other.
     pub(crate) fn plus(mut self, other: &Self, factor: f64) -> Self {
         let entry_pairs = self.entries.iter_mut().zip(&other.entries);
-        entry_pairs.for_each(|(own, other)| *own += factor * other);
+        entry_pairs.for_each(|(entry, other)| *entry += factor * other);
         self
     }
 

@@ -16,7 +16,7 @@ use super::real_hands::{HandState, hand_bindings};
 use super::rest::Rest;
 use super::sounds_in::sound_drives;
 use super::voices::{build_voices, framed};
-use super::{Hands, Island, Matter, OnFault, Script, State, Stream, Values, Watch};
+use super::{Hands, Island, Matter, Monitors, OnFault, Script, State, Stream, Values};
 use crate::gesture::report::Report;
 use crate::guard::{Guard, Limit};
 use crate::interrupt;
@@ -79,16 +79,16 @@ impl Island {
             fuse(&mut scheme, &network, &voice_scripts, timeline);
         }
         let gains = gains(timeline, &scheme, springs, options);
-        let rise = rise(&network, timeline, &scheme, &matter, options);
+        let energy_rise = energy_rise(&network, timeline, &scheme, &matter, options);
         let led = super::glide::bind_leads(&mut scheme, &network, timeline);
         let glides = super::glide::glides(&network, timeline, &scheme)?;
         matter.laws = laws(&scheme, options);
         for running_body in &mut matter.bodies {
-            running_body.share(options.threads);
+            running_body.prepare_team(options.threads);
         }
         let values_change = !glides.is_empty() || !led.is_empty() || network.follows();
         let changing_scheme = values_change.then(|| {
-            let mut changing_scheme = scheme.changing();
+            let mut changing_scheme = scheme.with_changing_coefficients();
             super::glide::apply_following_masses(&scheme, &mut changing_scheme, &matter.body.x);
             changing_scheme
         });
@@ -124,12 +124,12 @@ impl Island {
                 pending: Pending::none(&strike_points),
                 played,
             },
-            watch: Watch {
+            watch: Monitors {
                 touches: ContactPeaks::default(),
                 mutes: Mutes::new(&scheme),
                 guard,
                 gains,
-                rise,
+                energy_rise,
                 ledger,
             },
             matter,
@@ -273,7 +273,7 @@ fn gains(timeline: &Timeline, scheme: &Scheme, mut springs: Vec<Run>, options: O
 }
 
 /// The account of the island's whole energy.
-fn rise(
+fn energy_rise(
     network: &Network,
     timeline: &Timeline,
     scheme: &Scheme,
@@ -372,7 +372,7 @@ fn start_bodies(
     let start_forces = crate::start::forces(network, timeline, &body.x, &[], acts);
     let start_body = |body_plan: &BodyPlan| {
         let running_body = body_plan.start(&start_forces, body)?;
-        running_body.place(body);
+        running_body.set_ports(body);
         Ok(running_body)
     };
     body_plans.iter().map(start_body).collect()

@@ -26,7 +26,8 @@ const RETRY_STEPS: usize = 32;
 const SLACK: f64 = 1e-6;
 
 impl Island {
-    /// Whether it may coast: its masses are joined by contacts alone, its bodies are linear, and events alone act on it.
+    /// Whether it may coast: its masses are joined by contacts alone, its bodies are linear, and events alone act on
+    /// it.
     pub(super) fn may_coast(&self) -> bool {
         let (scheme, matter) = (&self.script.scheme, &self.state.matter);
         let only_contacts = scheme.runs.iter().all(|run| contact(run).is_some())
@@ -37,7 +38,7 @@ impl Island {
         let has_contacts = !scheme.runs.is_empty() || matter.fine.is_some();
         only_contacts
             && has_contacts
-            && matter.bodies.iter().all(inside::RunningBody::may_coast)
+            && matter.bodies.iter().all(inside::RunningBody::can_coast)
             && self.has_only_events()
     }
 
@@ -70,9 +71,9 @@ impl Island {
         let quiet_steps = steps_to_event(script, &state.hands, first_step);
         let modal_bodies = state.matter.bodies.iter().filter_map(inside::RunningBody::modal);
         let steps_ahead = modal_bodies.map(super::modal::RunningModal::ahead);
-        let rise = state.watch.rise.as_ref();
+        let energy_rise = state.watch.energy_rise.as_ref();
         let look_steps = [
-            rise.map(|_| energy_rise::Rise::steps_left(first_step)),
+            energy_rise.map(|_| energy_rise::Rise::steps_left(first_step)),
             gains.map(|_| first_step.next_multiple_of(energy_account::CHECK_STEPS) - first_step),
         ];
         let look_steps = look_steps.into_iter().flatten().map(|steps| steps as usize);
@@ -114,7 +115,7 @@ impl Island {
             if let Some(output_row) = outputs.row(start + steps_done) {
                 kernel::tap(scheme, body, output_row);
                 for running_body in &state.matter.bodies {
-                    running_body.tap_ahead(steps_done, output_row);
+                    running_body.add_outputs_ahead(steps_done, output_row);
                 }
                 state.watch.mutes.fade(island_step, scheme, output_row);
             }
@@ -124,7 +125,7 @@ impl Island {
             is_bounded = kernel::advance(scheme, &mut [], body, None, &mut ThreadTeam::alone());
             steps_done += 1;
             for running_body in &mut state.matter.bodies {
-                is_bounded &= running_body.place_ahead(steps_done, body);
+                is_bounded &= running_body.set_ports_ahead(steps_done, body);
             }
         }
         let modal_bodies = state.matter.bodies.iter_mut();

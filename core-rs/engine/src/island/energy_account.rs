@@ -18,7 +18,7 @@ pub(crate) struct Account {
     reference: f64,
 }
 
-crate::archive::option!(Account, maybe);
+crate::archive::option!(Account, optional);
 
 crate::archive::state!(Account { held, reference });
 
@@ -33,7 +33,7 @@ pub(crate) struct Gain {
     pub(crate) frame: u64,
 }
 
-crate::archive::option!(Gain, maybe);
+crate::archive::option!(Gain, optional);
 
 crate::archive::state!(Gain {
     created,
@@ -54,12 +54,12 @@ impl Account {
         self.take_from_masses(work, 0.0);
     }
 
-    /// Add work that was taken from masses whose energy is `around` after it.
+    /// Add work that was taken from masses whose energy is `moving_energy` after it.
     ///
-    /// Work that is taken raises `held` and lowers `around`, so their sum never counts created energy.
-    pub(crate) fn take_from_masses(&mut self, work: f64, around: f64) {
+    /// Work that is taken raises `held` and lowers `moving_energy`, so their sum never counts created energy.
+    pub(crate) fn take_from_masses(&mut self, work: f64, moving_energy: f64) {
         self.held += work;
-        self.reference = self.reference.max(self.held + around);
+        self.reference = self.reference.max(self.held + moving_energy);
     }
 
     /// Add the energy that was stored when the account began.
@@ -72,12 +72,12 @@ impl Account {
         self.held < -REPORT_SHARE * self.reference
     }
 
-    /// The energy created so far, if `stored` is stored now and masses nearby have the energy `around`.
+    /// The energy created so far, if `stored` is stored now and masses nearby have the energy `moving_energy`.
     ///
     /// It is compared with the most energy since the account began, so that losses since then do not turn it into a
     /// fault.
-    pub(crate) fn gain(&mut self, stored: f64, around: f64, frame: u64) -> Gain {
-        self.take_from_masses(0.0, around);
+    pub(crate) fn gain(&mut self, stored: f64, moving_energy: f64, frame: u64) -> Gain {
+        self.take_from_masses(0.0, moving_energy);
         let created = stored - self.held;
         // A link that pushes away from its rest position stores negative energy.
         let reference = self.reference.max(-stored);

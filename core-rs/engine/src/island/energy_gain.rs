@@ -167,7 +167,7 @@ pub(super) fn is_active(law: &Law) -> bool {
 }
 
 /// Energy of all MATs, of what ties them to the ground, and of bodies by their modes [J].
-fn around(scheme: &Scheme, bodies: &[RunningBody], body: &Body) -> f64 {
+fn moving_energy(scheme: &Scheme, bodies: &[RunningBody], body: &Body) -> f64 {
     let mat_energy = |i: usize| {
         let (x, d) = (body.x[i] - scheme.rest[i], body.d[i]);
         0.5 * (d * d + scheme.kappa[i] * (x * (x - d))) / scheme.w[i]
@@ -191,13 +191,21 @@ impl Island {
             let pair_gains = gains.pairs.as_ref()?;
             Some((pair_gains.first_link(), pair_gains.worst()?))
         });
-        let fine = state.matter.fine.iter().filter_map(|fine| fine.sprung().worst());
+        let fine = state
+            .matter
+            .fine
+            .iter()
+            .filter_map(|fine| fine.stepped_points().worst());
         let mut account_gains = watched_links.chain(pair_gains).chain(fine).peekable();
-        let rise = match account_gains.peek() {
+        let worst_rise = match account_gains.peek() {
             Some(_) => None,
-            None => state.watch.rise.as_ref().and_then(|rise| rise.worst()),
+            None => state
+                .watch
+                .energy_rise
+                .as_ref()
+                .and_then(|energy_rise| energy_rise.worst()),
         };
-        account_gains.chain(rise)
+        account_gains.chain(worst_rise)
     }
 
     /// Links and bodies that created energy, each with the most that it created.
@@ -213,9 +221,9 @@ impl Island {
     pub(crate) fn has_risen(&self) -> bool {
         let state = &self.state;
         let fine_state = state.matter.fine.as_ref();
-        let rise = state.watch.rise.as_ref();
-        fine_state.is_some_and(|fine_state| fine_state.sprung().worst().is_some())
-            || rise.is_some_and(|rise| rise.worst().is_some())
+        let energy_rise = state.watch.energy_rise.as_ref();
+        fine_state.is_some_and(|fine_state| fine_state.stepped_points().worst().is_some())
+            || energy_rise.is_some_and(|energy_rise| energy_rise.worst().is_some())
     }
 
     /// Number of links and bodies that created energy.
@@ -235,12 +243,12 @@ impl Island {
     pub(crate) fn created_shares(&self) -> [f64; 2] {
         let state = &self.state;
         let scheme_now = state.values.scheme.as_deref().unwrap_or(&self.script.scheme);
-        let around = around(scheme_now, &state.matter.bodies, &state.matter.body);
+        let energy_now = moving_energy(scheme_now, &state.matter.bodies, &state.matter.body);
         let watched_links = state.watch.gains.iter().flat_map(|gains| {
             let put_in = gains.put_in.work_max();
             let watched_links = gains.link_work.iter().zip(&gains.links);
             watched_links.map(move |(link_work, link)| {
-                let gain = link_work.gain(link, &state.matter.body, (around, put_in), 0);
+                let gain = link_work.gain(link, &state.matter.body, (energy_now, put_in), 0);
                 (matches!(link.run.kind, Kind::But(_)), gain)
             })
         });
@@ -266,7 +274,7 @@ impl Island {
         let state = &mut self.state;
         let scheme_now = state.values.scheme.as_deref().unwrap_or(&self.script.scheme);
         let (body, bodies) = (&state.matter.body, &state.matter.bodies);
-        let around = || around(scheme_now, bodies, body);
+        let energy_now = || moving_energy(scheme_now, bodies, body);
         let hand_bindings = &self.script.hand_bindings;
         // A part that a hand plays is not silenced where another one can be: its key would jump.
         let part = |a: usize, b: usize| {
@@ -282,7 +290,7 @@ impl Island {
         if let Some(gains) = &mut state.watch.gains {
             put_in = gains.put_in.work_max();
             for (link_work, gained_link) in gains.link_work.iter_mut().zip(&mut gains.links) {
-                let link_gain = gained_link.check(link_work, body, (around, put_in), island_step);
+                let link_gain = gained_link.check(link_work, body, (energy_now, put_in), island_step);
                 if let Some(gain) = link_gain.filter(Gain::is_fault) {
                     let part = part(link_work.a, link_work.b);
                     gain_faults.push((self.network.link_name(link_work.link), part, gain));
@@ -290,7 +298,7 @@ impl Island {
             }
             if let Some(pair_gains) = &mut gains.pairs
                 && let Some(gain) = pair_gains
-                    .check(body, (around, put_in), island_step)
+                    .check(body, (energy_now, put_in), island_step)
                     .filter(Gain::is_fault)
             {
                 let part = scheme_now.part[pair_gains.moving_mat(scheme_now)] as usize;
@@ -298,7 +306,8 @@ impl Island {
             }
         }
         if let Some(fine_state) = &mut state.matter.fine
-            && let Some((gained_link, moved_mat, gain)) = fine_state.sprung_mut().check((around, put_in), island_step)
+            && let Some((gained_link, moved_mat, gain)) =
+                fine_state.stepped_points_mut().check((energy_now, put_in), island_step)
             && gain.is_fault()
         {
             gain_faults.push((

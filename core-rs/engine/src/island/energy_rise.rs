@@ -220,38 +220,41 @@ impl Island {
     /// what was created, if that is worth reporting.
     pub(super) fn check_rise(&mut self) -> Option<(usize, usize, Gain)> {
         let last_step = self.state.frame - 1;
-        if self.state.watch.rise.is_none() || !last_step.is_multiple_of(CHECK_STEPS) || self.state.values.damped < 1.0 {
+        if self.state.watch.energy_rise.is_none()
+            || !last_step.is_multiple_of(CHECK_STEPS)
+            || self.state.values.damped < 1.0
+        {
             return None;
         }
         let next_due = self.due(last_step + 1);
-        let mut rise = self.state.watch.rise.take()?;
-        let was_quiet = rise.due > last_step;
-        rise.due = next_due;
-        let rise_gain = rise.gain(self.total(&rise), was_quiet, last_step);
+        let mut energy_rise = self.state.watch.energy_rise.take()?;
+        let was_quiet = energy_rise.due > last_step;
+        energy_rise.due = next_due;
+        let rise_gain = energy_rise.gain(self.total(&energy_rise), was_quiet, last_step);
         let rise_gain = rise_gain.filter(|rise_gain| rise_gain.created > self.rounding());
         if let (Some(rise_gain), Some(fine_state)) = (&rise_gain, &mut self.state.matter.fine)
-            && rise.refines(rise_gain)
+            && energy_rise.refines(rise_gain)
         {
             fine_state.refine();
         }
         let reported = rise_gain.filter(Gain::is_reportable).and_then(|rise_gain| {
             let (pushing_link, moved_mat) = self.loudest_link()?;
-            if rise.worst != Some(rise_gain.worse_of(rise.worst)) {
-                (rise.worst, rise.link) = (Some(rise_gain), pushing_link);
+            if energy_rise.worst != Some(rise_gain.worse_of(energy_rise.worst)) {
+                (energy_rise.worst, energy_rise.link) = (Some(rise_gain), pushing_link);
             }
             Some((pushing_link, moved_mat, rise_gain))
         });
-        self.state.watch.rise = Some(rise);
+        self.state.watch.energy_rise = Some(energy_rise);
         reported
     }
 
     /// The energy of all MATs, bodies and links.
-    fn total(&self, rise: &Rise) -> Total {
+    fn total(&self, energy_rise: &Rise) -> Total {
         let state = &self.state;
         let body = &state.matter.body;
         let scheme_now = state.values.scheme.as_deref().unwrap_or(&self.script.scheme);
         let mut energy_total = Total::default();
-        for (mat, motion) in rise.motions.iter().enumerate() {
+        for (mat, motion) in energy_rise.motions.iter().enumerate() {
             let (w, kappa, zeta) = (scheme_now.w[mat], scheme_now.kappa[mat], scheme_now.zeta[mat]);
             let (x, d) = (body.x[mat] - scheme_now.rest[mat], body.d[mat]);
             // What impulses between frames have still to add.
@@ -270,7 +273,7 @@ impl Island {
                 }
                 Motion::Cell(cell) => {
                     let next_position = x + d - kappa * x - zeta * d + later_step();
-                    energy_total.add(cell.energy([x, next_position], rise.rate));
+                    energy_total.add(cell.energy([x, next_position], energy_rise.rate));
                 }
                 Motion::Stepped => {
                     energy_total.add((0.5 * (d * d + kappa * x * (x - d)) - 0.25 * zeta * d * d) / w);

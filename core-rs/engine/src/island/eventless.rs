@@ -1,5 +1,5 @@
-//! Steps in which no gesture, push or ergon acts, of an island whose links pull once a step: of all phases of a step only
-//! those are left that do something. The result is the same to the last bit as that of ordinary steps.
+//! Steps in which no gesture, push or ergon acts, of an island whose links pull once a step: of all phases of a step
+//! only those are left that do something. The result is the same to the last bit as that of ordinary steps.
 
 use super::coast::steps_to_event;
 use super::fault::Fault;
@@ -62,7 +62,9 @@ impl Island {
             watch.touches.step(n, &body.link);
             if let Some(output_row) = outputs.row(start + steps_done) {
                 kernel::tap(scheme, body, output_row);
-                bodies.iter().for_each(|running_body| running_body.tap(output_row));
+                bodies
+                    .iter()
+                    .for_each(|running_body| running_body.add_outputs(output_row));
             }
             if let Some(gains) = &mut watch.gains {
                 gains.step(scheme, &values.gates, targets, body);
@@ -72,7 +74,7 @@ impl Island {
             }
             is_bounded = kernel::advance(scheme, targets, body, laws.mesh_partition.as_ref(), team);
             for running_body in &*bodies {
-                running_body.place(body);
+                running_body.set_ports(body);
                 is_bounded &= running_body.is_bounded();
             }
             steps_done += 1;

@@ -124,7 +124,7 @@ impl Island {
     #[cold]
     pub(super) fn fault(&mut self) -> Result<(), Fault> {
         let fault_step = self.state.frame;
-        while let Some((module_name, part)) = self.state.matter.bodies.iter().find_map(inside::RunningBody::culprit) {
+        while let Some((module_name, part)) = self.state.matter.bodies.iter().find_map(inside::RunningBody::diverged) {
             if self.script.on_fault == OnFault::Stop {
                 return Err(self.fault_of(module_name, part, None));
             }
@@ -165,7 +165,7 @@ impl Island {
         // A part is muted at most once in a run, so a copy of the scheme is acceptable.
         let script = std::sync::Arc::make_mut(&mut self.script);
         let scheme = &mut script.scheme;
-        scheme.alike = Vec::new();
+        scheme.equal_ranges = Vec::new();
         let is_muted: Vec<bool> = scheme.part.iter().map(|&mat_part| mat_part as usize == part).collect();
         for (mat, _) in is_muted.iter().enumerate().filter(|(_, is_muted)| **is_muted) {
             // A rest position beyond all bounds would cause the next fault at once.
@@ -206,15 +206,15 @@ impl Island {
         if let Some(gains) = &mut state.watch.gains {
             gains.release(&is_muted);
         }
-        state.watch.rise = None;
+        state.watch.energy_rise = None;
         if state.values.scheme.is_some() {
-            state.values.scheme = Some(scheme.changing());
+            state.values.scheme = Some(scheme.with_changing_coefficients());
         }
         if let Some(fine_state) = &mut state.matter.fine {
             let mut bodies_staying = 0;
             let body_places: Vec<Option<usize>> = (state.matter.bodies.iter())
                 .map(|body| {
-                    let stays = !body.is_of(&is_muted, part);
+                    let stays = !body.is_among(&is_muted, part);
                     bodies_staying += usize::from(stays);
                     stays.then(|| bodies_staying - 1)
                 })
@@ -224,12 +224,12 @@ impl Island {
                 is_link_cut[link] = true;
             }
         }
-        for body in state.matter.bodies.iter().filter(|body| body.is_of(&is_muted, part)) {
+        for body in state.matter.bodies.iter().filter(|body| body.is_among(&is_muted, part)) {
             for output in body.outputs() {
                 state.watch.mutes.outputs[output as usize].get_or_insert(n);
             }
         }
-        state.matter.bodies.retain(|body| !body.is_of(&is_muted, part));
+        state.matter.bodies.retain(|body| !body.is_among(&is_muted, part));
         let ends_on_part = |port: &PortBinding| is_muted[port.port] || is_muted[port.key];
         for port in script.port_bindings.iter().filter(|port| ends_on_part(port)) {
             state.matter.body.d[port.port] = 0.0;

@@ -17,7 +17,7 @@ mod march;
 mod order;
 mod script;
 mod slides;
-mod sprung;
+mod stepped_points;
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ pub(crate) use order::ContactOrder;
 use order::Stages;
 use script::Script;
 use slides::Frictions;
-use sprung::Sprung;
+use stepped_points::SteppedPoints;
 
 /// Most steps a frame to which links that run are refined.
 const STEPS_MAX: usize = 64;
@@ -84,7 +84,7 @@ pub(crate) struct Fine {
     /// Whether each joint has glided since the tables of laws were made   (n_joints)
     has_glided: Vec<bool>,
     /// Points that steps hold too, where energy may be created.
-    sprung: Sprung,
+    stepped_points: SteppedPoints,
     /// Stages of the step that is computed.
     stages: Stages,
     /// Whether a contact has ever been closed.
@@ -109,7 +109,7 @@ impl State for Fine {
             rests,
             has_glided,
             has_touched,
-            sprung,
+            stepped_points,
             work
         )?;
         if matches!(archive, Archive::Read(_)) && self.has_glided.contains(&true) {
@@ -236,7 +236,7 @@ impl Fine {
         keep(&mut self.link_constants, &link_stays);
         *law_script = LawScript::new(script);
         self.frictions = Frictions::new(script);
-        self.sprung.release(is_released);
+        self.stepped_points.release(is_released);
         removed_links
     }
 
@@ -283,12 +283,12 @@ impl Fine {
     }
 
     /// The account of points that steps hold too.
-    pub(super) fn sprung(&self) -> &Sprung {
-        &self.sprung
+    pub(super) fn stepped_points(&self) -> &SteppedPoints {
+        &self.stepped_points
     }
 
-    pub(super) fn sprung_mut(&mut self) -> &mut Sprung {
-        &mut self.sprung
+    pub(super) fn stepped_points_mut(&mut self) -> &mut SteppedPoints {
+        &mut self.stepped_points
     }
 
     /// Its links.
@@ -344,7 +344,7 @@ impl Fine {
 
     /// Whether no contact closes for as long as its points move freely; `motion_bounds` gives bounds on the
     /// distance of each from its rest position, and on its step [m].
-    pub(super) fn cannot_close(&self, scheme: &Scheme, motion_bounds: impl Fn(usize) -> [f64; 2], slack: f64) -> bool {
+    pub(super) fn cannot_close(&self, scheme: &Scheme, motion_bounds: impl Fn(usize) -> [f64; 2], margin: f64) -> bool {
         let is_open = |run: &Run| {
             let Kind::But(contact) = &run.kind else {
                 return false;
@@ -352,7 +352,7 @@ impl Fine {
             let [reach_a, step_a] = motion_bounds(run.a);
             let [reach_b, step_b] = motion_bounds(run.b);
             let rest_elongation = scheme.rest[run.b] - scheme.rest[run.a] - run.rest;
-            let total_reach = (reach_a + reach_b + step_a + step_b) * (1.0 + slack);
+            let total_reach = (reach_a + reach_b + step_a + step_b) * (1.0 + margin);
             contact.sign() * rest_elongation + total_reach < -2.0 * OPEN_MARGIN
         };
         let joints = &self.script.joints;
@@ -373,15 +373,15 @@ impl Fine {
 
     /// Record the forces that act over the whole frame: those of links and drives, before strikes are added.
     pub(super) fn record_steady_forces(&mut self, scheme: &Scheme, body: &Body) {
-        self.sprung.settle(scheme, body);
+        self.stepped_points.count_step_work(scheme, body);
         for (joint, steady) in self.script.joints.iter().zip(&mut self.steady_forces) {
             *steady = body.force[joint.mat];
         }
     }
 
-    /// Add the forces that the frame before left to this one.
+    /// Add the forces that impulses of the previous frame carry over into this frame.
     pub(super) fn apply_carried_forces(&mut self, body: &mut Body) {
-        self.sprung.record_carried_forces(&self.next_frame_forces, body);
+        self.stepped_points.record_carried_forces(&self.next_frame_forces, body);
         for (joint, next_frame_force) in self.script.joints.iter().zip(&mut self.next_frame_forces) {
             if *next_frame_force != 0.0 {
                 body.push(joint.mat, std::mem::take(next_frame_force));

@@ -32,9 +32,9 @@ pub(crate) enum RunningBody {
 impl State for RunningBody {
     fn archive(&mut self, archive: &mut Archive<'_>) -> Result<(), Damaged> {
         match self {
-            Self::Modal(it) => it.archive(archive),
-            Self::Mesh(it) => it.archive(archive),
-            Self::Slow(it) => it.archive(archive),
+            Self::Modal(body) => body.archive(archive),
+            Self::Mesh(body) => body.archive(archive),
+            Self::Slow(body) => body.archive(archive),
         }
     }
 }
@@ -50,7 +50,7 @@ impl BodyPlan {
         })
     }
 
-    /// The same body without strikes and names, with parts by their rank in `order`.
+    /// A copy of the body without strikes and names, with parts renumbered by their rank in `order`.
     pub(crate) fn anonymous(&self, order: &PartOrder) -> Self {
         let mut renamed = self.clone();
         let network = Arc::new(self.network().anonymous(order));
@@ -166,18 +166,18 @@ impl BodyPlan {
 }
 
 impl RunningBody {
-    pub(crate) fn tap(&self, out: &mut [f64]) {
+    pub(crate) fn add_outputs(&self, out: &mut [f64]) {
         match self {
-            Self::Modal(modal) => modal.tap(out),
-            Self::Mesh(mesh) => mesh.tap(out),
-            Self::Slow(slow) => slow.tap(out),
+            Self::Modal(modal) => modal.add_outputs(out),
+            Self::Mesh(mesh) => mesh.add_outputs(out),
+            Self::Slow(slow) => slow.add_outputs(out),
         }
     }
 
-    pub(crate) fn place(&self, body: &mut Body) {
+    pub(crate) fn set_ports(&self, body: &mut Body) {
         match self {
-            Self::Modal(modal) => modal.place(body),
-            Self::Mesh(mesh) => mesh.place(body),
+            Self::Modal(modal) => modal.set_ports(body),
+            Self::Mesh(mesh) => mesh.set_ports(body),
             Self::Slow(slow) => slow.place(body),
         }
     }
@@ -189,14 +189,14 @@ impl RunningBody {
     }
 
     /// Take the velocity that a hand gives a MAT of the island at the end of this frame [m a frame].
-    pub(crate) fn give(&mut self, mat: usize, velocity: f64) {
+    pub(crate) fn add_velocity(&mut self, mat: usize, velocity: f64) {
         if let Self::Slow(slow_body) = self {
-            slow_body.give(mat, velocity);
+            slow_body.add_velocity(mat, velocity);
         }
     }
 
     /// Take note of a strike on a MAT of the island in this frame [N]; its force is in the sum already.
-    pub(crate) fn struck(&mut self, mat: usize, force: f64) {
+    pub(crate) fn note_strike(&mut self, mat: usize, force: f64) {
         if let Self::Slow(slow_body) = self {
             slow_body.strike(mat, force);
         }
@@ -229,11 +229,11 @@ impl RunningBody {
     }
 
     /// Whether one of its ports is among the marked MATs (n_mat), or one of its own MATs is in a part.
-    pub(crate) fn is_of(&self, mats: &[bool], part: usize) -> bool {
+    pub(crate) fn is_among(&self, mats: &[bool], part: usize) -> bool {
         match self {
             Self::Modal(modal) => modal.touches(mats),
-            Self::Mesh(mesh) => mesh.is_of(mats, part),
-            Self::Slow(slow) => slow.is_of(part),
+            Self::Mesh(mesh) => mesh.is_among(mats, part),
+            Self::Slow(slow) => slow.is_in_part(part),
         }
     }
 
@@ -247,11 +247,11 @@ impl RunningBody {
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.
-    pub(crate) fn culprit(&self) -> Option<(String, usize)> {
+    pub(crate) fn diverged(&self) -> Option<(String, usize)> {
         match self {
             Self::Modal(_) => None,
-            Self::Mesh(mesh) => mesh.culprit(),
-            Self::Slow(slow) => slow.culprit(),
+            Self::Mesh(mesh) => mesh.diverged(),
+            Self::Slow(slow) => slow.diverged(),
         }
     }
 
@@ -272,7 +272,7 @@ impl RunningBody {
     }
 
     /// Whether it moves on by itself while nothing pushes it: by its modes, or by the flow of its linear springs.
-    pub(crate) fn may_coast(&self) -> bool {
+    pub(crate) fn can_coast(&self) -> bool {
         match self {
             Self::Modal(_) => true,
             Self::Mesh(_) => false,
@@ -281,19 +281,19 @@ impl RunningBody {
     }
 
     /// Add its outputs to `out` (n_out) in `frames` frames of coasting; a slow body is already there.
-    pub(crate) fn tap_ahead(&self, frames: usize, out: &mut [f64]) {
+    pub(crate) fn add_outputs_ahead(&self, frames: usize, out: &mut [f64]) {
         match self {
-            Self::Modal(modal) => modal.tap_ahead(frames, out),
+            Self::Modal(modal) => modal.add_outputs_ahead(frames, out),
             Self::Mesh(_) => {}
-            Self::Slow(slow) => slow.tap(out),
+            Self::Slow(slow) => slow.add_outputs(out),
         }
     }
 
     /// Set its ports as they are after `frames` frames of coasting, one more than at the last call: modes were computed
     /// ahead, a slow body moves now. Returns whether all positions are finite and plausible.
-    pub(crate) fn place_ahead(&mut self, frames: usize, body: &mut Body) -> bool {
+    pub(crate) fn set_ports_ahead(&mut self, frames: usize, body: &mut Body) -> bool {
         match self {
-            Self::Modal(modal) => modal.place_ahead(frames, body),
+            Self::Modal(modal) => modal.set_ports_ahead(frames, body),
             Self::Mesh(_) => {}
             Self::Slow(slow) => {
                 slow.step_flow();
@@ -333,9 +333,9 @@ impl RunningBody {
     }
 
     /// Prepare for a team of `threads` threads, if the body gains by it.
-    pub(crate) fn share(&mut self, threads: usize) {
+    pub(crate) fn prepare_team(&mut self, threads: usize) {
         if let Self::Mesh(mesh_body) = self {
-            mesh_body.share(threads);
+            mesh_body.prepare_team(threads);
         }
     }
 

@@ -216,7 +216,7 @@ impl Ledger {
         self.hold
             .extend(targets.iter().map(|target| match scheme.w[target.mat] {
                 0.0 => -body.force[target.mat],
-                _ => kernel::needed(scheme, body, target.mat, target.x),
+                _ => kernel::force_to_reach(scheme, body, target.mat, target.x),
             }));
     }
 
@@ -290,16 +290,16 @@ impl Ledger {
                 continue;
             }
             // Positions at which the frame's forces acted.
-            let then = |mat: usize| body.x[mat] - body.d[mat];
+            let position_at_force = |mat: usize| body.x[mat] - body.d[mat];
             if let Some((followed_law, rate)) = followed(run) {
                 let Some(law) = law_buffers.next() else {
                     continue;
                 };
-                followed_law.set(law, then);
+                followed_law.set(law, position_at_force);
                 for i in 0..run.len {
                     let (e_next, e) = elongation(run, body, i);
-                    let e_before = run.elongation(i, |mat| then(mat) - d[mat]);
-                    let frame_stretch = run.stretch(i, then, |mat| body.d[mat]);
+                    let e_before = run.elongation(i, |mat| position_at_force(mat) - d[mat]);
+                    let frame_stretch = run.stretch(i, position_at_force, |mat| body.d[mat]);
                     let energies = Frame::new(law, rate, [e_before, e, e_next], frame_stretch);
                     let stored_before = std::mem::replace(&mut self.potential[run.first + i], energies.stored);
                     self.injected.add(energies.held - stored_before); // the law has changed
@@ -307,7 +307,7 @@ impl Ledger {
                         self.lost.add(energies.drag * frame_stretch);
                         continue;
                     }
-                    let stretch = 0.5 * run.stretch(i, then, s);
+                    let stretch = 0.5 * run.stretch(i, position_at_force, s);
                     let elastic_work = stretch * energies.elastic;
                     self.lost.add(stretch * body.link[run.first + i] - elastic_work);
                     self.produced.add(energies.stored - energies.held - elastic_work);
@@ -315,7 +315,7 @@ impl Ledger {
                 continue;
             }
             for i in 0..run.len {
-                let stretch = run.stretch(i, then, s);
+                let stretch = run.stretch(i, position_at_force, s);
                 if plain_spring {
                     if run.z != 0.0 {
                         self.lost.add(0.25 * run.z * stretch * stretch);
@@ -342,7 +342,7 @@ impl Ledger {
                 let energy_rise = stored_energy - self.potential[run.first + i];
                 self.potential[run.first + i] = stored_energy;
                 if finer.is_some() {
-                    let frame_stretch = run.stretch(i, then, |mat| body.d[mat]);
+                    let frame_stretch = run.stretch(i, position_at_force, |mat| body.d[mat]);
                     self.lost.add(open_now * run.drag(e, frame_stretch) * frame_stretch);
                     continue;
                 }

@@ -201,7 +201,7 @@ impl RunningMesh {
     }
 
     /// Prepare for a team of `threads` threads.
-    pub(crate) fn share(&mut self, threads: usize) {
+    pub(crate) fn prepare_team(&mut self, threads: usize) {
         if self.plan.leads.is_empty() {
             self.integrator.share(threads);
         }
@@ -223,7 +223,7 @@ impl RunningMesh {
     }
 
     /// Add its outputs to `out` (n_out).
-    pub(crate) fn tap(&self, out: &mut [f64]) {
+    pub(crate) fn add_outputs(&self, out: &mut [f64]) {
         let positions = self.integrator.positions();
         for (output, row) in &self.plan.outputs {
             out[*output as usize] += row.iter().map(|&(mat, weight)| weight * positions[mat]).sum::<f64>();
@@ -232,7 +232,7 @@ impl RunningMesh {
 
     /// Set positions and steps of the ports in the island; `inner` is the part of the last step that the mesh's own
     /// forces made.
-    pub(crate) fn place(&self, body: &mut Body) {
+    pub(crate) fn set_ports(&self, body: &mut Body) {
         let positions = self.integrator.positions();
         let port_memory = self.previous.iter().zip(&self.inertial_steps);
         for (&(port, mat), (previous, inertial_step)) in self.plan.ports.iter().zip(port_memory) {
@@ -314,7 +314,7 @@ impl RunningMesh {
     }
 
     /// Whether a port is among some MATs (n_mat), or any of its own in a part.
-    pub(crate) fn is_of(&self, mats: &[bool], part: usize) -> bool {
+    pub(crate) fn is_among(&self, mats: &[bool], part: usize) -> bool {
         let mat_part = &self.plan.network.mats().part;
         self.plan.ports.iter().any(|&(_, mat)| mats[mat]) || mat_part.iter().any(|&mat_part| mat_part as usize == part)
     }
@@ -325,7 +325,7 @@ impl RunningMesh {
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.
-    pub(crate) fn culprit(&self) -> Option<(String, usize)> {
+    pub(crate) fn diverged(&self) -> Option<(String, usize)> {
         let x = self.integrator.positions();
         let diverged_mat = x.iter().position(|&x| !crate::kernel::is_bounded(x))?;
         let network = &self.plan.network;

@@ -21,7 +21,8 @@ use crate::kernel::bank::{LANES, Lanes, Motion, Rates, Sum, follow, lane_total};
 use crate::kernel::ports;
 use crate::state::Body;
 
-/// Frames that are computed ahead at once: enough to keep the modes in registers, and few to lose.
+/// Number of frames that are computed ahead at once: enough to keep the modes in registers, and few enough that
+/// discarding them costs little.
 const FRAMES_AHEAD: usize = 64;
 /// Frames without a contact between frames before [`FRAMES_AHEAD`] frames are computed ahead: one that bounces may push
 /// again soon.
@@ -31,15 +32,15 @@ const QUIET_FRAMES: u32 = 16;
 #[derive(Clone, Debug)]
 pub(crate) struct RunningModal {
     script: Arc<Script>,
-    /// The modes at the furthest frame in `seen`.
+    /// The modes at the furthest frame in `row_history`.
     motions: Vec<Motion>,
-    /// The modes at the first frame in `seen`.
+    /// The modes at the first frame in `row_history`.
     saved: Vec<Motion>,
     /// Position of each row (port or output) from some frame up to the furthest   (n_rows, SEEN_FRAMES)
-    seen: Vec<f64>,
-    /// Indices in `seen` of the present frame and of the furthest, which is at least one later.
+    row_history: Vec<f64>,
+    /// Indices in `row_history` of the present frame and of the furthest, which is at least one later.
     present: usize,
-    until: usize,
+    furthest: usize,
     /// Positions of the ports one frame ago   (n_ports)
     previous: Vec<f64>,
     sums: Vec<Sum>,
@@ -51,13 +52,13 @@ pub(crate) struct RunningModal {
     forces: Vec<f64>,
     /// Positions of the rows at the next frame, while they are pushed   (n_rows)
     row_positions: Vec<f64>,
-    /// Forces on the ports in the frames of `seen` that the modes do not contain yet, and whether there are any
+    /// Forces on the ports in the frames of `row_history` that the modes do not contain yet, and whether there are any
     /// (FRAMES_AHEAD, n_ports)
     pushes: Vec<f64>,
     has_pushes: bool,
     /// Frames without a contact between frames, up to QUIET_FRAMES.
-    quiet: u32,
-    next: usize,
+    quiet_frames: u32,
+    next_strike_index: usize,
     /// Rates under additional damping, and whether it is on   (n_groups)
     damped: Vec<Rates>,
     is_damped: bool,
@@ -66,9 +67,9 @@ pub(crate) struct RunningModal {
 crate::archive::state!(RunningModal {
     motions,
     saved,
-    seen,
+    row_history,
     present,
-    until,
+    furthest,
     previous,
     kicks,
     pending,
@@ -76,13 +77,13 @@ crate::archive::state!(RunningModal {
     forces,
     pushes,
     has_pushes,
-    quiet,
-    next,
+    quiet_frames,
+    next_strike_index,
     damped,
     is_damped
 });
 
-/// Frames in `seen`: the present, and the frames ahead.
+/// Frames in `row_history`: the present, and the frames ahead.
 const SEEN_FRAMES: usize = FRAMES_AHEAD + 1;
 
 impl RunningModal {
@@ -106,9 +107,9 @@ impl RunningModal {
         };
         let mut running_modal = Self {
             saved: motions.clone(),
-            seen: vec![0.0; n_rows * SEEN_FRAMES],
+            row_history: vec![0.0; n_rows * SEEN_FRAMES],
             present: 0,
-            until: 0,
+            furthest: 0,
             previous: plan
                 .ports
                 .iter()
@@ -123,8 +124,8 @@ impl RunningModal {
             row_positions: vec![0.0; n_rows],
             pushes: vec![0.0; FRAMES_AHEAD * plan.ports.len()],
             has_pushes: false,
-            quiet: 0,
-            next: 0,
+            quiet_frames: 0,
+            next_strike_index: 0,
             damped: script.rates.clone(),
             is_damped: false,
             motions,
@@ -135,36 +136,36 @@ impl RunningModal {
             .chain(plan.outputs.iter().map(|(_, shape)| shape))
             .enumerate()
         {
-            running_modal.seen[row * SEEN_FRAMES] = mode_sum(shape, |mode| mode.now);
+            running_modal.row_history[row * SEEN_FRAMES] = mode_sum(shape, |mode| mode.now);
         }
         running_modal.compute_ahead(0);
         running_modal
     }
 
     /// Add the body's outputs now to `out` (n_out).
-    pub(crate) fn tap(&self, out: &mut [f64]) {
-        self.tap_ahead(0, out);
+    pub(crate) fn add_outputs(&self, out: &mut [f64]) {
+        self.add_outputs_ahead(0, out);
     }
 
     /// Add the outputs in `frames` frames to `out` (n_out), if nothing pushes the body until then.
-    pub(crate) fn tap_ahead(&self, frames: usize, out: &mut [f64]) {
+    pub(crate) fn add_outputs_ahead(&self, frames: usize, out: &mut [f64]) {
         let plan = &self.script.plan;
         let (first_output, seen_frame) = (plan.ports.len(), self.present + frames);
-        for (row, ((output, _), still)) in plan.outputs.iter().zip(&plan.still).enumerate() {
-            out[*output as usize] += self.seen[(first_output + row) * SEEN_FRAMES + seen_frame] + still;
+        for (row, ((output, _), rest_output)) in plan.outputs.iter().zip(&plan.still).enumerate() {
+            out[*output as usize] += self.row_history[(first_output + row) * SEEN_FRAMES + seen_frame] + rest_output;
         }
     }
 
     /// Set positions, steps and free motion of the ports in the island.
-    pub(crate) fn place(&self, body: &mut Body) {
-        self.place_ahead(0, body);
+    pub(crate) fn set_ports(&self, body: &mut Body) {
+        self.set_ports_ahead(0, body);
     }
 
     /// Set the ports as they will be in `frames` frames, if nothing pushes the body until then.
-    pub(crate) fn place_ahead(&self, frames: usize, body: &mut Body) {
+    pub(crate) fn set_ports_ahead(&self, frames: usize, body: &mut Body) {
         let seen_frame = self.present + frames;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
-            let port_row = &self.seen[row * SEEN_FRAMES..(row + 1) * SEEN_FRAMES];
+            let port_row = &self.row_history[row * SEEN_FRAMES..(row + 1) * SEEN_FRAMES];
             let (position_now, position_next) = (port_row[seen_frame], port_row[seen_frame + 1]);
             let previous = if frames == 0 {
                 self.previous[row]
@@ -182,19 +183,19 @@ impl RunningModal {
         if self.has_pending {
             0
         } else {
-            self.until - self.present - 1
+            self.furthest - self.present - 1
         }
     }
 
     /// The frame of its next strike, or `u64::MAX`.
-    pub(crate) fn due(&self) -> u64 {
-        let next_blow = self.script.blows.get(self.next);
+    pub(crate) fn next_strike_frame(&self) -> u64 {
+        let next_blow = self.script.blows.get(self.next_strike_index);
         next_blow.map_or(u64::MAX, |blow| blow.0)
     }
 
     /// For a body at rest: move the present by `frames`, which may be negative, within the frames ahead.
     pub(crate) fn shift_frames(&mut self, frames: i64) {
-        self.present = (self.present as i64 + frames).rem_euclid(self.until as i64) as usize;
+        self.present = (self.present as i64 + frames).rem_euclid(self.furthest as i64) as usize;
     }
 
     /// Advance by `frames` of the frames that are computed ahead.
@@ -204,15 +205,15 @@ impl RunningModal {
         }
         self.present += frames;
         for (row, previous) in self.previous.iter_mut().enumerate() {
-            *previous = self.seen[row * SEEN_FRAMES + self.present - 1];
+            *previous = self.row_history[row * SEEN_FRAMES + self.present - 1];
         }
-        self.quiet = self.quiet.saturating_add(frames as u32).min(QUIET_FRAMES);
+        self.quiet_frames = self.quiet_frames.saturating_add(frames as u32).min(QUIET_FRAMES);
     }
 
     /// Apply the strikes of frame `n`, so that contacts know where the ports go with them.
     pub(crate) fn strike(&mut self, n: u64, body: &mut Body) {
         let is_due = |due_blow: &&Blow| due_blow.0 <= n;
-        let due_blow = self.script.blows.get(self.next).filter(is_due);
+        let due_blow = self.script.blows.get(self.next_strike_index).filter(is_due);
         if due_blow.is_none() && !self.has_pending {
             return;
         }
@@ -223,12 +224,12 @@ impl RunningModal {
             self.pending.fill(Lanes::ZERO);
             self.has_pending = false;
         }
-        while let Some(&due_blow) = self.script.blows.get(self.next).filter(is_due) {
-            self.next += 1;
+        while let Some(&due_blow) = self.script.blows.get(self.next_strike_index).filter(is_due) {
+            self.next_strike_index += 1;
             self.script.strike(due_blow, &mut self.kicks);
             self.kick();
         }
-        self.place(body);
+        self.set_ports(body);
     }
 
     /// Add the kicks to the modes one frame ahead.
@@ -237,7 +238,7 @@ impl RunningModal {
         for ((motion, kick), rows) in motions.zip(&self.script.rows) {
             ports::add(&mut motion.now, kick, 1.0);
             for (row, shape) in rows.iter().enumerate() {
-                self.seen[row * SEEN_FRAMES + self.present + 1] += ports::see(shape, kick);
+                self.row_history[row * SEEN_FRAMES + self.present + 1] += ports::see(shape, kick);
             }
         }
     }
@@ -292,15 +293,15 @@ impl RunningModal {
     }
 
     /// Tell the energy of each of its modes [J]; of complex or discrete modes none is told.
-    pub(crate) fn energies(&self, mut tell: impl FnMut(f64)) {
+    pub(crate) fn energies(&self, mut visit: impl FnMut(f64)) {
         let plan = &self.script.plan;
         if plan.answers.is_some() {
             return;
         }
-        self.look(|mode, now, before| {
+        self.for_each_amplitude(|mode, now, before| {
             let mode_plan = &plan.modes[mode];
             if let Some(mode_cell) = &mode_plan.cell {
-                tell(mode_cell.energy([now, mode_plan.a * now - mode_plan.b * before], plan.rate));
+                visit(mode_cell.energy([now, mode_plan.a * now - mode_plan.b * before], plan.rate));
             }
         });
     }
@@ -309,16 +310,16 @@ impl RunningModal {
     pub(crate) fn step(&mut self, n: u64, force: &[f64]) {
         let mut is_pushed = false;
         for (row, port) in self.script.plan.ports.iter().enumerate() {
-            self.previous[row] = self.seen[row * SEEN_FRAMES + self.present];
+            self.previous[row] = self.row_history[row * SEEN_FRAMES + self.present];
             self.forces[row] = force[port.mat];
             is_pushed |= self.forces[row] != 0.0;
         }
         if is_pushed {
             self.push();
         }
-        self.quiet = (self.quiet + 1).min(QUIET_FRAMES);
+        self.quiet_frames = (self.quiet_frames + 1).min(QUIET_FRAMES);
         self.present += 1;
-        if self.present == self.until {
+        if self.present == self.furthest {
             self.compute_ahead(n + 1);
         }
     }
@@ -353,7 +354,7 @@ impl RunningModal {
     }
 
     /// Tell what [`Self::amplitudes`] gives for every mode (mode, now, before), and keep the frames ahead.
-    pub(crate) fn look(&self, mut tell: impl FnMut(usize, f64, f64)) {
+    pub(crate) fn for_each_amplitude(&self, mut tell: impl FnMut(usize, f64, f64)) {
         let group_rates = if self.is_damped {
             &self.damped
         } else {
@@ -393,10 +394,10 @@ impl RunningModal {
             (motion.now.0[lane], motion.before.0[lane]) = (next_amplitude, now[mode]);
             (saved.now.0[lane], saved.before.0[lane]) = (now[mode], before[mode]);
         }
-        (self.present, self.until, self.quiet, self.has_pending) = (0, 1, 0, false);
+        (self.present, self.furthest, self.quiet_frames, self.has_pending) = (0, 1, 0, false);
         self.pending.fill(Lanes::ZERO);
         self.forget_pushes();
-        for (row, seen) in self.seen.chunks_mut(SEEN_FRAMES).enumerate() {
+        for (row, seen) in self.row_history.chunks_mut(SEEN_FRAMES).enumerate() {
             (seen[0], seen[1]) = (0.0, 0.0);
             for (motion, rows) in self.motions.iter().zip(&self.script.rows) {
                 seen[0] += ports::see(&rows[row], &motion.before);
@@ -413,7 +414,7 @@ impl RunningModal {
 
     /// Begin at frame `n`.
     pub(crate) fn seek(&mut self, n: u64) {
-        self.next = self.script.blows.partition_point(|blow| blow.0 < n);
+        self.next_strike_index = self.script.blows.partition_point(|blow| blow.0 < n);
     }
 
     /// Take over the state of an equal body; its strikes may differ. How far that body was computed ahead does not
@@ -421,13 +422,13 @@ impl RunningModal {
     pub(crate) fn continue_from(&mut self, old: &mut Self) {
         std::mem::swap(&mut self.motions, &mut old.motions);
         std::mem::swap(&mut self.saved, &mut old.saved);
-        std::mem::swap(&mut self.seen, &mut old.seen);
+        std::mem::swap(&mut self.row_history, &mut old.row_history);
         std::mem::swap(&mut self.previous, &mut old.previous);
         std::mem::swap(&mut self.pending, &mut old.pending);
         std::mem::swap(&mut self.pushes, &mut old.pushes);
         self.has_pushes = old.has_pushes;
-        (self.present, self.until) = (old.present, old.until);
-        (self.has_pending, self.quiet) = (old.has_pending, old.quiet);
+        (self.present, self.furthest) = (old.present, old.furthest);
+        (self.has_pending, self.quiet_frames) = (old.has_pending, old.quiet_frames);
     }
 
     /// Outputs that hear it.
@@ -444,7 +445,7 @@ impl RunningModal {
     /// Bring the motions back to one frame ahead of the present, where a new window begins.
     fn discard_ahead(&mut self) {
         let present = self.present;
-        if self.until == present + 1 && !self.has_pushes {
+        if self.furthest == present + 1 && !self.has_pushes {
             return;
         }
         for group in 0..self.motions.len() {
@@ -455,18 +456,18 @@ impl RunningModal {
             self.motions[group] = group_motion;
         }
         self.forget_pushes();
-        for seen in self.seen.chunks_mut(SEEN_FRAMES) {
+        for seen in self.row_history.chunks_mut(SEEN_FRAMES) {
             (seen[0], seen[1]) = (seen[present], seen[present + 1]);
         }
-        (self.present, self.until) = (0, 1);
+        (self.present, self.furthest) = (0, 1);
     }
 
     /// Compute the free motion from the present, frame `n`, up to the next known strike at most.
     fn compute_ahead(&mut self, n: u64) {
-        let next_blow = self.script.blows.get(self.next);
+        let next_blow = self.script.blows.get(self.next_strike_index);
         let free_frames = next_blow.map_or(u64::MAX, |next_blow| next_blow.0.saturating_sub(n));
         // The responses to pushes do not know the damping.
-        let frames_ahead = if self.quiet < QUIET_FRAMES || self.is_damped {
+        let frames_ahead = if self.quiet_frames < QUIET_FRAMES || self.is_damped {
             1
         } else {
             free_frames.clamp(1, FRAMES_AHEAD as u64) as usize
@@ -495,12 +496,16 @@ impl RunningModal {
                 frames_ahead,
             );
         }
-        for (seen, sums) in self.seen.chunks_mut(SEEN_FRAMES).zip(self.sums.chunks(frames_ahead)) {
+        for (seen, sums) in self
+            .row_history
+            .chunks_mut(SEEN_FRAMES)
+            .zip(self.sums.chunks(frames_ahead))
+        {
             seen[0] = seen[self.present];
             for (seen, sum) in seen[1..].iter_mut().zip(sums) {
                 *seen = lane_total(sum);
             }
         }
-        (self.present, self.until) = (0, frames_ahead);
+        (self.present, self.furthest) = (0, frames_ahead);
     }
 }

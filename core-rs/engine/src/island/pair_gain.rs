@@ -120,8 +120,13 @@ impl PairGains {
         self.account.take(-work(&mut self.d, &mut self.force, motion_now));
     }
 
-    /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses.
-    pub(super) fn check(&mut self, body: &Body, (around, put_in): (impl Fn() -> f64, f64), n: u64) -> Option<Gain> {
+    /// The energy created by frame `n`, if that is worth reporting; `moving_energy` is the energy of all masses.
+    pub(super) fn check(
+        &mut self,
+        body: &Body,
+        (moving_energy, hand_work): (impl Fn() -> f64, f64),
+        n: u64,
+    ) -> Option<Gain> {
         if self.account.is_overdrawn() && !self.is_whole {
             let start_energy = stored(&mut self.pair_contacts, [&self.from[0], &self.from[1]]);
             self.account.add_start(start_energy + self.held);
@@ -131,7 +136,10 @@ impl PairGains {
             return None;
         }
         let stored = stored(&mut self.pair_contacts, [&body.x, &body.d]) + self.held(body);
-        let gain = self.account.gain(stored, around(), n).with_reference_min(put_in);
+        let gain = self
+            .account
+            .gain(stored, moving_energy(), n)
+            .with_reference_min(hand_work);
         if !gain.is_reportable() || gain.created <= self.rounding(body) {
             return None;
         }

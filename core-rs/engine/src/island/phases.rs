@@ -8,8 +8,8 @@ use crate::kernel;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::scheme::Scheme;
 
-/// Sets what this frame does not compute: parameters that glide, open gates, positions of real hands.
-pub(super) fn values(script: &Script, state: &mut State, mut scheme: Option<&mut Scheme>, n: u64) {
+/// Sets the inputs of this frame: gliding parameters, open gates, positions of real hands.
+pub(super) fn set_values(script: &Script, state: &mut State, mut scheme: Option<&mut Scheme>, n: u64) {
     let State {
         values,
         matter,
@@ -50,26 +50,27 @@ pub(super) struct Frame<'a, 'team> {
     pub(super) team: &'a mut ThreadTeam<'team>,
 }
 
-/// Forces of links, and of what is imposed, are known.
-pub(super) struct Pulled(());
+/// The forces of links and of imposed motions are known.
+pub(super) struct LinksApplied(());
 
-/// What strikes in this frame has struck.
-pub(super) struct Struck(());
+/// All strikes of this frame have been applied.
+pub(super) struct StrikesApplied(());
 
 /// All forces are known.
-pub(super) struct Complete(());
+pub(super) struct ForcesComplete(());
 
 /// Positions and steps are those of the next frame.
 pub(super) struct Moved {
     /// Whether all of them are plausible.
-    pub(super) is_sound: bool,
+    pub(super) is_plausible: bool,
     /// Whether the frame was computed again in finer steps.
     is_finer: bool,
 }
 
 impl Frame<'_, '_> {
-    /// Forces of links, of drives, sounds and live strokes; points between masses pass theirs on.
-    pub(super) fn pull(&mut self) -> Pulled {
+    /// Computes the forces of links, drives, sounds and live strokes, and divides the forces on proxies among their
+    /// masses.
+    pub(super) fn apply_links(&mut self) -> LinksApplied {
         let (n, script, scheme) = (self.n, self.script, self.scheme);
         let State {
             values,
@@ -92,10 +93,10 @@ impl Frame<'_, '_> {
         }
         delayed_ports::pass_on(&script.port_bindings, &hands.port_states, body);
         sounds_in::apply(&script.sound_drives, &hands.played, n, body, targets);
-        if let Some(rise) = &mut watch.rise
+        if let Some(energy_rise) = &mut watch.energy_rise
             && hands.is_struck()
         {
-            rise.restart();
+            energy_rise.restart();
         }
         live_strikes::apply(&script.strike_points, &mut hands.pending, scheme, body);
         kernel::proxies::note(scheme, body);
@@ -104,23 +105,23 @@ impl Frame<'_, '_> {
             fine.record_steady_forces(scheme, body);
             fine.apply_carried_forces(body);
         }
-        Pulled(())
+        LinksApplied(())
     }
 
-    /// Written hands, pushes and ergons strike; a stroke is heard by the bodies too.
-    pub(super) fn strike(&mut self, _: Pulled) -> Struck {
+    /// Applies the strikes of written hands, pushes and ergons, also to the bodies.
+    pub(super) fn strike(&mut self, _: LinksApplied) -> StrikesApplied {
         self.sum_layers();
-        self.let_voices(Voice::step);
+        self.for_each_voice(Voice::step);
         strike(self.script, self.scheme, self.state, self.n);
         let Matter { body, bodies, .. } = &mut self.state.matter;
         for running_body in bodies {
             running_body.strike(self.n, body);
         }
-        Struck(())
+        StrikesApplied(())
     }
 
-    /// Contacts and friction that are solved once all other forces are known; then written hands know their own.
-    pub(super) fn press(&mut self, _: Struck) -> Complete {
+    /// Solves contacts and friction, which need all other forces. Then written hands compute their forces.
+    pub(super) fn solve_contacts(&mut self, _: StrikesApplied) -> ForcesComplete {
         let scheme = self.scheme;
         let State { values, matter, .. } = &mut *self.state;
         let Matter {
@@ -135,12 +136,12 @@ impl Frame<'_, '_> {
             fine.step(scheme, &values.gates, targets, bodies, body);
             kernel::friction(scheme, &values.gates, targets, body);
         }
-        self.let_voices(Voice::settle);
-        Complete(())
+        self.for_each_voice(Voice::settle);
+        ForcesComplete(())
     }
 
-    /// What is heard, felt and counted of this frame.
-    pub(super) fn observe(&mut self, _: &Complete, out: Option<&mut [f64]>) {
+    /// Writes the outputs of this frame, the forces on hands, and the counters.
+    pub(super) fn observe(&mut self, _: &ForcesComplete, out: Option<&mut [f64]>) {
         let (n, script, scheme) = (self.n, self.script, self.scheme);
         let State {
             values,
@@ -158,7 +159,7 @@ impl Frame<'_, '_> {
         watch.touches.step(n, &body.link);
         if let Some(out) = out {
             kernel::tap(scheme, body, out);
-            bodies.iter().for_each(|running_body| running_body.tap(out));
+            bodies.iter().for_each(|running_body| running_body.add_outputs(out));
             watch.mutes.fade(n, scheme, out);
         }
         if let Some(gains) = &mut watch.gains
@@ -172,7 +173,7 @@ impl Frame<'_, '_> {
     }
 
     /// Masses and bodies move; the frame is computed again in finer steps if links have stiffened too much.
-    pub(super) fn advance(&mut self, _: Complete) -> Moved {
+    pub(super) fn advance(&mut self, _: ForcesComplete) -> Moved {
         let scheme = self.scheme;
         let Matter {
             body,
@@ -185,21 +186,21 @@ impl Frame<'_, '_> {
             running_body.step(self.n, &body.force, self.team);
         }
         let partition = laws.mesh_partition.as_ref();
-        let is_sound = kernel::advance(scheme, targets, body, partition, self.team);
+        let is_plausible = kernel::advance(scheme, targets, body, partition, self.team);
         let mut are_bodies_bounded = true;
         for running_body in &*bodies {
-            running_body.place(body);
+            running_body.set_ports(body);
             are_bodies_bounded &= running_body.is_bounded();
         }
         kernel::proxies::gather(scheme, body);
-        let finer_sound = recompute_finer(scheme, self.state, self.team);
+        let finer_plausible = recompute_finer(scheme, self.state, self.team);
         let State {
             values, matter, watch, ..
         } = &mut *self.state;
-        if finer_sound.is_some() || values.damped < 1.0 {
+        if finer_plausible.is_some() || values.damped < 1.0 {
             watch.gains.iter_mut().for_each(|gains| gains.restart());
             let fine_state = matter.fine.iter_mut();
-            fine_state.for_each(|fine_state| fine_state.sprung_mut().restart());
+            fine_state.for_each(|fine_state| fine_state.stepped_points_mut().restart());
         }
         kernel::slide_bristles(scheme, &mut matter.body);
         kernel::rest(scheme, &mut matter.body);
@@ -207,8 +208,8 @@ impl Frame<'_, '_> {
             fine_state.rest_held(scheme, &mut matter.body);
         }
         Moved {
-            is_sound: finer_sound.unwrap_or(is_sound) && are_bodies_bounded,
-            is_finer: finer_sound.is_some(),
+            is_plausible: finer_plausible.unwrap_or(is_plausible) && are_bodies_bounded,
+            is_finer: finer_plausible.is_some(),
         }
     }
 
@@ -242,8 +243,8 @@ impl Frame<'_, '_> {
         }
     }
 
-    /// Let every voice do its part of the frame.
-    fn let_voices(&mut self, act: fn(&mut Voice, &VoiceScript, &mut Scene<'_>, u64)) {
+    /// Run one phase of the frame for every voice.
+    fn for_each_voice(&mut self, phase: fn(&mut Voice, &VoiceScript, &mut Scene<'_>, u64)) {
         let State { matter, hands, .. } = &mut *self.state;
         let mut voice_scene = Scene {
             scheme: self.scheme,
@@ -257,14 +258,14 @@ impl Frame<'_, '_> {
         };
         for (voice, voice_script) in hands.voices.iter_mut().zip(&self.script.voices) {
             if voice.is_awake(voice_script, voice_scene.gestures, self.n) {
-                act(voice, voice_script, &mut voice_scene, self.n);
+                phase(voice, voice_script, &mut voice_scene, self.n);
             }
         }
     }
 }
 
 /// Computes the frame again in smaller steps if links have stiffened too much, and returns whether all positions stayed
-/// plausible; `None` if the frame stands as it is.
+/// plausible; `None` if the frame was not computed again.
 fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>) -> Option<bool> {
     let State {
         values, matter, watch, ..
@@ -278,7 +279,7 @@ fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>
     let imposed_mats = matter.targets.iter().map(|target| target.mat);
     let (x, previous) = (&body.x, &previous.x);
     guard.impose(imposed_mats, |mat| (x[mat], previous[mat]));
-    let is_sound = guard.compute_finer(&mut guard::KernelStage {
+    let is_plausible = guard.compute_finer(&mut guard::KernelStage {
         scheme,
         gates: &values.gates,
         body,
@@ -290,5 +291,5 @@ fn recompute_finer(scheme: &Scheme, state: &mut State, team: &mut ThreadTeam<'_>
     }
     matter.place();
     kernel::proxies::gather(scheme, &mut matter.body);
-    Some(is_sound)
+    Some(is_plausible)
 }

@@ -42,7 +42,7 @@ impl ImposedWork {
             let mat = target.mat;
             let holding_force = match scheme.w[mat] {
                 0.0 => -body.force[mat],
-                _ => kernel::needed(scheme, body, mat, target.x),
+                _ => kernel::force_to_reach(scheme, body, mat, target.x),
             };
             (mat, [holding_force, body.d[mat]])
         }));

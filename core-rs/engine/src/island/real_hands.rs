@@ -24,7 +24,7 @@ pub(super) struct HandState {
     mean_force: f64,
 }
 
-crate::archive::option!((f64, Option<f64>), maybe);
+crate::archive::option!((f64, Option<f64>), optional);
 
 crate::archive::state!(HandState {
     sent,

@@ -355,7 +355,7 @@ impl inside::RunningBody {
     /// The first step, `n` or later, in which anything strikes it or changes its parameters.
     fn due(&self, n: u64) -> u64 {
         match self {
-            Self::Modal(modal) => modal.due(),
+            Self::Modal(modal) => modal.next_strike_frame(),
             Self::Mesh(mesh) => mesh.due(n),
             // Strikes on a slow body go through its ports, which are in the island.
             Self::Slow(_) => u64::MAX,

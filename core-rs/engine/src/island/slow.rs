@@ -288,8 +288,8 @@ impl RunningSlow {
 
     /// Find the positions of ports one frame ago from their steps.
     fn record_previous(&mut self) {
-        for (&(own, _), previous) in self.plan.ports.iter().zip(&mut self.previous) {
-            *previous = self.x[own] - self.v[own];
+        for (&(mat, _), previous) in self.plan.ports.iter().zip(&mut self.previous) {
+            *previous = self.x[mat] - self.v[mat];
         }
     }
 
@@ -372,7 +372,7 @@ impl RunningSlow {
     }
 
     /// Add its outputs now to `out` (n_out).
-    pub(crate) fn tap(&self, out: &mut [f64]) {
+    pub(crate) fn add_outputs(&self, out: &mut [f64]) {
         let frames_since = f64::from(self.since);
         for (index, (output, row)) in self.plan.outputs.iter().enumerate() {
             if let Some(spring_block) = self.springs.block() {
@@ -508,7 +508,7 @@ impl RunningSlow {
     }
 
     /// Whether it belongs to a part.
-    pub(crate) fn is_of(&self, part: usize) -> bool {
+    pub(crate) fn is_in_part(&self, part: usize) -> bool {
         self.plan.part == part
     }
 
@@ -518,7 +518,7 @@ impl RunningSlow {
     }
 
     /// The name and part of a MAT whose position is beyond all bounds.
-    pub(crate) fn culprit(&self) -> Option<(String, usize)> {
+    pub(crate) fn diverged(&self) -> Option<(String, usize)> {
         let mat_index = self.x.iter().position(|&x| !is_bounded(x))?;
         let mat_name = self.plan.network.mat_name(self.plan.free[mat_index]);
         Some((mat_name, self.plan.part))

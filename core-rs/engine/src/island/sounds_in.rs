@@ -199,6 +199,7 @@ impl super::Island {
 
     /// Let the input `number` continue a ramp that it had in another island.
     pub(crate) fn continue_ramp(&mut self, number: u64, ramp: Ramp) {
-        self.value_inputs(number).for_each(|(_, own)| *own = Some(ramp));
+        self.value_inputs(number)
+            .for_each(|(_, value_ramp)| *value_ramp = Some(ramp));
     }
 }

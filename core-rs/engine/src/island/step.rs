@@ -21,7 +21,7 @@
 //! Each phase takes what only the phase before it makes, so that no other order compiles. A step does not allocate (but
 //! for a recorded stream of ergons), lock or panic.
 
-use super::phases::{Frame, values};
+use super::phases::{Frame, set_values};
 use super::{Fault, Island, energy_account};
 use crate::interrupt;
 use crate::kernel::thread_team::ThreadTeam;
@@ -89,7 +89,7 @@ impl Island {
         let (script, state) = (&*self.script, &mut self.state);
         let n = state.frame;
         let mut changed = state.values.scheme.take();
-        values(script, state, changed.as_deref_mut(), n);
+        set_values(script, state, changed.as_deref_mut(), n);
         let mut frame = Frame {
             n,
             script,
@@ -97,15 +97,15 @@ impl Island {
             state,
             team,
         };
-        let pulled = frame.pull();
+        let pulled = frame.apply_links();
         let struck = frame.strike(pulled);
-        let complete = frame.press(struck);
+        let complete = frame.solve_contacts(struck);
         frame.observe(&complete, out);
         let moved = frame.advance(complete);
         frame.account(&moved);
         state.values.scheme = changed;
         state.frame += 1;
-        if !moved.is_sound {
+        if !moved.is_plausible {
             return self.fault();
         }
         if n.is_multiple_of(energy_account::CHECK_STEPS) {

@@ -36,8 +36,8 @@ impl Island {
     fn foresee(&mut self) {
         let next_step = self.state.frame;
         let next_due = self.due(next_step);
-        if let Some(rise) = &mut self.state.watch.rise {
-            rise.foresee(next_step, next_due);
+        if let Some(energy_rise) = &mut self.state.watch.energy_rise {
+            energy_rise.foresee(next_step, next_due);
         }
     }
 }
@@ -77,7 +77,7 @@ impl Archived for State {
             pending
         )?;
         state_of!(values, archive, gates, damped)?;
-        state_of!(watch, archive, mutes, guard, gains, rise)?;
+        state_of!(watch, archive, mutes, guard, gains, energy_rise)?;
         state_of!(self, archive, frame)
     }
 }

@@ -24,7 +24,7 @@ pub(super) fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64
             );
         }
         body.push(mat, due_push.force);
-        bodies.iter_mut().for_each(|body| body.struck(mat, due_push.force));
+        bodies.iter_mut().for_each(|body| body.note_strike(mat, due_push.force));
     }
     while let Some((_, due_ergon)) = script.ergons.get(hands.ergons).filter(|(frame, _)| *frame <= n) {
         hands.ergons += 1;
@@ -40,7 +40,7 @@ pub(super) fn strike(script: &Script, scheme: &Scheme, state: &mut State, n: u64
             2.0 * due_ergon.mass * struck_mass / (due_ergon.mass + struck_mass) * (due_ergon.speed - velocity);
         let ergon_force = impulse * scheme.rate;
         body.push(mat, ergon_force);
-        bodies.iter_mut().for_each(|body| body.struck(mat, ergon_force));
+        bodies.iter_mut().for_each(|body| body.note_strike(mat, ergon_force));
         let (mass, speed, source) = (due_ergon.mass, due_ergon.speed, due_ergon.source);
         hands.stream.push(
             n,

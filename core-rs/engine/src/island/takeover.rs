@@ -224,7 +224,7 @@ impl Island {
     pub(crate) fn place(&mut self) {
         self.begin_again();
         for body in &self.state.matter.bodies {
-            body.place(&mut self.state.matter.body);
+            body.set_ports(&mut self.state.matter.body);
         }
         let scheme_now = self.state.values.scheme.as_deref();
         let scheme_now = scheme_now.unwrap_or(&self.script.scheme);

@@ -41,11 +41,11 @@ crate::archive::state!(Rates { a, b });
 impl Rates {
     /// Write to `into` the coefficients of the group with the modulus of its poles multiplied by `by`.
     pub(crate) fn faded(&self, by: f64, into: &mut Self) {
-        for (into, own) in into.a.0.iter_mut().zip(&self.a.0) {
-            *into = own * by;
+        for (into, coefficient) in into.a.0.iter_mut().zip(&self.a.0) {
+            *into = coefficient * by;
         }
-        for (into, own) in into.b.0.iter_mut().zip(&self.b.0) {
-            *into = own * (by * by);
+        for (into, coefficient) in into.b.0.iter_mut().zip(&self.b.0) {
+            *into = coefficient * (by * by);
         }
     }
 }

@@ -20,7 +20,7 @@ pub(crate) fn predict(scheme: &Scheme, body: &Body, i: usize) -> f64 {
 }
 
 /// Force that, added to the forces summed so far, brings a MAT to `x` [m] at the next frame [N].
-pub(crate) fn needed(scheme: &Scheme, body: &Body, i: usize, x: f64) -> f64 {
+pub(crate) fn force_to_reach(scheme: &Scheme, body: &Body, i: usize, x: f64) -> f64 {
     (x - predict(scheme, body, i)) / scheme.w[i]
 }
 
@@ -96,7 +96,7 @@ fn move_range(
         from.map(|from| [&from.x, &from.d].map(|mat_values| &mat_values[part_range.clone()]))
     };
     let [positions, last_steps] = moved;
-    if scheme.alike.is_empty() {
+    if scheme.equal_ranges.is_empty() {
         let (numbers, force) = (
             scheme.mat_coefficients().map(|mat_values| &mat_values[mats.clone()]),
             &force[mats.clone()],
@@ -106,18 +106,24 @@ fn move_range(
             None => move_all(numbers, force, positions, last_steps),
         };
     }
-    debug_assert!(scheme.are_alike(), "numbers change");
+    debug_assert!(scheme.are_ranges_valid(), "numbers change");
     let mut all_bounded = true;
-    for alike in &scheme.alike {
-        let part_range = alike.mats.start.max(mats.start)..alike.mats.end.min(mats.end);
+    for equal_range in &scheme.equal_ranges {
+        let part_range = equal_range.mats.start.max(mats.start)..equal_range.mats.end.min(mats.end);
         if part_range.is_empty() {
             continue;
         }
         let local_range = part_range.start - mats.start..part_range.end - mats.start;
         let (positions, last_steps) = (&mut positions[local_range.clone()], &mut last_steps[local_range]);
         all_bounded &= match previous_range(&part_range) {
-            Some(from) => move_alike_from(alike.coefficients, &force[part_range], from, positions, last_steps),
-            None => move_alike(alike.coefficients, &force[part_range], positions, last_steps),
+            Some(from) => move_alike_from(
+                equal_range.coefficients,
+                &force[part_range],
+                from,
+                positions,
+                last_steps,
+            ),
+            None => move_alike(equal_range.coefficients, &force[part_range], positions, last_steps),
         };
     }
     all_bounded

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::springs::{Part, SpringPass};
 use super::thread_team::ThreadTeam;
-use crate::scheme::{Pull, Spring};
+use crate::scheme::{ForceEnds, Spring};
 
 /// Largest number of ranges.
 const RANGES_MAX: usize = 8;
@@ -75,7 +75,7 @@ impl MeshPartition {
             let (range_forces, later_forces) = forces_left.split_at_mut(range.mats.len());
             (*range_part, forces_left) = (Some((range, range_forces)), later_forces);
         }
-        team.each(&mut range_parts[..range_count], |range_part| {
+        team.for_each(&mut range_parts[..range_count], |range_part| {
             if let Some((MeshRange { springs, pass, .. }, force)) = range_part {
                 pass.forces(part, springs, motion, force);
             }
@@ -99,7 +99,7 @@ impl MeshPartition {
             });
             *part = Some((range.mats.clone(), range_slices));
         }
-        team.each(&mut range_parts[..range_count], |part| {
+        team.for_each(&mut range_parts[..range_count], |part| {
             if let Some((mats, range_slices)) = part {
                 work(
                     mats.clone(),
@@ -126,9 +126,11 @@ impl MeshRange {
             let local_mat = |end: usize, i: usize| end + i - mats.start;
             // A MAT that is an end a of one link and an end b of another adds its force as end a first, as in the
             // undivided run.
-            run_ranges.extend(run.piece(links_only_at_a, |i| Pull::A(local_mat(run.a, i))));
-            run_ranges.extend(run.piece(links_at_both, |i| Pull::Both(local_mat(run.a, i), local_mat(run.b, i))));
-            run_ranges.extend(run.piece(links_only_at_b, |i| Pull::B(local_mat(run.b, i))));
+            run_ranges.extend(run.part_of_run(links_only_at_a, |i| ForceEnds::A(local_mat(run.a, i))));
+            run_ranges.extend(run.part_of_run(links_at_both, |i| {
+                ForceEnds::Both(local_mat(run.a, i), local_mat(run.b, i))
+            }));
+            run_ranges.extend(run.part_of_run(links_only_at_b, |i| ForceEnds::B(local_mat(run.b, i))));
         }
         Self {
             pass: SpringPass::new(&run_ranges, mats.len()),
@@ -172,7 +174,7 @@ mod tests {
                     q: (a % 2) as f64,
                     z: 1.0 / (2.0 + b as f64),
                     rest: 0.1,
-                    pull: Pull::Both(a, b),
+                    force_ends: ForceEnds::Both(a, b),
                 }
             })
             .collect()

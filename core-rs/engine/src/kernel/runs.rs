@@ -138,7 +138,7 @@ impl<'a> Ends<'a> {
 
     /// The same values as slices of one length, so that the compiler drops bounds checks.
     #[inline(always)]
-    fn cut(&self, n: usize) -> [&'a [f64]; 4] {
+    fn equal_slices(&self, n: usize) -> [&'a [f64]; 4] {
         [&self.xa[..n], &self.xb[..n], &self.da[..n], &self.db[..n]]
     }
 }
@@ -146,7 +146,7 @@ impl<'a> Ends<'a> {
 wide! {
     pub(super) fn springs(k: f64, z: f64, rest: f64, ends: &Ends<'_>, f: &mut [f64]) {
         let n = f.len();
-        let [xa, xb, da, db] = ends.cut(n);
+        let [xa, xb, da, db] = ends.equal_slices(n);
         for i in 0..n {
             f[i] = k * (xb[i] - xa[i] - rest) + z * (db[i] - da[i]);
         }
@@ -158,7 +158,7 @@ wide! {
     /// bits are the same.
     pub(super) fn hardening(by: Hardening, rate: f64, rest: f64, ends: &Ends<'_>, f: &mut [f64]) {
         let n = f.len();
-        let [xa, xb, da, db] = ends.cut(n);
+        let [xa, xb, da, db] = ends.equal_slices(n);
         let Hardening { k, q, z } = by;
         for i in 0..n {
             let e = xb[i] - xa[i] - rest;

@@ -11,7 +11,7 @@ use std::sync::Arc;
 
 use super::pull::add;
 use crate::maths::wide::wide;
-use crate::scheme::{Pull, Spring};
+use crate::scheme::{ForceEnds, Spring};
 use rows::{Line, Rows};
 
 /// Which part of the forces is computed.
@@ -72,14 +72,14 @@ pub(crate) fn ends<'a>(run: &Spring, x: &'a [f64]) -> (&'a [f64], &'a [f64]) {
 #[inline(always)]
 pub(crate) fn spread(run: &Spring, run_scratch: &mut [f64], force: &mut [f64], f: impl Fn(usize) -> f64) {
     let link_count = run.len;
-    let (first_at_a, first_at_b) = match run.pull {
-        Pull::Both(first_at_a, first_at_b) => (first_at_a, first_at_b),
-        Pull::A(first_at_a) => {
+    let (first_at_a, first_at_b) = match run.force_ends {
+        ForceEnds::Both(first_at_a, first_at_b) => (first_at_a, first_at_b),
+        ForceEnds::A(first_at_a) => {
             let force = &mut force[first_at_a..][..link_count];
             (0..link_count).for_each(|i| force[i] += f(i));
             return;
         }
-        Pull::B(first_at_b) => {
+        ForceEnds::B(first_at_b) => {
             let force = &mut force[first_at_b..][..link_count];
             (0..link_count).for_each(|i| force[i] -= f(i));
             return;

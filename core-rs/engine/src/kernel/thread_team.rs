@@ -63,14 +63,14 @@ impl ThreadTeam<'_> {
             let _end = TeamEnd(shared_pass);
             for _ in 1..threads {
                 // If a thread cannot be started, the team has one helper fewer.
-                let _ = Builder::new().spawn_scoped(scope, || flushed(|| shared_pass.help()));
+                let _ = Builder::new().spawn_scoped(scope, || flushed(|| shared_pass.do_parts()));
             }
             run(&mut ThreadTeam(Some(shared_pass)))
         })
     }
 
     /// Call `work` once on every element, each by one thread; all calls have ended when this returns or unwinds.
-    pub(crate) fn each<T: Send>(&mut self, elements: &mut [T], work: impl Fn(&mut T) + Sync) {
+    pub(crate) fn for_each<T: Send>(&mut self, elements: &mut [T], work: impl Fn(&mut T) + Sync) {
         let Some(shared_pass) = self.0 else {
             elements.iter_mut().for_each(work);
             return;
@@ -143,7 +143,7 @@ impl SharedPass {
         }
     }
 
-    fn help(&self) {
+    fn do_parts(&self) {
         let mut panicked = None;
         let mut spin_count = 0;
         while !self.is_over.load(Acquire) {
@@ -224,7 +224,7 @@ mod tests {
             let mut call_counts = [0_u64; 5];
             ThreadTeam::with(threads, |team| {
                 for round in 0..round_count {
-                    team.each(&mut call_counts, |part| *part += 1);
+                    team.for_each(&mut call_counts, |part| *part += 1);
                     assert_eq!(*call_counts.iter().max().unwrap(), round + 1);
                 }
             });
@@ -234,15 +234,15 @@ mod tests {
 
     #[test]
     fn thread_team_with_a_panic_ends() {
-        for bad in 0..3 {
+        for failing_thread in 0..3 {
             let mut part_numbers = [0, 1, 2];
             let team_outcome = catch_unwind(AssertUnwindSafe(|| {
                 ThreadTeam::with(3, |team| {
-                    team.each(&mut part_numbers, |part| assert_ne!(*part, bad));
-                    team.each(&mut part_numbers, |part| *part += 10);
+                    team.for_each(&mut part_numbers, |part| assert_ne!(*part, failing_thread));
+                    team.for_each(&mut part_numbers, |part| *part += 10);
                 });
             }));
-            assert!(team_outcome.is_err(), "{bad}");
+            assert!(team_outcome.is_err(), "{failing_thread}");
         }
     }
 }

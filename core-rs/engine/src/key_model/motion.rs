@@ -253,7 +253,7 @@ impl<const N: usize> Motion<N> {
             self.h_over_m / self.denominator
         };
         let bound = friction.level * per_level;
-        let turned = Turned::after_step(v, gain, bound);
+        let friction_step = Turned::after_step(v, gain, bound);
         if N > 0 {
             let step_terms = Step {
                 slope,
@@ -263,13 +263,13 @@ impl<const N: usize> Motion<N> {
                 per_level,
                 friction,
                 contact: &contact,
-                turned: &turned,
+                friction_step: &friction_step,
             };
             self.advance_columns(&step_terms);
         }
         self.spring_fraction = 1.0;
         self.s = contact.s;
-        self.v = turned.v;
+        self.v = friction_step.v;
         self.x += h * self.v;
         for mode in &mut self.modes {
             mode.v -= h * mode.gain;

@@ -23,15 +23,15 @@ pub(super) const MAX_NESTING: usize = 64;
 /// What a function does with its arguments.
 enum Function {
     Unary(Unary),
-    Two(Binary),
+    Binary(Binary),
     Where,
 }
 
 const FUNCTIONS: [(&str, Function); 9] = [
     ("where", Function::Where),
     ("abs", Function::Unary(Unary::Abs)),
-    ("min", Function::Two(Binary::Min)),
-    ("max", Function::Two(Binary::Max)),
+    ("min", Function::Binary(Binary::Min)),
+    ("max", Function::Binary(Binary::Max)),
     ("sqrt", Function::Unary(Unary::Sqrt)),
     ("sign", Function::Unary(Unary::Sign)),
     ("exp", Function::Unary(Unary::Exp)),
@@ -256,12 +256,12 @@ impl Parser<'_> {
         self.expect(")", &open_token)?;
         let call_node = match (function, arguments.as_slice()) {
             (Function::Unary(operation), [a]) => Node::Unary(*operation, *a),
-            (Function::Two(operation), [a, b]) => Node::Binary(*operation, *a, *b),
+            (Function::Binary(operation), [a, b]) => Node::Binary(*operation, *a, *b),
             (Function::Where, [c, a, b]) => Node::Where(*c, *a, *b),
             _ => {
                 let argument_form = match function {
                     Function::Unary(_) => "one argument",
-                    Function::Two(_) => "two arguments",
+                    Function::Binary(_) => "two arguments",
                     Function::Where => "three arguments (condition, value if true, value if not)",
                 };
                 let message = format!("`{name}` takes {argument_form}; here are {}.", arguments.len());

@@ -65,7 +65,7 @@ impl Points {
     }
 
     /// Distance from 0 to the nearest line that is steeper than `slope`.
-    pub(super) fn steeper_beyond(&self, slope: f64) -> f64 {
+    pub(super) fn distance_to_steeper(&self, slope: f64) -> f64 {
         let last_line = self.slope.len() - 1;
         let nearest = |i: usize| {
             let line_start = if i == 0 { f64::NEG_INFINITY } else { self.d[i] };

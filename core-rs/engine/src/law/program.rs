@@ -41,16 +41,16 @@ impl DerefMut for Register {
 }
 
 /// Places that are evaluated together outside a run: lanes of the widest vector.
-pub(super) const FEW: usize = 8;
+pub(super) const SHORT_LANES: usize = 8;
 
 /// Values at these places, aligned to a cache line.
 #[derive(Clone, Copy, Debug)]
 #[repr(C, align(64))]
-pub(super) struct Few(pub(super) [f64; FEW]);
+pub(super) struct ShortVector(pub(super) [f64; SHORT_LANES]);
 
 /// Register 0 holds d, 1 holds v, 2 + i the result of step i.
-const FIRST: usize = 2;
-const MAX_REGISTERS: usize = FIRST + super::parse::MAX_NODES;
+const FIRST_STEP_REGISTER: usize = 2;
+const MAX_REGISTERS: usize = FIRST_STEP_REGISTER + super::parse::MAX_NODES;
 /// Number of registers that is enough for most laws: a single link then touches a quarter of a kilobyte.
 const REGISTERS_OF_MOST_LAWS: usize = 32;
 
@@ -125,7 +125,7 @@ impl Program {
             self.steps.push(step);
             self.steps.len() - 1
         });
-        FIRST + step_index
+        FIRST_STEP_REGISTER + step_index
     }
 
     /// The registers of a run, with constants in place.
@@ -134,13 +134,13 @@ impl Program {
     }
 
     /// The registers of a few places, with constants in place.
-    pub(super) fn few_registers(&self) -> Vec<Few> {
-        self.filled(|value| Few([value; FEW]))
+    pub(super) fn short_registers(&self) -> Vec<ShortVector> {
+        self.filled(|value| ShortVector([value; SHORT_LANES]))
     }
 
     fn filled<R: Clone>(&self, fill: impl Fn(f64) -> R) -> Vec<R> {
-        let mut registers = vec![fill(0.0); FIRST + self.steps.len()];
-        for (step, register) in self.steps.iter().zip(&mut registers[FIRST..]) {
+        let mut registers = vec![fill(0.0); FIRST_STEP_REGISTER + self.steps.len()];
+        for (step, register) in self.steps.iter().zip(&mut registers[FIRST_STEP_REGISTER..]) {
             if let Step::Constant(value) | Step::Adjustable(_, value) = step {
                 *register = fill(*value);
             }
@@ -175,7 +175,7 @@ impl Program {
 
     /// The value for one link.
     pub(super) fn value(&self, d: f64, v: f64) -> f64 {
-        if FIRST + self.steps.len() <= REGISTERS_OF_MOST_LAWS {
+        if FIRST_STEP_REGISTER + self.steps.len() <= REGISTERS_OF_MOST_LAWS {
             self.scalar::<REGISTERS_OF_MOST_LAWS>(d, v)
         } else {
             self.scalar::<MAX_REGISTERS>(d, v)
@@ -186,7 +186,7 @@ impl Program {
         let mut registers = [0.0; N];
         (registers[0], registers[1]) = (d, v);
         for (i, step) in self.steps.iter().enumerate() {
-            registers[FIRST + i] = match *step {
+            registers[FIRST_STEP_REGISTER + i] = match *step {
                 Step::Constant(value) | Step::Adjustable(_, value) => value,
                 Step::Unary(operation, a) => operation.apply(registers[a]),
                 Step::WholePower(n, a) => integer_power(registers[a], n),
@@ -199,7 +199,7 @@ impl Program {
 
     /// The values at a few places, with the bits of `value`; `registers` are this program's, with d and v loaded into 0
     /// and 1.
-    pub(super) fn run_few<'r>(&self, registers: &'r mut [Few]) -> &'r Few {
+    pub(super) fn run_short<'r>(&self, registers: &'r mut [ShortVector]) -> &'r ShortVector {
         few::run(&self.steps, registers);
         &registers[self.result]
     }

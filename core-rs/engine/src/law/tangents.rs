@@ -2,11 +2,11 @@
 //! of a wide vector that the places leave empty.
 
 use super::native::Native;
-use super::program::{FEW, Few, Program};
+use super::program::{Program, SHORT_LANES, ShortVector};
 use super::{Elastic, Law};
 
 /// Places at once.
-pub(crate) const PLACES: usize = FEW / 2;
+pub(crate) const PLACES: usize = SHORT_LANES / 2;
 pub(crate) type Places = [f64; PLACES];
 
 /// Distance of the places nearby: relative to the argument, and at least [m, m/s].
@@ -30,15 +30,15 @@ struct Around {
 /// Buffers for [`Law::tangents`] of one law.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TangentScratch {
-    elastic: Vec<Few>,
-    damping: Vec<Few>,
+    elastic: Vec<ShortVector>,
+    damping: Vec<ShortVector>,
     numbers: Vec<f64>,
     room: Vec<f64>,
 }
 
 impl Law {
     pub(crate) fn tangent_scratch(&self) -> TangentScratch {
-        let registers = |program: Option<&Program>| program.map(Program::few_registers);
+        let registers = |program: Option<&Program>| program.map(Program::short_registers);
         let elastic = match &self.elastic {
             Elastic::Expression { program, .. } => Some(program),
             Elastic::None | Elastic::Points(_) => None,
@@ -104,7 +104,7 @@ impl Law {
             Elastic::None => [[0.0; PLACES]; 2],
             Elastic::Expression { program, .. } => {
                 self.load(&mut registers[0].0, d.as_flattened());
-                halves(program.run_few(registers))
+                halves(program.run_short(registers))
             }
             Elastic::Points(points) => d.map(|d| d.map(|d| points.value(d / self.reach))),
         };
@@ -140,15 +140,15 @@ impl Law {
     }
 
     #[inline(always)]
-    fn drags(&self, damping: &Program, points: [&[Places; 2]; 2], registers: &mut [Few]) -> [Places; 2] {
+    fn drags(&self, damping: &Program, points: [&[Places; 2]; 2], registers: &mut [ShortVector]) -> [Places; 2] {
         for (register, points) in registers.iter_mut().zip(points) {
             self.load(&mut register.0, points.as_flattened());
         }
-        halves(damping.run_few(registers))
+        halves(damping.run_short(registers))
     }
 }
 
-fn halves(Few(values): &Few) -> [Places; 2] {
+fn halves(ShortVector(values): &ShortVector) -> [Places; 2] {
     let (place_chunks, _) = values.as_chunks::<PLACES>();
     [place_chunks[0], place_chunks[1]]
 }

@@ -133,12 +133,12 @@ fn number(field: LawField, rest: &[char], position: usize) -> Result<(Kind, usiz
 fn sign(field: LawField, rest: &[char], position: usize) -> Result<(Kind, usize), LawError> {
     let is_at_start = |sign: &str| sign.chars().zip(rest).filter(|(a, b)| a == *b).count() == sign.chars().count();
     let has_pair_sign = SIGNS.iter().any(|sign| sign.len() == 2 && is_at_start(sign));
-    if let Some((foreign, explanation, instead)) = FOREIGN_SIGNS.iter().find(|row| is_at_start(row.0) && !has_pair_sign)
+    if let Some((foreign, explanation, replacement)) =
+        FOREIGN_SIGNS.iter().find(|row| is_at_start(row.0) && !has_pair_sign)
     {
         let sign_length = foreign.chars().count();
-        return Err(
-            LawError::new(field, position, sign_length, (*explanation).into()).suggesting(instead.map(str::to_owned))
-        );
+        return Err(LawError::new(field, position, sign_length, (*explanation).into())
+            .suggesting(replacement.map(str::to_owned)));
     }
     if let Some(sign) = SIGNS.iter().find(|sign| is_at_start(sign)) {
         return Ok((Kind::Sign(sign), sign.len()));

@@ -18,9 +18,9 @@ const ARGUMENT_MAX: f64 = 708.0;
 /// Set `out` to `exp` of each entry of `a`, (n) each.
 #[inline(always)]
 pub(crate) fn exp(a: &[f64], out: &mut [f64]) {
-    if are_tame(a) {
+    if are_in_range(a) {
         for (out, a) in out.iter_mut().zip(a) {
-            *out = tame_exp(*a);
+            *out = exp_in_range(*a);
         }
     } else {
         for (out, a) in out.iter_mut().zip(a) {
@@ -31,24 +31,30 @@ pub(crate) fn exp(a: &[f64], out: &mut [f64]) {
 
 /// `exp` of each of a few numbers that stay in one vector.
 #[inline(always)]
-pub(crate) fn few_exp<const N: usize>(a: [f64; N]) -> [f64; N] {
+pub(crate) fn exp_lanes<const N: usize>(a: [f64; N]) -> [f64; N] {
     #[cold]
     #[inline(never)]
-    fn wild<const N: usize>(a: [f64; N]) -> [f64; N] {
+    fn exp_each<const N: usize>(a: [f64; N]) -> [f64; N] {
         a.map(one_exp)
     }
-    if are_tame(&a) { a.map(tame_exp) } else { wild(a) }
+    if are_in_range(&a) {
+        a.map(exp_in_range)
+    } else {
+        exp_each(a)
+    }
 }
 
 #[inline(always)]
-fn are_tame(a: &[f64]) -> bool {
+fn are_in_range(a: &[f64]) -> bool {
     // Not `all`, which decides lane by lane.
-    a.iter().fold(1, |tame, a| tame & u64::from(a.abs() < ARGUMENT_MAX)) == 1
+    a.iter()
+        .fold(1, |in_range, a| in_range & u64::from(a.abs() < ARGUMENT_MAX))
+        == 1
 }
 
 /// `exp` for |x| < 708. The limits compare the upper halves of numbers, as in libm.
 #[inline(always)]
-fn tame_exp(x: f64) -> f64 {
+fn exp_in_range(x: f64) -> f64 {
     const TINY: f64 = f64::from_bits(0x3e30_0001_0000_0000);
     const HALF_LN2: f64 = f64::from_bits(0x3fd6_2e43_0000_0000);
     const THREE_HALVES_LN2: f64 = f64::from_bits(0x3ff0_a2b2_0000_0000);

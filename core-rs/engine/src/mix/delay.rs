@@ -147,7 +147,7 @@ impl Delay {
 mod tests {
     use super::*;
 
-    fn through(delay: &mut Delay, from: i32, to: i32) -> Vec<f64> {
+    fn delayed_ramp(delay: &mut Delay, from: i32, to: i32) -> Vec<f64> {
         let mut next = |x: f64| {
             let oldest_sample = delay.oldest();
             delay.push(x);
@@ -159,7 +159,7 @@ mod tests {
     #[test]
     fn delay_returns_samples_later() {
         let mut delay = Delay::new(3);
-        assert_eq!(through(&mut delay, 1, 7), [0.0, 0.0, 0.0, 1.0, 2.0, 3.0]);
+        assert_eq!(delayed_ramp(&mut delay, 1, 7), [0.0, 0.0, 0.0, 1.0, 2.0, 3.0]);
     }
 
     #[test]
@@ -178,15 +178,18 @@ mod tests {
     #[test]
     fn delay_take_over_keeps_the_newest_samples() {
         let mut old_delay = Delay::new(5);
-        through(&mut old_delay, 1, 13); // holds 8 … 12
+        delayed_ramp(&mut old_delay, 1, 13); // holds 8 … 12
         let mut equal_delay = Delay::new(5);
         equal_delay.take_over(&old_delay);
-        assert_eq!(through(&mut equal_delay, 0, 5), [8.0, 9.0, 10.0, 11.0, 12.0]);
-        let mut shorter = Delay::new(2);
-        shorter.take_over(&old_delay);
-        assert_eq!(through(&mut shorter, 0, 2), [11.0, 12.0]);
-        let mut longer = Delay::new(7);
-        longer.take_over(&old_delay);
-        assert_eq!(through(&mut longer, 0, 7), [0.0, 0.0, 8.0, 9.0, 10.0, 11.0, 12.0]);
+        assert_eq!(delayed_ramp(&mut equal_delay, 0, 5), [8.0, 9.0, 10.0, 11.0, 12.0]);
+        let mut short_delay = Delay::new(2);
+        short_delay.take_over(&old_delay);
+        assert_eq!(delayed_ramp(&mut short_delay, 0, 2), [11.0, 12.0]);
+        let mut long_delay = Delay::new(7);
+        long_delay.take_over(&old_delay);
+        assert_eq!(
+            delayed_ramp(&mut long_delay, 0, 7),
+            [0.0, 0.0, 8.0, 9.0, 10.0, 11.0, 12.0]
+        );
     }
 }

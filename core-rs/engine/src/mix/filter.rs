@@ -43,7 +43,7 @@ impl FilterKind {
         }
     }
 
-    /// The name of what it does, as it is written on a route.
+    /// The name of the filter in a score.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match self {
@@ -55,7 +55,7 @@ impl FilterKind {
     }
 }
 
-/// What of a section's outputs a filter gives.
+/// How a filter combines the outputs of its section.
 #[derive(Clone, Copy, Debug)]
 enum Weights {
     High,
@@ -71,7 +71,7 @@ enum Weights {
 /// Simper (*Solving the continuous SVF equations using trapezoidal integration and equivalent currents*, 2013).
 #[derive(Clone, Debug)]
 pub(super) struct Filter {
-    tone: FilterKind,
+    kind: FilterKind,
     section: Section,
     weights: Weights,
 }
@@ -98,17 +98,21 @@ impl Filter {
                 (section(sqrt(root_gain)), weights)
             }
         };
-        Self { tone, section, weights }
+        Self {
+            kind: tone,
+            section,
+            weights,
+        }
     }
 
-    /// Whether both do the same by the same values, so that a change from one to the other is no step.
-    pub(super) fn continues(&self, before: &Self) -> bool {
-        self.tone == before.tone
+    /// Whether both have the same kind and values, so that changing from one to the other makes no step in the sound.
+    pub(super) fn has_same_values(&self, before: &Self) -> bool {
+        self.kind == before.kind
     }
 
-    /// Whether both do the same, by whatever values.
+    /// Whether both have the same kind; their values may differ.
     pub(super) fn is_of_kind(&self, other: &Self) -> bool {
-        self.tone.word() == other.tone.word()
+        self.kind.word() == other.kind.word()
     }
 
     /// Copy the state of another filter.
@@ -116,8 +120,8 @@ impl Filter {
         self.section.take_over(&other.section);
     }
 
-    /// Whether both remember the same, to the bit.
-    pub(super) fn is_in_state_of(&self, other: &Self) -> bool {
+    /// Whether both have bitwise equal states.
+    pub(super) fn has_same_state(&self, other: &Self) -> bool {
         self.section.is_in_state_of(&other.section)
     }
 

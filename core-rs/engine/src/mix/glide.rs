@@ -127,8 +127,8 @@ pub(super) fn glide_to_zero(rate: f64, from: f64) -> Option<Glide> {
     (from != 0.0).then(|| Glide::between(rate, from, 0.0))
 }
 
-/// Number of frames from `n` on in which no glide begins: unlimited if `is_steady`, otherwise up to the next multiple of
-/// the grid.
+/// Number of frames from `n` on in which no glide begins: unlimited if `is_steady`, otherwise up to the next multiple
+/// of the grid.
 pub(super) fn frames_to_next_glide(n: u64, is_steady: bool) -> u64 {
     if is_steady { u64::MAX } else { GRID - n % GRID }
 }

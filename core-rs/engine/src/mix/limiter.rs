@@ -14,7 +14,8 @@ const RELEASE: f64 = 50e-3;
 /// A gain of 1 in fixed point, in steps of −241 dB: a running sum of integers does not drift, so the gain returns to
 /// exactly 1.
 const FIXED_ONE: f64 = (1u64 << 40) as f64;
-/// Largest look-ahead [frames]: the sum of that many values up to [`FIXED_ONE`] is at most 2⁵³, so doubles hold it exactly.
+/// Largest look-ahead [frames]: the sum of that many values up to [`FIXED_ONE`] is at most 2⁵³, so doubles hold it
+/// exactly.
 const LOOK_AHEAD_MAX: f64 = 8191.0;
 
 /// Largest number of channels; the largest loudspeaker rooms have some hundreds.
@@ -167,11 +168,15 @@ impl Limiter {
     }
 
     /// The largest reduction among this frame and the `latency` frames before it.
-    fn largest(&mut self, wanted: f64) -> f64 {
-        while self.candidates.back().is_some_and(|&(_, smaller)| smaller <= wanted) {
+    fn largest(&mut self, target_gain: f64) -> f64 {
+        while self
+            .candidates
+            .back()
+            .is_some_and(|&(_, smaller)| smaller <= target_gain)
+        {
             self.candidates.pop_back();
         }
-        self.candidates.push_back((self.frame, wanted));
+        self.candidates.push_back((self.frame, target_gain));
         if self.candidates[0].0 + (self.latency as u64) < self.frame {
             self.candidates.pop_front();
         }

@@ -307,9 +307,13 @@ mod tests {
     /// channels adds 3.01.
     #[test]
     fn loudness_of_the_reference_tone() {
-        for (n_channels, wanted) in [(1, -23.01), (2, -20.0), (24, -9.21)] {
+        for (n_channels, expected_loudness) in [(1, -23.01), (2, -20.0), (24, -9.21)] {
             let meter = measured(&tone(n_channels, -20.0), n_channels);
-            assert!((meter.loudness() - wanted).abs() < 0.02, "{}", meter.loudness());
+            assert!(
+                (meter.loudness() - expected_loudness).abs() < 0.02,
+                "{}",
+                meter.loudness()
+            );
             assert!((meter.peak() - 0.1).abs() < 1e-5);
         }
     }

@@ -170,7 +170,7 @@ impl Mixer {
 
     /// The index of a curve among those of all routes.
     fn share(&mut self, curve: Curve) -> usize {
-        let known_index = self.curves.iter().position(|own| *own == curve);
+        let known_index = self.curves.iter().position(|known_curve| *known_curve == curve);
         known_index.unwrap_or_else(|| {
             self.curves.push(curve);
             self.curve_gains.resize(self.curves.len() * SPAN_FRAMES, 0.0);

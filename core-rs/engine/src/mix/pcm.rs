@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn pack_of_each_width() {
         let codes = [0x0102_0304, -2];
-        for (width, wanted) in [
+        for (width, expected_bytes) in [
             (1, &[1, 255][..]),
             (2, &[2, 1, 255, 255]),
             (3, &[3, 2, 1, 255, 255, 255]),
@@ -147,7 +147,7 @@ mod tests {
         ] {
             let mut packed = vec![0; 2 * width];
             pack(&codes, width, &mut packed);
-            assert_eq!(packed, wanted);
+            assert_eq!(packed, expected_bytes);
         }
     }
 

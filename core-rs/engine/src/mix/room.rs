@@ -389,11 +389,11 @@ fn sign(channel: usize, line: usize) -> f64 {
 mod tests {
     use super::*;
 
-    fn spec(long: f64, short: f64) -> RoomSpec {
+    fn spec(long_t60: f64, short_t60: f64) -> RoomSpec {
         RoomSpec {
             name: "hall".to_owned(),
             size: 12.0,
-            t60: [(200.0, long), (6_000.0, short)],
+            t60: [(200.0, long_t60), (6_000.0, short_t60)],
             channels: vec![0, 1],
             gain: 1.0,
         }

@@ -57,7 +57,9 @@ impl SilenceDetector {
             let frame_count = window_left.min(frames_left.len() / self.channels);
             let window_part;
             (window_part, frames_left) = frames_left.split_at(frame_count * self.channels);
-            self.loudest = window_part.iter().fold(self.loudest, |most, x| most.max(x.abs()));
+            self.loudest = window_part
+                .iter()
+                .fold(self.loudest, |largest_yet, x| largest_yet.max(x.abs()));
             self.frame += frame_count as u64;
             if frame_count < window_left {
                 return None;

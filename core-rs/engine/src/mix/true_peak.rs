@@ -57,7 +57,7 @@ const ROW_SAMPLES: usize = TAPS - 1 + SPAN_FRAMES;
 pub struct TruePeak {
     peak: f64,
     /// Largest interpolated value where all samples are at most 1.
-    bound: f64,
+    interpolation_gain_max: f64,
     /// (n_channels)
     rows: Vec<[f64; ROW_SAMPLES]>,
 }
@@ -69,7 +69,7 @@ impl TruePeak {
         let sums = PHASES.map(|phase| phase.iter().map(|factor| factor.abs()).sum());
         Self {
             peak: 0.0,
-            bound: sums.into_iter().fold(0.0, f64::max),
+            interpolation_gain_max: sums.into_iter().fold(0.0, f64::max),
             rows: vec![[0.0; ROW_SAMPLES]; n_channels],
         }
     }
@@ -99,7 +99,7 @@ impl TruePeak {
                 let samples = &row[..TAPS - 1 + n_frames];
                 self.peak = self.peak.max(largest(&samples[TAPS - 1..]));
                 // Only near samples that are loud enough may there be a larger value.
-                if largest(samples) * self.bound > self.peak && samples.iter().all(|x| x.is_finite()) {
+                if largest(samples) * self.interpolation_gain_max > self.peak && samples.iter().all(|x| x.is_finite()) {
                     self.peak = self.peak.max(largest_between(row, n_frames));
                 }
                 row.copy_within(n_frames..n_frames + TAPS - 1, 0);
@@ -163,7 +163,7 @@ mod tests {
     use crate::maths;
 
     /// All values of the interpolation, one by one.
-    fn wanted(samples: &[f64]) -> f64 {
+    fn reference_peak(samples: &[f64]) -> f64 {
         let mut peak = samples.iter().fold(0.0, |peak: f64, x| peak.max(x.abs()));
         for n in 0..samples.len() {
             for phase in &PHASES {
@@ -183,11 +183,11 @@ mod tests {
         let channel = |c: usize| (0..500).map(move |n| maths::sin(((c + 2) * n * n) as f64) / (1 + n % 90) as f64);
         let channels: [Vec<f64>; 2] = std::array::from_fn(|c| channel(c).collect());
         let frames: Vec<f64> = (0..500).flat_map(|n| [channels[0][n], channels[1][n]]).collect();
-        let wanted = wanted(&channels[0]).max(wanted(&channels[1]));
+        let reference = reference_peak(&channels[0]).max(reference_peak(&channels[1]));
         for block in [1, 10, 64, 77, 500] {
             let mut meter = TruePeak::new(2);
             frames.chunks(2 * block).for_each(|block| meter.process(block));
-            assert_eq!(meter.peak(), wanted, "{block}");
+            assert_eq!(meter.peak(), reference, "{block}");
         }
     }
 

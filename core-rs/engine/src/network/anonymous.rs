@@ -24,7 +24,7 @@ impl PartOrder {
 
     /// How many of the parts are before a part.
     pub(crate) fn rank(&self, part: usize) -> usize {
-        self.0.partition_point(|&own| own < part)
+        self.0.partition_point(|&ordered_part| ordered_part < part)
     }
 }
 

@@ -46,33 +46,36 @@ impl Bristle {
     }
 
     /// Fraction of the bend that sliding at `v` removes per second [1/s].
-    pub(crate) fn wear(&self, v: f64) -> f64 {
+    pub(crate) fn relaxation_rate(&self, v: f64) -> f64 {
         self.stiffness * v.abs() / self.steady(v)
     }
 
     /// The wear at `v`, and its slope over the speed [1/m]; at rest, where the wear has a kink, the slope is 0.
-    pub(crate) fn wear_and_slope(&self, v: f64) -> (f64, f64) {
+    pub(crate) fn relaxation_and_slope(&self, v: f64) -> (f64, f64) {
         let steady_level = self.steady(v);
-        let wear = self.stiffness * v.abs() / steady_level;
+        let relaxation = self.stiffness * v.abs() / steady_level;
         let level_slope = -2.0 * (v / self.speed) * (steady_level - self.level) / self.speed;
         let speed_sign = if v == 0.0 { 0.0 } else { v.signum() };
-        (wear, (self.stiffness * speed_sign - wear * level_slope) / steady_level)
+        (
+            relaxation,
+            (self.stiffness * speed_sign - relaxation * level_slope) / steady_level,
+        )
     }
 
     /// Force [N] of bristles bent by `z` [m] whose ends separate at `v` [m/s].
     pub(crate) fn force(&self, z: f64, v: f64) -> f64 {
-        self.worn_force(z, v, self.wear(v))
+        self.force_at_relaxation(z, v, self.relaxation_rate(v))
     }
 
     /// The same, with the wear at `v` given.
-    pub(crate) fn worn_force(&self, z: f64, v: f64, wear: f64) -> f64 {
-        let bristle_rate = v - wear * z;
+    pub(crate) fn force_at_relaxation(&self, z: f64, v: f64, relaxation: f64) -> f64 {
+        let bristle_rate = v - relaxation * z;
         self.stiffness * z + self.damping * bristle_rate + self.viscosity * v
     }
 
     /// The exact bend after `h` seconds at constant `v`.
     pub(crate) fn slide(&self, z: f64, v: f64, h: f64) -> f64 {
-        let wear_exponent = self.wear(v) * h;
+        let wear_exponent = self.relaxation_rate(v) * h;
         let lost_share = -expm1(-wear_exponent);
         let mean_decay = if wear_exponent > 0.0 {
             lost_share / wear_exponent
@@ -84,7 +87,7 @@ impl Bristle {
 
     /// The bend halfway through `h` seconds at `v` [m], by the implicit midpoint rule.
     pub(crate) fn halfway(&self, z: f64, v: f64, h: f64) -> f64 {
-        (z + 0.5 * h * v) / (1.0 + 0.5 * h * self.wear(v))
+        (z + 0.5 * h * v) / (1.0 + 0.5 * h * self.relaxation_rate(v))
     }
 
     /// Energy of the bend [J].
@@ -171,18 +174,19 @@ mod tests {
     fn wear_slope_equals_differences() {
         for v in [-0.5, -0.02, -1e-3, 1e-4, 0.01, 0.03] {
             let speed_step = 1e-7 * v;
-            let checked_slope = (BOW.wear(v + speed_step) - BOW.wear(v - speed_step)) / (2.0 * speed_step);
-            let (wear, wear_slope) = BOW.wear_and_slope(v);
-            assert_eq!(wear, BOW.wear(v));
+            let checked_slope =
+                (BOW.relaxation_rate(v + speed_step) - BOW.relaxation_rate(v - speed_step)) / (2.0 * speed_step);
+            let (relaxation, wear_slope) = BOW.relaxation_and_slope(v);
+            assert_eq!(relaxation, BOW.relaxation_rate(v));
             assert!(
                 (wear_slope - checked_slope).abs() < 1e-6 * checked_slope.abs(),
                 "{v}: {wear_slope} {checked_slope}"
             );
         }
-        assert_eq!(BOW.wear_and_slope(0.0), (0.0, 0.0));
+        assert_eq!(BOW.relaxation_and_slope(0.0), (0.0, 0.0));
         // Bristles whose stiffness is led to 0 do not wear; the slowest motion has a finite slope.
-        assert_eq!(BOW.with(0.0, 1.0).wear_and_slope(0.3), (0.0, 0.0));
-        let (_, checked_slope) = BOW.wear_and_slope(1e-310);
+        assert_eq!(BOW.with(0.0, 1.0).relaxation_and_slope(0.3), (0.0, 0.0));
+        let (_, checked_slope) = BOW.relaxation_and_slope(1e-310);
         assert!((checked_slope - BOW.stiffness / BOW.static_level).abs() < 1e-9 * checked_slope);
     }
 

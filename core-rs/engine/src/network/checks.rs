@@ -35,9 +35,9 @@ impl Network {
         }
     }
 
-    /// Refuse the module if the network has no room for `more` modules.
-    pub(super) fn check_capacity(&self, name: &str, more: usize) -> Result<(), Error> {
-        if self.n_mat() + more > MODULES_MAX || self.n_lia + more > MODULES_MAX {
+    /// Refuse the module if the network has no room for `n_new` modules.
+    pub(super) fn check_capacity(&self, name: &str, n_new: usize) -> Result<(), Error> {
+        if self.n_mat() + n_new > MODULES_MAX || self.n_lia + n_new > MODULES_MAX {
             return Err(self.refused(name, &format!("a network holds at most {MODULES_MAX} modules")));
         }
         Ok(())

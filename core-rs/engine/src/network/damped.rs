@@ -160,7 +160,7 @@ fn with_responses(body: &Body, modes: &[Mode]) -> Vec<Mode> {
     if response_count == 0 {
         return extended_modes;
     }
-    let spring_images: Vec<Vec<f64>> = responses.iter().map(|own| body.springs.times(own)).collect();
+    let spring_images: Vec<Vec<f64>> = responses.iter().map(|response| body.springs.times(response)).collect();
     let reduced_matrix = (0..response_count * response_count)
         .map(|entry| {
             dot(
@@ -256,11 +256,11 @@ pub(super) struct NetworkMatrices {
 impl NetworkMatrices {
     pub(super) fn new(body: &Body) -> Self {
         let mat_count = body.springs.n();
-        let all_springs = body.springs.each().iter().chain(&body.dampers);
+        let all_springs = body.springs.springs().iter().chain(&body.dampers);
         let all_springs: Vec<Spring> = all_springs.copied().collect();
         let pattern = Pattern::new(mat_count, springs::pairs(&all_springs));
         Self {
-            stiffness: springs::values(&pattern, body.springs.each()),
+            stiffness: springs::values(&pattern, body.springs.springs()),
             damping: springs::values(&pattern, &body.dampers),
             pattern,
         }

@@ -45,7 +45,7 @@ pub struct Elements {
     /// M [kg]   (n)
     pub m: Vec<f64>,
     /// All links, including those between held points
-    pub each: Vec<Element>,
+    pub elements: Vec<Element>,
     /// Number of fixed and of imposed points.
     pub n_held: usize,
     /// Rate of the discrete network that defines the first of the parts; `None` if that part is continuous.
@@ -55,7 +55,7 @@ pub struct Elements {
 impl Elements {
     /// Number of links of a kind.
     pub fn count(&self, kind: ElementKind) -> usize {
-        self.each.iter().filter(|one| one.kind == kind).count()
+        self.elements.iter().filter(|element| element.kind == kind).count()
     }
 }
 
@@ -85,7 +85,7 @@ impl Network {
         let moving_mats: Vec<usize> = (0..parts_network.n_mat()).filter(|&i| mats.kind[i].moves()).collect();
         let ties = moving_mats.iter().enumerate();
         let ties = ties.filter(|&(_, &i)| mats.kind[i] == MatKind::Cel);
-        let mut each: Vec<Element> = ties
+        let mut elements: Vec<Element> = ties
             .map(|(moving_slot, &i)| Element {
                 kind: ElementKind::Tie,
                 ends: [Some(moving_slot), None],
@@ -113,7 +113,7 @@ impl Network {
                 let (first_mat, second_mat) = run.pair(*i, 0);
                 !parts_network.is_proxy(first_mat) && !parts_network.is_proxy(second_mat)
             };
-            each.extend(interrupt::steps(0..run.len).filter(ties).map(|i| Element {
+            elements.extend(interrupt::steps(0..run.len).filter(ties).map(|i| Element {
                 kind,
                 ends: [moving_slot(run.pair(i, 0).0), moving_slot(run.pair(i, 0).1)],
                 k,
@@ -124,7 +124,7 @@ impl Network {
             m: moving_mats.iter().map(|&i| mats.m[i]).collect(),
             n_held: mats.kind.iter().filter(|kind| kind.is_held()).count(),
             mats: moving_mats.iter().map(|&i| parts_subset.mats[i] as usize).collect(),
-            each,
+            elements,
             ca_rate: parts.first().and_then(|&part| self.parts[part].ca_rate),
         }
     }

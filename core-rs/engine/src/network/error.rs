@@ -62,7 +62,7 @@ impl Error {
             Self::Several(_) => return String::new(),
         };
         match module_name.rsplit_once('.') {
-            Some((whole, member)) if member.bytes().all(|byte| byte.is_ascii_digit()) => whole.to_owned(),
+            Some((module_name, member)) if member.bytes().all(|byte| byte.is_ascii_digit()) => module_name.to_owned(),
             _ => module_name.clone(),
         }
     }
@@ -70,13 +70,13 @@ impl Error {
     /// Each fault by itself.
     pub fn into_list(self) -> Vec<Self> {
         match self {
-            Self::Several(each) => each,
-            one => vec![one],
+            Self::Several(errors) => errors,
+            error => vec![error],
         }
     }
 }
 
-fn lines(each: &[Error]) -> String {
-    let each: Vec<String> = each.iter().map(Error::to_string).collect();
-    each.join("\n")
+fn lines(errors: &[Error]) -> String {
+    let messages: Vec<String> = errors.iter().map(Error::to_string).collect();
+    messages.join("\n")
 }

@@ -206,7 +206,7 @@ impl Network {
         if self.mats.kind.get(mat) != Some(&MatKind::Mas) {
             return Err(refuse_mass("only the mass of a MAS follows a MAT"));
         }
-        if self.following_masses.iter().any(|own| own.mat == mat) || by.mat == mat {
+        if self.following_masses.iter().any(|following| following.mat == mat) || by.mat == mat {
             return Err(refuse_mass("its mass follows one other MAT"));
         }
         self.check_following(name, &by)?;
@@ -221,8 +221,8 @@ impl Network {
 
     /// The network with each following mass fixed at its value when MATs are at `x` [m].
     pub(crate) fn with_masses_at(mut self, x: &[f64]) -> Self {
-        for own in std::mem::take(&mut self.following_masses) {
-            self.mats.m[own.mat] = own.by.value(x[own.by.mat]);
+        for following in std::mem::take(&mut self.following_masses) {
+            self.mats.m[following.mat] = following.by.value(x[following.by.mat]);
         }
         self
     }

@@ -154,13 +154,13 @@ impl Network {
             } else {
                 1.0
             };
-            let each = mode.shape.iter().zip(&part_body.sqrt_masses);
-            each.map(|(x, root)| x * (shape_sign / root)).collect()
+            let mode_entries = mode.shape.iter().zip(&part_body.sqrt_masses);
+            mode_entries.map(|(x, root)| x * (shape_sign / root)).collect()
         };
-        let each: Vec<Complex<f64>> = pole_modes.iter().map(|mode| part_body.continuous(mode.pole)).collect();
+        let poles: Vec<Complex<f64>> = pole_modes.iter().map(|mode| part_body.continuous(mode.pole)).collect();
         Ok(PartModes {
-            tones: each.iter().map(|&s| Tone::from_pole(s)).collect(),
-            poles: each,
+            tones: poles.iter().map(|&s| Tone::from_pole(s)).collect(),
+            poles,
             shapes: pole_modes.iter().map(signed_shape).collect(),
             mats: part_body.mats,
             is_certified,

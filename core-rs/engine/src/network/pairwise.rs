@@ -230,10 +230,13 @@ fn refusal([a, b]: [PointGroup; 2], n_axes: usize, pair_law: &PairLaw, gap: f64)
             .filter_map(|axis| group.first.coordinate(axis))
             .collect();
         axis_starts.sort_unstable();
-        axis_starts.windows(2).all(|two| two[1] - two[0] >= group.n)
+        axis_starts
+            .windows(2)
+            .all(|axis_pair| axis_pair[1] - axis_pair[0] >= group.n)
     };
-    let starts_inside =
-        |one: PointGroup, other: PointGroup| (one.first.first..one.first.first + one.n).contains(&other.first.first);
+    let starts_inside = |group: PointGroup, other_group: PointGroup| {
+        (group.first.first..group.first.first + group.n).contains(&other_group.first.first)
+    };
     if a.n == 0 || b.n < a.n || (a == b && b.n < 2) {
         Some("needs two groups of points, the second not smaller than the first")
     } else if a != b && (starts_inside(a, b) || starts_inside(b, a)) {

@@ -1,4 +1,5 @@
-//! A part by itself as springs and dampers between masses, with contacts open and laws at their slope at rest.
+//! A part by itself as a linear body: springs and dampers between masses, with contacts open and laws replaced by their
+//! slopes at rest.
 
 use nalgebra::Complex;
 
@@ -38,7 +39,7 @@ impl Body {
         let sqrt_masses: Vec<f64> = elements.m.iter().map(|m| m.sqrt()).collect();
         let scaled_end = |slot: usize| -> End { (slot, 1.0 / sqrt_masses[slot]) };
         let (mut springs, mut dampers): (Vec<Spring>, Vec<Spring>) = (Vec::new(), Vec::new());
-        for element in interrupt::each(&elements.each) {
+        for element in interrupt::each(&elements.elements) {
             if matches!(element.kind, ElementKind::But | ElementKind::Dry | ElementKind::Space) {
                 continue;
             }

@@ -26,13 +26,13 @@ pub enum Shares {
         /// Number of MATs in a row.
         columns: usize,
         /// Position across the rows, and within a row.
-        along: [Along; 2],
+        sides: [SidePosition; 2],
     },
 }
 
 /// Position of a proxy along one side of a mesh, which has n MATs.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Along {
+pub enum SidePosition {
     /// At a fixed place, counted in MATs from the first.
     Fixed(f64),
     /// At (x + offset)/span of the way from the first MAT to the last, where x is the position of a MAT.
@@ -46,9 +46,9 @@ pub enum Along {
     },
 }
 
-impl Along {
+impl SidePosition {
     /// The MAT before the proxy among `n`, and the share of the next MAT.
-    fn place(self, n: usize, x: &impl Fn(usize) -> f64) -> (usize, f64) {
+    fn locate(self, n: usize, x: &impl Fn(usize) -> f64) -> (usize, f64) {
         let last_place = (n - 1) as f64;
         let proxy_place = match self {
             Self::Fixed(proxy_place) => proxy_place,
@@ -60,7 +60,7 @@ impl Along {
         (mat_before, proxy_place - mat_before as f64)
     }
 
-    fn moved_to(self, new_index: &impl Fn(usize) -> Option<usize>) -> Option<Self> {
+    fn renumbered(self, new_index: &impl Fn(usize) -> Option<usize>) -> Option<Self> {
         Some(match self {
             Self::Fixed(at) => Self::Fixed(at),
             Self::Following { mat, offset, span } => Self::Following {
@@ -81,10 +81,10 @@ impl Proxy {
             Shares::Moving {
                 mats,
                 columns,
-                along: [across_rows, within_row],
+                sides: [across_rows, within_row],
             } => {
-                let (row_index, row_share) = across_rows.place(mats.len() / columns, &x);
-                let (column_index, column_share) = within_row.place(*columns, &x);
+                let (row_index, row_share) = across_rows.locate(mats.len() / columns, &x);
+                let (column_index, column_share) = within_row.locate(*columns, &x);
                 for (row_index, row_weight) in [(row_index, 1.0 - row_share), (row_index + 1, row_share)] {
                     for (column_index, column_weight) in
                         [(column_index, 1.0 - column_share), (column_index + 1, column_share)]
@@ -123,13 +123,13 @@ impl Proxy {
 
     /// The MATs that determine its place.
     pub(crate) fn guides(&self) -> impl Iterator<Item = usize> + '_ {
-        let along: &[Along] = match &self.shares {
+        let along: &[SidePosition] = match &self.shares {
             Shares::Fixed(_) => &[],
-            Shares::Moving { along, .. } => along,
+            Shares::Moving { sides: along, .. } => along,
         };
         along.iter().filter_map(|along| match along {
-            Along::Fixed(_) => None,
-            Along::Following { mat, .. } => Some(*mat),
+            SidePosition::Fixed(_) => None,
+            SidePosition::Following { mat, .. } => Some(*mat),
         })
     }
 
@@ -151,7 +151,7 @@ impl Proxy {
     }
 
     /// The proxy in a network that numbers MATs differently; `None` if a MAT is missing there.
-    pub(super) fn moved_to(&self, new_index: impl Fn(usize) -> Option<usize>) -> Option<Self> {
+    pub(super) fn renumbered(&self, new_index: impl Fn(usize) -> Option<usize>) -> Option<Self> {
         let shares = match &self.shares {
             Shares::Fixed(shares) => {
                 let weights = shares.iter().map(|&(mat, share)| Some((new_index(mat)?, share)));
@@ -160,11 +160,11 @@ impl Proxy {
             Shares::Moving {
                 mats,
                 columns,
-                along: [across_rows, within_row],
+                sides: [across_rows, within_row],
             } => Shares::Moving {
                 mats: mats.iter().map(|&mat| new_index(mat)).collect::<Option<_>>()?,
                 columns: *columns,
-                along: [across_rows.moved_to(&new_index)?, within_row.moved_to(&new_index)?],
+                sides: [across_rows.renumbered(&new_index)?, within_row.renumbered(&new_index)?],
             },
         };
         Some(Self {
@@ -244,16 +244,20 @@ impl Network {
             Shares::Fixed(shares) => shares
                 .iter()
                 .try_for_each(|&(_, share)| self.check(name, &[("a share", share, Rule::Finite)])),
-            Shares::Moving { mats, columns, along } => {
+            Shares::Moving {
+                mats,
+                columns,
+                sides: along,
+            } => {
                 if *columns == 0 || !mats.len().is_multiple_of(*columns) {
                     return Err(self.refused(name, "its masses do not fill the last row"));
                 }
                 along.iter().try_for_each(|along| match *along {
-                    Along::Fixed(at) => self.check(name, &[("at", at, Rule::NotNegative)]),
-                    Along::Following { span: 0.0, .. } => {
+                    SidePosition::Fixed(at) => self.check(name, &[("at", at, Rule::NotNegative)]),
+                    SidePosition::Following { span: 0.0, .. } => {
                         Err(self.refused(name, "span is 0 m, so the MAT would not move it; write a length"))
                     }
-                    Along::Following { offset, span, .. } => {
+                    SidePosition::Following { offset, span, .. } => {
                         self.check(name, &[("offset", offset, Rule::Finite), ("span", span, Rule::Finite)])
                     }
                 })

@@ -175,7 +175,9 @@ fn stiffest(run: &Run, depth: f64, inverse_mass_sum: f64, rate_square: f64) -> (
         LinkKind::Followed(followed) => followed
             .corners()
             .map(|law| stiffest_law(&law, depth))
-            .fold((0.0, 0.0), |(k, z), own| (own.0.max(k), own.1.max(z))),
+            .fold((0.0, 0.0), |(k, z), stiffness_and_damping| {
+                (stiffness_and_damping.0.max(k), stiffness_and_damping.1.max(z))
+            }),
     }
 }
 

@@ -92,8 +92,8 @@ fn answer(matrices: &NetworkMatrices, s: Complex<f64>, force: &[Complex<f64>]) -
     for _ in 0..REFINEMENTS {
         matrix_at_s.times(&matrices.pattern, &x, &mut applied_matrix);
         let residual: Vec<Complex<f64>> = force.iter().zip(&applied_matrix).map(|(f, y)| f - y).collect();
-        for (x, more) in x.iter_mut().zip(matrix_factor.solve(&residual)) {
-            *x += more;
+        for (x, correction) in x.iter_mut().zip(matrix_factor.solve(&residual)) {
+            *x += correction;
         }
     }
     x.iter().all(|x| x.re.is_finite() && x.im.is_finite()).then_some(x)

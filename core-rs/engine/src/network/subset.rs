@@ -20,8 +20,8 @@ pub(crate) struct Subset {
 
 impl Subset {
     /// Local index of a MAT of the whole.
-    pub(crate) fn mat(&self, whole: usize) -> Option<usize> {
-        self.mats.binary_search(&(whole as u32)).ok()
+    pub(crate) fn mat(&self, network_mat: usize) -> Option<usize> {
+        self.mats.binary_search(&(network_mat as u32)).ok()
     }
 }
 
@@ -62,7 +62,7 @@ impl Network {
             subset.network.mats.weight = weights.collect();
         }
         let proxies = self.proxies.iter();
-        let proxies = proxies.filter_map(|proxy| proxy.moved_to(|mat| subset.mat(mat)));
+        let proxies = proxies.filter_map(|proxy| proxy.renumbered(|mat| subset.mat(mat)));
         subset.network.proxies = proxies.collect();
         let mass_followers = self.following_masses.iter();
         let mass_followers = mass_followers.filter_map(|mass| mass.moved_to(|mat| subset.mat(mat)));
@@ -250,7 +250,7 @@ impl Subset {
 
     /// Whether all MATs of a range of the whole belong to the subset.
     fn has_all(&self, range: std::ops::RangeInclusive<usize>) -> bool {
-        let subset_rank = |mat: usize| self.mats.partition_point(|&own| (own as usize) < mat);
+        let subset_rank = |mat: usize| self.mats.partition_point(|&subset_mat| (subset_mat as usize) < mat);
         let (first_mat, last_mat) = range.into_inner();
         self.mat(last_mat).is_some() && subset_rank(last_mat) - subset_rank(first_mat) == last_mat - first_mat
     }
@@ -260,7 +260,7 @@ impl Subset {
             return;
         };
         let followed = run.followed();
-        let followed = followed.and_then(|own| own.moved_to(|mat| self.mat(mat)));
+        let followed = followed.and_then(|following| following.moved_to(|mat| self.mat(mat)));
         let kind = match (space, followed) {
             (Some(space), _) => LinkKind::Space(space),
             (None, Some(followed)) => LinkKind::Followed(followed),
@@ -294,7 +294,7 @@ impl Subset {
             Term::Force { first, len, .. } | Term::Length { first, len, .. } => (&self.links, &[][..], first, len),
         };
         // Indices rise, so those in the range are adjacent.
-        let local = |whole: usize| subset_indices.partition_point(|&index| (index as usize) < whole);
+        let local = |network_index: usize| subset_indices.partition_point(|&index| (index as usize) < network_index);
         let (first, local_stop) = (local(first), local(first + len));
         let local_indices: Vec<usize> = (first..local_stop)
             .filter(|&local| guests.binary_search(&subset_indices[local]).is_err())

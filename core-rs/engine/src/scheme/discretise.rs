@@ -23,7 +23,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
     set_masses(&mut scheme, network, rate, ties)?;
     add_links(&mut scheme, network, rate)?;
     scheme.has_coupled_exact = shares_moving_mass(&scheme);
-    scheme.alike = scheme.equal_ranges();
+    scheme.equal_ranges = scheme.equal_ranges();
     Ok(scheme)
 }
 
@@ -38,7 +38,7 @@ fn without_numbers(network: &Network, rate: Rate) -> Scheme {
         w: vec![0.0; mat_count],
         ground: mats.k.clone(),
         rest: mats.rest.clone(),
-        alike: Vec::new(),
+        equal_ranges: Vec::new(),
         weight: mats.weight.clone(),
         part: mats.part.clone(),
         proxies: network.proxies().to_vec(),

@@ -2,7 +2,7 @@
 //!
 //! A new kind of link is told here what it is; `kernel::runs` computes whole runs of it.
 
-use super::{Kind, Pull, Run, Spring};
+use super::{ForceEnds, Kind, Run, Spring};
 use crate::law::Hardening;
 use crate::network::Contact;
 
@@ -154,7 +154,7 @@ impl Run {
             q,
             z,
             rest: self.rest,
-            pull: Pull::Both(self.a, self.b),
+            force_ends: ForceEnds::Both(self.a, self.b),
         })
     }
 }

@@ -17,25 +17,25 @@ pub(crate) struct Spring {
     pub(crate) z: f64,
     /// [m]
     pub(crate) rest: f64,
-    pub(crate) pull: Pull,
+    pub(crate) force_ends: ForceEnds,
 }
 
 /// The ends to which a run adds its force, with the index of the first such MAT in the array of forces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Pull {
+pub(crate) enum ForceEnds {
     Both(usize, usize),
     A(usize),
     B(usize),
 }
 
 impl Spring {
-    /// Some links of the run, adding their forces to the ends that `pull` gives; `None` if `links` is empty.
-    pub(crate) fn piece(&self, links: Range<usize>, pull: impl Fn(usize) -> Pull) -> Option<Self> {
+    /// Some links of the run, adding their forces to the ends that `force_ends` gives; `None` if `links` is empty.
+    pub(crate) fn part_of_run(&self, links: Range<usize>, pull: impl Fn(usize) -> ForceEnds) -> Option<Self> {
         (!links.is_empty()).then(|| Self {
             a: self.a + links.start,
             b: self.b + links.start,
             len: links.len(),
-            pull: pull(links.start),
+            force_ends: pull(links.start),
             ..*self
         })
     }

@@ -59,13 +59,17 @@ pub(super) struct Workspace {
 }
 
 impl<'a> BodyCandidate<'a> {
-    /// Bodies of all units that are not the same on both sides, except those in `without`.
-    fn all(side: &'a Side<'a>, [islands, banks]: [&[bool]; 2], without: &HashSet<(UnitIndex, usize)>) -> Vec<Self> {
+    /// Bodies of all units that are not the same on both sides, except those in `taken_bodies`.
+    fn all(
+        side: &'a Side<'a>,
+        [islands, banks]: [&[bool]; 2],
+        taken_bodies: &HashSet<(UnitIndex, usize)>,
+    ) -> Vec<Self> {
         let time_step = side.rate.step();
         let mut candidates = Vec::new();
         for (&(unit, _, island_plan), _) in unmatched(&side.islands, islands) {
             let indexed_bodies = island_plan.bodies.iter().enumerate();
-            for (index, body) in indexed_bodies.filter(|(index, _)| !without.contains(&(unit, *index))) {
+            for (index, body) in indexed_bodies.filter(|(index, _)| !taken_bodies.contains(&(unit, *index))) {
                 let body_place = Place {
                     unit,
                     body: Some(index),
@@ -152,14 +156,14 @@ fn moving(network: &Network) -> Vec<usize> {
 pub(super) fn bodies(
     side: &Side<'_>,
     is_matched: [&[bool]; 2],
-    without: &HashSet<(UnitIndex, usize)>,
-    wanted: impl Fn(&str) -> bool,
+    taken_bodies: &HashSet<(UnitIndex, usize)>,
+    is_wanted: impl Fn(&str) -> bool,
     transform: ModalTransform,
     workspace: &mut Workspace,
 ) -> (Vec<(String, MatLocation)>, Vec<Body>) {
-    let (mut locations, mut taken_bodies) = (Vec::new(), Vec::new());
-    for candidate in BodyCandidate::all(side, is_matched, without) {
-        if !candidate.names.iter().any(|name| wanted(name)) {
+    let (mut locations, mut bodies) = (Vec::new(), Vec::new());
+    for candidate in BodyCandidate::all(side, is_matched, taken_bodies) {
+        if !candidate.names.iter().any(|name| is_wanted(name)) {
             continue;
         }
         let mass_names = candidate.names.clone();
@@ -168,14 +172,18 @@ pub(super) fn bodies(
         };
         let named_slots = mass_names.into_iter().zip(body.first..);
         locations.extend(named_slots.map(|(name, slot)| (name, MatLocation::Workspace(slot))));
-        taken_bodies.push(body);
+        bodies.push(body);
     }
-    (locations, taken_bodies)
+    (locations, bodies)
 }
 
 /// Names of the masses of all bodies that `bodies` considers on one side.
-pub(super) fn names(side: &Side<'_>, same: [&[bool]; 2], without: &HashSet<(UnitIndex, usize)>) -> HashSet<String> {
-    let candidates = BodyCandidate::all(side, same, without).into_iter();
+pub(super) fn names(
+    side: &Side<'_>,
+    same: [&[bool]; 2],
+    taken_bodies: &HashSet<(UnitIndex, usize)>,
+) -> HashSet<String> {
+    let candidates = BodyCandidate::all(side, same, taken_bodies).into_iter();
     candidates.flat_map(|candidate| candidate.names).collect()
 }
 

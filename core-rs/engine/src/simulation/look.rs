@@ -26,7 +26,7 @@ pub use oscillation::Oscillation;
 
 /// How the motion of a point is described.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum How {
+pub enum PointMotion {
     /// By a free oscillation.
     Free(Oscillation),
     /// By its positions, frame by frame.
@@ -50,7 +50,7 @@ pub struct Point {
     /// The position from which its displacement counts [m].
     pub rest: f64,
     /// How it moves.
-    pub how: How,
+    pub how: PointMotion,
 }
 
 /// A body that is computed by its modes.
@@ -94,12 +94,12 @@ pub struct Look {
     n_modes: usize,
     sources: Vec<(usize, Source)>,
     /// By unit: for each LIA of the island, its index in `contacts`, if it has one.
-    touched: Vec<(usize, Vec<Option<u32>>)>,
+    contacts_by_unit: Vec<(usize, Vec<Option<u32>>)>,
     /// Units in which written gestures play, each with the map from its MATs to those of the network (`None`: the
     /// same).
-    played: Vec<(usize, Option<Vec<u32>>)>,
+    gestures_by_unit: Vec<(usize, Option<Vec<u32>>)>,
     /// By unit: the LIAs of the island that may break, each with its index in `breakable`.
-    breaking: Vec<(usize, Vec<(u32, u32)>)>,
+    breakable_by_unit: Vec<(usize, Vec<(u32, u32)>)>,
 }
 
 /// Where numbers come from: index in the source, track, and rest position [m]; banks need no rest position.
@@ -230,7 +230,7 @@ impl Simulation {
     /// Calls `tell` for each contact of [`Look::contacts`] that pushed since the last call: its index, the frame of its
     /// strongest push, and the force in that frame [N], above 0 if the contact pushes its first end up.
     pub fn take_contacts(&mut self, look: &Look, mut tell: impl FnMut(usize, u64, f64)) {
-        for (unit, contacts) in &look.touched {
+        for (unit, contacts) in &look.contacts_by_unit {
             if let RunningUnit::Island(island) = self.running_mut(*unit) {
                 island.take_touches(|link, frame, force| {
                     if let Some(contact) = contacts[link] {
@@ -257,7 +257,7 @@ impl Simulation {
 
     /// Largest number of sparks between two looks.
     pub(super) fn sparks_max(&self, look: &Look) -> usize {
-        let spark_counts = look.played.iter().map(|(unit, _)| match self.running(*unit) {
+        let spark_counts = look.gestures_by_unit.iter().map(|(unit, _)| match self.running(*unit) {
             RunningUnit::Island(island) => island.sparks_max(),
             RunningUnit::Bank(_) => 0,
         });
@@ -268,7 +268,7 @@ impl Simulation {
     /// reported by itself; ergons that lead along a path are gathered by sign, and one is reported with the impulse of
     /// all. If too many strike to be reported one by one, the others are gathered as well.
     pub fn take_sparks(&mut self, look: &Look, mut tell: impl FnMut(Record)) {
-        for (unit, mats) in &look.played {
+        for (unit, mats) in &look.gestures_by_unit {
             if let RunningUnit::Island(island) = self.running_mut(*unit) {
                 island.take_sparks(|spark| {
                     let mat = to_network_index(mats, spark.mat as usize) as u32;
@@ -280,7 +280,7 @@ impl Simulation {
 
     /// Calls `tell` for each computed link of [`Look::breakable`]: its index, and whether it is broken.
     fn look_at_breaks(&self, look: &Look, mut tell: impl FnMut(usize, bool)) {
-        for (unit, links) in &look.breaking {
+        for (unit, links) in &look.breakable_by_unit {
             if let RunningUnit::Island(island) = self.running(*unit) {
                 for &(island_link, link) in links {
                     tell(link as usize, island.is_broken(island_link as usize));
@@ -327,7 +327,7 @@ impl Source {
                 if let Some(RunningBody::Modal(modal)) = island.bodies().get(*body) {
                     let step_time = 1.0 / (rate * island.steps_per_frame());
                     let time_offset = -f64::from(frames_ahead) / rate;
-                    modal.look(|mode, x, x_before| {
+                    modal.for_each_amplitude(|mode, x, x_before| {
                         let Some(Some(track)) = tracks.get(mode) else {
                             return;
                         };

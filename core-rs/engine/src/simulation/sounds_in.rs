@@ -27,8 +27,8 @@ impl SoundsIn {
 
     /// Inputs that exist in both simulations continue from their current state.
     pub(super) fn take_over(&mut self, old: &Self) {
-        for (own, old) in self.conditioners.iter_mut().zip(&old.conditioners) {
-            own.take_over(old);
+        for (conditioner, old) in self.conditioners.iter_mut().zip(&old.conditioners) {
+            conditioner.take_over(old);
         }
     }
 }
@@ -36,7 +36,7 @@ impl SoundsIn {
 impl Simulation {
     /// Number of channels of a sound card that the inputs need; 0 if no input is heard from a sound card.
     pub fn n_channels_in(&self) -> usize {
-        let sources = self.plan.sounds_in.iter().map(|own| own.source);
+        let sources = self.plan.sounds_in.iter().map(|sound_in| sound_in.source);
         let channels = sources.filter_map(|source| match source {
             InputSource::Channel(channel) => Some(channel + 1),
             InputSource::Value { .. } => None,
@@ -59,7 +59,7 @@ impl Simulation {
         has_input
     }
 
-    /// Inputs that were told a value continue towards it as they did in another simulation.
+    /// An input that is moving towards a value continues as it did in another simulation.
     pub(super) fn continue_ramps(&mut self, old: &Self) {
         for (old_island, _) in old.islands() {
             for (number, ramp) in old_island.input_ramps() {

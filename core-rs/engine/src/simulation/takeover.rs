@@ -1,5 +1,5 @@
-//! Finds what a simulation takes over from another, by comparing their plans: whatever both have continues without a
-//! change.
+//! Finds the state that a simulation takes over from another, by comparing their plans. Units that both have continue
+//! unchanged.
 //!
 //! The search is done beforehand; `take_over` then transfers the state without allocating. Here "there" is the old
 //! simulation, and "here" the new one.
@@ -21,7 +21,7 @@ use crate::network::Network;
 use crate::plan::Plan;
 use crate::timeline::DriveKind;
 
-/// What a simulation takes over from another, item by item.
+/// The items that a simulation takes over from another.
 #[derive(Clone, Debug, Default)]
 pub struct Takeover {
     /// The plans that it was made for, old and new.
@@ -33,11 +33,11 @@ pub struct Takeover {
     /// MATs of all other units: there, here.
     pub(super) mats: Vec<(MatLocation, MatLocation)>,
     /// Bodies there whose masses are read, and bodies here whose masses are set.
-    pub(super) from: Vec<Body>,
-    pub(super) to: Vec<Body>,
+    pub(super) old_bodies: Vec<Body>,
+    pub(super) new_bodies: Vec<Body>,
     pub(super) workspace: Workspace,
     /// Islands whose bodies took over a state: the ports of these islands must then be placed.
-    pub(super) placed: Vec<UnitIndex>,
+    pub(super) placed_islands: Vec<UnitIndex>,
     pub(super) items: Vec<(UnitIndex, UnitIndex, ItemTakeover)>,
     /// For each output there, its index here; `None` if it is gone.
     pub(super) outputs: Vec<Option<usize>>,
@@ -166,7 +166,7 @@ impl Takeover {
                 }
             }
             if is_matched {
-                self.placed.push(new_unit);
+                self.placed_islands.push(new_unit);
             }
         }
     }
@@ -237,10 +237,10 @@ impl Takeover {
         let (old_taken, new_taken) = (taken_bodies(false), taken_bodies(true));
         let old_same: [&[bool]; 2] = [&islands[0], &banks[0]];
         let new_same: [&[bool]; 2] = [&islands[1], &banks[1]];
-        let singles = mat_locations(old_side, old_same);
+        let mats_alone = mat_locations(old_side, old_same);
         let old_names: HashSet<String> = {
             let bodies = names(old_side, old_same, &old_taken).into_iter();
-            bodies.chain(singles.iter().map(|(name, _)| name.clone())).collect()
+            bodies.chain(mats_alone.iter().map(|(name, _)| name.clone())).collect()
         };
         let mut new_mats = mat_locations(new_side, new_same);
         let (body_locations, new_bodies) = bodies(
@@ -262,14 +262,15 @@ impl Takeover {
             ModalTransform::ToPositions,
             &mut self.workspace,
         );
-        let old_by_name: HashMap<String, MatLocation> = singles.into_iter().chain(body_locations).collect();
+        let old_by_name: HashMap<String, MatLocation> = mats_alone.into_iter().chain(body_locations).collect();
         for (name, new_location) in &new_mats {
             if let Some(&old_location) = old_by_name.get(name) {
                 self.mats.push((old_location, *new_location));
             }
         }
-        self.placed.extend(new_bodies.iter().map(|body| body.place.unit));
-        (self.from, self.to) = (old_bodies, new_bodies);
+        self.placed_islands
+            .extend(new_bodies.iter().map(|body| body.place.unit));
+        (self.old_bodies, self.new_bodies) = (old_bodies, new_bodies);
     }
 }
 
@@ -282,16 +283,16 @@ fn are_same_islands(island_plan: &IslandPlan, other: &IslandPlan) -> bool {
     };
     let name_of_mat = |mat| island_plan.network.mat_name(mat);
     let bodies = || island_plan.bodies.iter().zip(&other.bodies);
-    let step_numbers = |own: &IslandPlan| own.step_numbers(own.contact_substeps);
+    let step_numbers = |island_plan: &IslandPlan| island_plan.step_numbers(island_plan.contact_substeps);
     step_numbers(island_plan) == step_numbers(other)
         && island_plan.bodies.len() == other.bodies.len()
         && island_plan.network.is_same(&other.network)
         && imposed(island_plan) == imposed(other)
-        && bodies().all(|(own, their)| own.is_same(their, name_of_mat, name_of_mat))
+        && bodies().all(|(body, other_body)| body.is_same(other_body, name_of_mat, name_of_mat))
 }
 
 /// Whether two banks hold the same modes; their outputs may differ.
 fn have_same_poles(oscillators: &[crate::bank::Oscillator], other: &[crate::bank::Oscillator]) -> bool {
-    let numbers = |one: &crate::bank::Oscillator| (one.a, one.b);
+    let numbers = |oscillator: &crate::bank::Oscillator| (oscillator.a, oscillator.b);
     oscillators.iter().map(numbers).eq(other.iter().map(numbers))
 }

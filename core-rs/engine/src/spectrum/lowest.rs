@@ -62,7 +62,7 @@ struct Tridiagonal {
     betas: Vec<f64>,
     lowest: Vec<f64>,
     /// An upper bound of the lowest eigenvalue.
-    above: f64,
+    upper_bound: f64,
     /// About the size of the largest eigenvalue.
     scale: f64,
 }
@@ -104,7 +104,7 @@ impl Tridiagonal {
             alphas: Vec::new(),
             betas: Vec::new(),
             lowest: Vec::new(),
-            above: f64::INFINITY,
+            upper_bound: f64::INFINITY,
             scale: 0.0,
         };
         let (mut beta, mut next_check) = (0.0, 4.0);
@@ -131,7 +131,7 @@ impl Tridiagonal {
     /// shifted by this bound is positive definite, so LDLᵀ needs no pivoting.
     fn lowest_pair(&mut self) -> f64 {
         /// Relative distance of the bounds: close enough to separate modes that differ by a millionth.
-        const CLOSE: f64 = 1e-9;
+        const BISECTION_TOLERANCE: f64 = 1e-9;
         /// Enough halvings to reach the smallest eigenvalue of interest from the largest number; 0 is never reached.
         const HALVINGS: usize = 100;
         const ITERATIONS: usize = 5;
@@ -143,11 +143,11 @@ impl Tridiagonal {
         self.lowest.resize(dimension, 0.0);
         let mut lower_bound = 0.0;
         // The lowest eigenvalue falls as the matrix grows, and is never above an element of its diagonal.
-        let mut upper_bound = f64::min(self.above, self.alphas[dimension - 1]);
+        let mut upper_bound = f64::min(self.upper_bound, self.alphas[dimension - 1]);
         for _ in 0..HALVINGS {
             interrupt::poll();
             let midpoint = lower_bound + 0.5 * (upper_bound - lower_bound);
-            if upper_bound - lower_bound <= CLOSE * upper_bound {
+            if upper_bound - lower_bound <= BISECTION_TOLERANCE * upper_bound {
                 break;
             }
             *(if self.lies_above(midpoint) {
@@ -156,7 +156,7 @@ impl Tridiagonal {
                 &mut upper_bound
             }) = midpoint;
         }
-        self.above = upper_bound;
+        self.upper_bound = upper_bound;
         let pivots = self.shifted_pivots(lower_bound);
         let eigenvector = &mut self.lowest;
         let mut distance = 0.0;

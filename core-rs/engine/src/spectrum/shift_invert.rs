@@ -127,7 +127,7 @@ pub(crate) fn modes_around(springs: &Springs, centre: f64, count: usize) -> Lowe
 /// tell.
 pub(crate) fn are_modes(springs: &Springs, modes: &[Mode]) -> bool {
     let stiffest = springs.values.diagonal.iter();
-    let stiffest = stiffest.fold(0.0_f64, |most, x| most.max(x.abs()));
+    let stiffest = stiffest.fold(0.0_f64, |largest_yet, x| largest_yet.max(x.abs()));
     let is_eigenpair = |mode: &Mode| {
         let mut residual = springs.times(&mode.vector);
         add(-mode.lambda, &mode.vector, &mut residual);
@@ -157,10 +157,16 @@ fn separator(modes: &[Mode], count: usize) -> Option<f64> {
 
 /// The modes that one Lanczos run finds outside the span of `modes_known`: from the nearest to the shift up to the
 /// first that has not converged.
-fn lanczos(springs: &Springs, factor: &Factor<'_, f64>, modes_known: &[Mode], wanted: usize, run: usize) -> Vec<Mode> {
+fn lanczos(
+    springs: &Springs,
+    factor: &Factor<'_, f64>,
+    modes_known: &[Mode],
+    mode_count: usize,
+    run: usize,
+) -> Vec<Mode> {
     let dimension = springs.n();
     let free_dimension = dimension - modes_known.len();
-    let steps_max = (4 * wanted + 80).min(free_dimension);
+    let steps_max = (4 * mode_count + 80).min(free_dimension);
     let mut basis: Vec<Vec<f64>> = Vec::new();
     let (mut alphas, mut betas): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     let project_out = |x: &mut [f64]| {
@@ -196,10 +202,10 @@ fn lanczos(springs: &Springs, factor: &Factor<'_, f64>, modes_known: &[Mode], wa
         operator_scale = operator_scale.max(alpha.abs() + beta);
         let step_count = basis.len();
         let is_whole = step_count == free_dimension || beta <= 1e-14 * operator_scale;
-        if is_whole || step_count == steps_max || (step_count >= wanted && step_count.is_multiple_of(CHECK_EVERY)) {
+        if is_whole || step_count == steps_max || (step_count >= mode_count && step_count.is_multiple_of(CHECK_EVERY)) {
             let beta = if step_count == free_dimension { 0.0 } else { beta };
             let (ritz_weights, is_limited) = converged_pairs(&alphas, &betas, beta);
-            if is_whole || is_limited || step_count == steps_max || ritz_weights.len() >= wanted {
+            if is_whole || is_limited || step_count == steps_max || ritz_weights.len() >= mode_count {
                 break ritz_weights;
             }
         }

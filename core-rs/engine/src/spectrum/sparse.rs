@@ -132,11 +132,16 @@ impl Values<f64> {
 }
 
 impl<T: Scalar> Values<T> {
-    /// Combines two matrices of one pattern element by element with `make`, and adds `more` to the diagonal.
-    pub(crate) fn combine<U: Copy>(first: &Values<U>, other: &Values<U>, more: T, make: impl Fn(U, U) -> T) -> Self {
+    /// Combines two matrices of one pattern element by element with `make`, and adds `diagonal_shift` to the diagonal.
+    pub(crate) fn combine<U: Copy>(
+        first: &Values<U>,
+        other: &Values<U>,
+        diagonal_shift: T,
+        make: impl Fn(U, U) -> T,
+    ) -> Self {
         let pairwise = |a: &[U], b: &[U]| -> Vec<T> { a.iter().zip(b).map(|(a, b)| make(*a, *b)).collect() };
         let mut diagonal = pairwise(&first.diagonal, &other.diagonal);
-        diagonal.iter_mut().for_each(|x| *x = *x + more);
+        diagonal.iter_mut().for_each(|x| *x = *x + diagonal_shift);
         Self {
             diagonal,
             off_diagonal: pairwise(&first.off_diagonal, &other.off_diagonal),

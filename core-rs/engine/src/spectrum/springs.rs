@@ -13,19 +13,23 @@ pub(crate) type Spring = (End, Option<End>, f64);
 pub(crate) struct Springs {
     pub(crate) pattern: Pattern,
     pub(crate) values: Values<f64>,
-    each: Vec<Spring>,
+    springs: Vec<Spring>,
 }
 
 impl Springs {
-    /// The matrix of the springs `each` on `n` points.
-    pub(crate) fn new(n: usize, each: Vec<Spring>) -> Self {
-        let pattern = Pattern::new(n, pairs(&each));
-        let values = values(&pattern, &each);
-        Self { pattern, values, each }
+    /// The matrix of some springs on `n` points.
+    pub(crate) fn new(n: usize, springs: Vec<Spring>) -> Self {
+        let pattern = Pattern::new(n, pairs(&springs));
+        let values = values(&pattern, &springs);
+        Self {
+            pattern,
+            values,
+            springs,
+        }
     }
 
-    pub(crate) fn each(&self) -> &[Spring] {
-        &self.each
+    pub(crate) fn springs(&self) -> &[Spring] {
+        &self.springs
     }
 
     pub(crate) fn n(&self) -> usize {
@@ -46,7 +50,7 @@ impl Springs {
             let elongation = share * x[a] - other.map_or(0.0, |(b, share)| share * x[b]);
             k * elongation * elongation
         };
-        self.each.iter().map(spring_energy).sum()
+        self.springs.iter().map(spring_energy).sum()
     }
 
     /// LDLᵀ of A − shift; the shift is raised a little if a pivot is 0 there.
@@ -73,7 +77,7 @@ impl Springs {
     /// A lower bound of all eigenvalues, at most 0 (Gershgorin).
     pub(crate) fn bottom(&self) -> f64 {
         let mut row_bounds = vec![0.0; self.n()];
-        for &((a, lever), other, k) in &self.each {
+        for &((a, lever), other, k) in &self.springs {
             let Some((other_end, other_lever)) = other else {
                 row_bounds[a] += k * lever * lever;
                 continue;
@@ -87,14 +91,16 @@ impl Springs {
 }
 
 /// The ends of springs that join two points.
-pub(crate) fn pairs(each: &[Spring]) -> impl Iterator<Item = (usize, usize)> {
-    each.iter().filter_map(|&((a, _), other, _)| other.map(|(b, _)| (a, b)))
+pub(crate) fn pairs(springs: &[Spring]) -> impl Iterator<Item = (usize, usize)> {
+    springs
+        .iter()
+        .filter_map(|&((a, _), other, _)| other.map(|(b, _)| (a, b)))
 }
 
 /// The matrix of springs on a pattern.
-pub(crate) fn values(pattern: &Pattern, each: &[Spring]) -> Values<f64> {
+pub(crate) fn values(pattern: &Pattern, springs: &[Spring]) -> Values<f64> {
     let mut values = Values::new(pattern);
-    for &((a, lever), other, k) in each {
+    for &((a, lever), other, k) in springs {
         values.diagonal[a] += k * lever * lever;
         if let Some((other_end, other_lever)) = other {
             values.diagonal[other_end] += k * other_lever * other_lever;

@@ -96,8 +96,8 @@ pub(super) fn orthonormal(vectors: &[Vec<f64>]) -> Vec<Vec<f64>> {
 }
 
 /// A start vector with a part along every eigenvector: SplitMix64 (Steele, Lea, Flood 2014) of the index.
-pub(super) fn start_vector(n: usize, which: usize) -> Vec<f64> {
-    let seed = (which as u64 + 1).wrapping_mul(0xd1b5_4a32_d192_ed03);
+pub(super) fn start_vector(n: usize, index: usize) -> Vec<f64> {
+    let seed = (index as u64 + 1).wrapping_mul(0xd1b5_4a32_d192_ed03);
     (0..n as u64)
         .map(|i| {
             let mut mixed_bits = seed.wrapping_add((i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15));

@@ -276,7 +276,7 @@ impl Timeline {
         let known_gate = self
             .gates
             .iter_mut()
-            .find(|gate| gate.links().any(|own| faded_links.contains(&own)));
+            .find(|gate| gate.links().any(|gate_link| faded_links.contains(&gate_link)));
         let ramp = Some(Ramp { from, to, start, stop });
         match known_gate {
             Some(gate) if gate.ramp.is_none() && gate.links() == faded_links => gate.ramp = ramp,

@@ -54,7 +54,9 @@ impl Lead {
     /// The greatest factor of K and the greatest of Z.
     fn greatest(&self) -> Factors {
         let point_factors = self.points.iter().map(|&(_, factors)| factors);
-        point_factors.fold([0.0; 2], |most, own| std::array::from_fn(|i| f64::max(most[i], own[i])))
+        point_factors.fold([0.0; 2], |largest_yet, factors| {
+            std::array::from_fn(|i| f64::max(largest_yet[i], factors[i]))
+        })
     }
 
     /// The same event at `oversampling` times the rate.
@@ -182,7 +184,7 @@ impl Timeline {
         if self
             .leads
             .iter()
-            .any(|lead| lead.links().any(|own| led_links.contains(&own)))
+            .any(|lead| lead.links().any(|lead_link| led_links.contains(&lead_link)))
         {
             return refusal("the link already glides at that time");
         }

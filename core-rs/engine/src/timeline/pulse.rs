@@ -7,14 +7,14 @@ use crate::maths::cos;
 use crate::network::Network;
 use crate::units::{floor_frame, frame, score_frame};
 
-/// How long a strike lasts that does not say so [s].
+/// The default duration of a strike [s].
 ///
 /// Above 3/0.19 ms = 15.8 kHz the spectrum of the force stays 58 dB below its level at 0 Hz; it is 3 dB lower at
 /// 4 kHz. A mass that is struck starts moving without a step.
 pub(super) const DEFAULT_STRIKE_SECONDS: f64 = 0.19e-3;
 
 /// A longer strike is refused [s].
-pub(super) const LASTS_MAX: f64 = 0.05;
+pub(super) const STRIKE_SECONDS_MAX: f64 = 0.05;
 
 /// Parts of a strike in a second. The same at all rates, so that another rate is the same instrument.
 pub(super) const PARTS_PER_SECOND: f64 = 44_100.0;
@@ -22,7 +22,7 @@ pub(super) const PARTS_PER_SECOND: f64 = 44_100.0;
 /// A shorter pulse has no shape.
 const PARTS_MIN: f64 = 3.0;
 
-/// How long a strike of `lasts` [s] is, in 1/44,100 s; 1: it acts at one instant.
+/// The number of parts of a strike that lasts `lasts` [s]; a strike of one part acts at one instant.
 pub(super) fn n_parts(lasts: f64) -> u32 {
     let part_count = (lasts * PARTS_PER_SECOND).round();
     if part_count < PARTS_MIN { 1 } else { part_count as u32 }
@@ -74,8 +74,8 @@ impl Timeline {
             Instants::OfScore => score_frame(strike_instant, frame_rate, self.oversampling),
             Instants::Nearest => frame(strike_instant, frame_rate),
         };
-        shares(strike.n_parts).map(move |(after, share)| {
-            let after = f64::from(after) * spacing;
+        shares(strike.n_parts).map(move |(frames_after, share)| {
+            let after = f64::from(frames_after) * spacing;
             let (frame, alpha) = if matches!(instants, Instants::Exact) {
                 let exact_frame = strike_instant * frame_rate + after;
                 let frame_floor = floor_frame(exact_frame);

@@ -210,7 +210,8 @@ fn small_body_in_contact_keeps_its_energy() {
     }
 }
 
-/// Ratio of the last to the first peak of the mass: where it turns away from the stop, all its energy is in the springs.
+/// Ratio of the last to the first peak of the mass: where it turns away from the stop, all its energy is in the
+/// springs.
 fn rise(out: &[f64]) -> f64 {
     let peak = |part: &[f64]| part.iter().fold(0.0_f64, |most, x| most.max(*x));
     peak(&out[66_150..]) / peak(&out[..22_050])

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use ergon_engine::generator::{Rim, Shape, plate};
 use ergon_engine::network::{But, Network, Term, Tie};
 use ergon_engine::plan::{Budget, Known, Plan};
-use ergon_engine::simulation::{How, Look, OnFault, Options, Simulation};
+use ergon_engine::simulation::{Look, OnFault, Options, PointMotion, Simulation};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -134,11 +134,11 @@ fn look_sees_masses_at_their_positions() {
     let plan = plan(&network, &timeline, &all(&network), &Budget::Error(-120.0));
     let mut simulation = running(&plan, 1);
     let look = simulation.looked_at();
-    let kinds = |of: fn(&How) -> bool| look.points.iter().filter(|point| of(&point.how)).count();
-    assert_eq!(kinds(|how| matches!(how, How::NotComputed { .. })), 0);
-    assert_eq!(kinds(|how| matches!(how, How::Free(_))), 4);
-    assert!(kinds(|how| matches!(how, How::Sampled)) >= 2 * 37);
-    assert!(kinds(|how| matches!(how, How::Modal(_))) >= 2 * 37);
+    let kinds = |of: fn(&PointMotion) -> bool| look.points.iter().filter(|point| of(&point.how)).count();
+    assert_eq!(kinds(|how| matches!(how, PointMotion::NotComputed { .. })), 0);
+    assert_eq!(kinds(|how| matches!(how, PointMotion::Free(_))), 4);
+    assert!(kinds(|how| matches!(how, PointMotion::Sampled)) >= 2 * 37);
+    assert!(kinds(|how| matches!(how, PointMotion::Modal(_))) >= 2 * 37);
     let (mut a, mut b) = (vec![0.0; 441 * 2], vec![0.0; 441 * 2]);
     let mut tracks = vec![0.0; 2 * look.n_tracks()];
     let mut limit = vec![0.0_f64; network.parts().len()];
@@ -198,7 +198,7 @@ fn look_predicts_free_masses_from_two_frames() {
         let step = 1.0 / RATE;
         let mut free = Vec::new();
         for (track, point) in look.points.iter().enumerate() {
-            if let How::Free(single) = point.how {
+            if let PointMotion::Free(single) = point.how {
                 free.push((track, single));
             }
         }

@@ -6,7 +6,7 @@ use super::scene::options;
 use super::space::{RATE, hear, link, point};
 use ergon_engine::network::{Network, SpaceLaw, Term, Tie};
 use ergon_engine::plan::{Budget, Known, Method, Plan};
-use ergon_engine::simulation::{How, OnFault, Options, Simulation, Takeover};
+use ergon_engine::simulation::{OnFault, Options, PointMotion, Simulation, Takeover};
 use ergon_engine::timeline::Timeline;
 use ergon_engine::units::Rate;
 
@@ -125,7 +125,7 @@ fn seen_part_is_interpolated_between_its_steps() {
         }
         for (point, x_seen) in look.points.iter().zip(&tracks) {
             if point.mat >= 4 {
-                assert_eq!(point.how, How::Sampled);
+                assert_eq!(point.how, PointMotion::Sampled);
                 assert!((x_seen + point.rest - x[point.mat]).abs() < 1e-15);
             }
         }

@@ -101,11 +101,17 @@ impl InputReader {
     }
 }
 
-/// Open `channels` of the input that `spec` names, at `rate` [Hz], for a physics that takes `wanted` frames at once.
+/// Open `channels` of the input that `spec` names, at `rate` [Hz], for a physics that takes `frames_at_once` frames at
+/// once.
 ///
 /// # Errors
 /// A sentence on why the input cannot be opened; nothing was started then.
-pub fn open_input(spec: &Spec, rate: u32, channels: usize, wanted: usize) -> Result<(Input, InputReader), AudioError> {
+pub fn open_input(
+    spec: &Spec,
+    rate: u32,
+    channels: usize,
+    frames_at_once: usize,
+) -> Result<(Input, InputReader), AudioError> {
     if !(1..=CHANNELS_MAX).contains(&channels) {
         let why = format!("an input has 1 to {CHANNELS_MAX}");
         return Err(AudioError::Channels { channels, why });
@@ -113,7 +119,7 @@ pub fn open_input(spec: &Spec, rate: u32, channels: usize, wanted: usize) -> Res
     let shared = Arc::new(Shared::default());
     let opened = connect(spec, channels, &shared)?;
     let block_frames = opened.block as usize;
-    let mut target_frames = block_frames + wanted;
+    let mut target_frames = block_frames + frames_at_once;
     let capacity = (2 * EXCESS_FACTOR * (target_frames + block_frames)).max(opened.rate as usize / 4);
     let (feed, inner_drain) = ring::joined(channels, capacity, shared.clone());
     feed.set_prefill(target_frames);
@@ -129,7 +135,7 @@ pub fn open_input(spec: &Spec, rate: u32, channels: usize, wanted: usize) -> Res
     let (converter, drain) = if opened.rate == rate {
         (None, inner_drain)
     } else {
-        let conversion = rate::convert_rate(inner_drain, opened.rate, rate, opened.block.max(wanted as u32));
+        let conversion = rate::convert_rate(inner_drain, opened.rate, rate, opened.block.max(frames_at_once as u32));
         let (converter, outer_drain) = conversion.map_err(|(_, error)| error)?;
         target_frames = converter.latency;
         (Some(converter), outer_drain)

@@ -394,7 +394,7 @@ impl Playback {
     }
 
     fn converter_latency(&self) -> usize {
-        self.converter.as_ref().map_or(0, |one| one.latency)
+        self.converter.as_ref().map_or(0, |converter| converter.latency)
     }
 
     fn stop(self) -> (Option<Drain>, Option<String>) {

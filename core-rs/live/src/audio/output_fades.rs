@@ -8,9 +8,9 @@ const HUSH: f64 = 0.005; // s
 pub(super) struct OutputFades {
     channels: usize,
     fade: u32,
-    hush: u32,
+    hush_frames: u32,
     /// How far the incoming sound has risen, 0 to `fade`.
-    rise: u32,
+    risen: u32,
     /// What is left of the fall from `held`, `fade` to 0.
     fall: u32,
     held: Box<[f32]>,
@@ -24,8 +24,8 @@ impl OutputFades {
         let mut new_fades = Self {
             channels,
             fade: 0,
-            hush: 0,
-            rise: 0,
+            hush_frames: 0,
+            risen: 0,
             fall: 0,
             held: vec![0.0; channels].into(),
             last: vec![0.0; channels].into(),
@@ -37,31 +37,31 @@ impl OutputFades {
 
     pub(super) fn set_rate(&mut self, rate: u32) {
         let fade_frames = |seconds: f64| (f64::from(rate) * seconds).round().max(1.0) as u32;
-        (self.fade, self.hush) = (fade_frames(FADE), fade_frames(HUSH));
-        (self.rise, self.fall) = (self.fade, 0);
+        (self.fade, self.hush_frames) = (fade_frames(FADE), fade_frames(HUSH));
+        (self.risen, self.fall) = (self.fade, 0);
     }
 
     /// Begin a gap: the sound falls from its last value, and the next frames will rise.
     pub(super) fn begin_gap(&mut self) {
         self.held.copy_from_slice(&self.last);
-        (self.rise, self.fall) = (0, self.fade);
+        (self.risen, self.fall) = (0, self.fade);
     }
 
     /// Let the next frames rise from silence.
     pub(super) fn restart(&mut self) {
-        (self.rise, self.fall) = (0, 0);
+        (self.risen, self.fall) = (0, 0);
         self.last.fill(0.0);
     }
 
     /// Shape frames of sound.
     pub(super) fn shape_sound(&mut self, frames: &mut [f32]) {
         for frame in frames.chunks_exact_mut(self.channels) {
-            if self.rise == self.fade && self.fall == 0 {
+            if self.risen == self.fade && self.fall == 0 {
                 break;
             }
-            self.rise = (self.rise + 1).min(self.fade);
+            self.risen = (self.risen + 1).min(self.fade);
             self.fall = self.fall.saturating_sub(1);
-            let (rise_gain, fall_gain) = (self.part(self.rise), self.part(self.fall));
+            let (rise_gain, fall_gain) = (self.part(self.risen), self.part(self.fall));
             for (x, held) in frame.iter_mut().zip(&self.held) {
                 *x = *x * rise_gain + held * fall_gain;
             }
@@ -91,7 +91,7 @@ impl OutputFades {
 
     /// Request silence; returns whether it is reached.
     pub(super) fn request_hush(&mut self) -> bool {
-        *self.hushing.get_or_insert(self.hush) == 0
+        *self.hushing.get_or_insert(self.hush_frames) == 0
     }
 
     /// Request silence when the output is silent already.
@@ -116,7 +116,7 @@ impl OutputFades {
         };
         for frame in frames.chunks_exact_mut(self.channels) {
             *frames_left = frames_left.saturating_sub(1);
-            let hush_gain = *frames_left as f32 / self.hush as f32;
+            let hush_gain = *frames_left as f32 / self.hush_frames as f32;
             for x in frame {
                 *x = if *frames_left == 0 { 0.0 } else { *x * hush_gain };
             }

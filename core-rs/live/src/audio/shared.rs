@@ -116,8 +116,8 @@ impl Shared {
         self.freewheel.load(Ordering::Acquire)
     }
 
-    pub(super) fn set_freewheel(&self, on: bool) {
-        self.freewheel.store(on, Ordering::Release);
+    pub(super) fn set_freewheel(&self, is_on: bool) {
+        self.freewheel.store(is_on, Ordering::Release);
     }
 
     /// Whether the feed was closed and its last frame went to the card.

@@ -12,7 +12,7 @@ use super::AudioError;
 use super::file::Recording;
 
 /// Capacity of the ring [s]: if the disk stalls for longer, frames are lost.
-const ROOM: usize = 8;
+const RING_SECONDS: usize = 8;
 const POLL: Duration = Duration::from_millis(5);
 
 /// State shared by both ends of a tap.
@@ -75,7 +75,7 @@ pub struct TapStatus {
 /// [`AudioError::File`] if the file exists or cannot be created.
 pub(crate) fn open(path: &Path, rate: u32, channels: usize) -> Result<(Tap, TapHandle), AudioError> {
     let mut recording = Recording::create(path, rate, channels)?;
-    let (to, mut consumer) = RingBuffer::new(ROOM * rate as usize * channels);
+    let (to, mut consumer) = RingBuffer::new(RING_SECONDS * rate as usize * channels);
     let shared = Arc::new(Shared {
         has_begun: AtomicBool::new(false),
         first: AtomicU64::new(0),

@@ -1,8 +1,8 @@
 //! Header of a WAVE file of float samples: RIFF with a placeholder for `ds64`, or RF64 if the sizes need 64 bits (EBU
 //! Tech 3306).
 //!
-//! `ergon/exchange/wave_header.py` reads and writes the headers of renders in all formats. This header has the same layout;
-//! it is written here because a performance records sound without Python.
+//! `ergon/exchange/wave_header.py` reads and writes the headers of renders in all formats. This header has the same
+//! layout; it is written here because a performance records sound without Python.
 
 const RIFF_LIMIT: u64 = u32::MAX as u64;
 const DS64: usize = 28;

@@ -1,5 +1,5 @@
-//! A rotary axis as a key: a hand holds it at an arm's length from the axis, so angles are ways along the arc, and forces
-//! are torques over that length.
+//! A rotary axis as a key: a hand holds it at an arm's length from the axis, so angles are ways along the arc, and
+//! forces are torques over that length.
 
 use std::time::Instant;
 

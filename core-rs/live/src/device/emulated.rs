@@ -12,7 +12,8 @@ const RATE: f64 = 44_100.0 / 44.0;
 /// Greatest force [N].
 const FORCE_MAX: f64 = 20.0;
 
-/// What keys without a wire are capable of: exact positions and forces, at `rate` ticks a second [Hz], of a key of a mass
+/// What keys without a wire are capable of: exact positions and forces, at `rate` ticks a second [Hz], of a key of a
+/// mass
 /// [kg] and a damping [N·s/m].
 pub(super) fn exact_spec((dof, rate): (usize, f64), pos_range: [f64; 2], (mass, damping): (f64, f64)) -> Spec {
     Spec {

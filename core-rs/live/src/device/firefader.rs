@@ -20,14 +20,14 @@ pub(super) struct FireFader {
     lockstep: bool,
     canceller: WaitCanceller,
     inbox: Inbox<64>,
-    last: Option<wire::Reply>,
+    last_reply: Option<wire::Reply>,
     /// Number of replies still to come, and when the latest request was sent.
-    waiting: u32,
+    n_outstanding: u32,
     sent_at: Instant,
     seq: u32,
     stats: Stats,
-    /// The first position was not handed out by `receive` yet.
-    new: bool,
+    /// Whether the first position has not yet been returned by `receive`.
+    has_new_position: bool,
 }
 
 /// The published data of the board; its mass and friction must be measured (metrology).
@@ -69,16 +69,16 @@ impl FireFader {
             spec: spec(),
             lockstep: url.lockstep,
             canceller: canceller.clone(),
-            inbox: Inbox::new(),
-            last: None,
-            waiting: 0,
+            inbox: Inbox::new_bytes(),
+            last_reply: None,
+            n_outstanding: 0,
             sent_at: Instant::now(),
             seq: 0,
             stats: Stats::default(),
-            new: true,
+            has_new_position: true,
         };
-        new_fader.greet().map_err(|gone| url.closed(gone))?;
-        if new_fader.last.is_none() {
+        new_fader.connect().map_err(|gone| url.closed(gone))?;
+        if new_fader.last_reply.is_none() {
             return Err(url.no_answer("FireFader"));
         }
         Ok(new_fader)
@@ -86,33 +86,33 @@ impl FireFader {
 
     /// Send requests until the board answers, because opening the port restarts some boards; then read all outstanding
     /// replies.
-    fn greet(&mut self) -> Result<(), Gone> {
+    fn connect(&mut self) -> Result<(), Gone> {
         let patience = Instant::now() + FIRST_REPLY;
         // In lockstep every packet advances the device by one period, so it is sent only once, even if the reply is
         // late.
         let retry_after = if self.lockstep { FIRST_REPLY } else { ASK_AGAIN };
-        while self.last.is_none() && self.canceller.may_wait(patience) {
-            self.put([0.0; 2])?;
-            self.take(Instant::now() + retry_after)?;
+        while self.last_reply.is_none() && self.canceller.may_wait(patience) {
+            self.write_request([0.0; 2])?;
+            self.read_replies(Instant::now() + retry_after)?;
         }
         let quiet_until = Instant::now() + ASK_AGAIN;
-        while self.waiting > 0 && Instant::now() < quiet_until {
-            self.take(quiet_until)?;
+        while self.n_outstanding > 0 && Instant::now() < quiet_until {
+            self.read_replies(quiet_until)?;
         }
-        self.waiting = 0;
+        self.n_outstanding = 0;
         Ok(())
     }
 
-    fn put(&mut self, force: [f64; 2]) -> Result<(), Gone> {
+    fn write_request(&mut self, force: [f64; 2]) -> Result<(), Gone> {
         self.port.write(&wire::request(force))?;
-        self.waiting = self.waiting.saturating_add(1);
+        self.n_outstanding = self.n_outstanding.saturating_add(1);
         self.sent_at = Instant::now();
         self.stats.sent += 1;
         Ok(())
     }
 
     /// Read all replies that are there, or wait for the first one until the deadline.
-    fn take(&mut self, deadline: Instant) -> Result<bool, Gone> {
+    fn read_replies(&mut self, deadline: Instant) -> Result<bool, Gone> {
         let (mut read_bytes, mut is_fresh) = ([0; 64], false);
         loop {
             let wait_until = if is_fresh { self.sent_at } else { deadline };
@@ -120,16 +120,16 @@ impl FireFader {
             if byte_count == 0 {
                 return Ok(is_fresh);
             }
-            let (mut reply_count, last_reply) = (0_u32, &mut self.last);
+            let (mut reply_count, last_reply) = (0_u32, &mut self.last_reply);
             self.inbox.feed(&read_bytes[..byte_count], wire::parse_reply, |reply| {
                 (*last_reply, reply_count) = (Some(reply), reply_count + 1);
             });
             self.seq = self.seq.wrapping_add(reply_count);
             self.stats.garbage = self.inbox.garbage;
             self.stats.received += u64::from(reply_count);
-            self.waiting = self.waiting.saturating_sub(reply_count);
+            self.n_outstanding = self.n_outstanding.saturating_sub(reply_count);
             is_fresh |= reply_count > 0;
-            if reply_count > 0 && self.waiting == 0 {
+            if reply_count > 0 && self.n_outstanding == 0 {
                 self.stats.add_round_trip(self.sent_at.elapsed());
                 return Ok(true);
             }
@@ -144,37 +144,37 @@ impl Device for FireFader {
 
     fn send(&mut self, force: &SafeForce) -> Result<(), Gone> {
         let axis_force = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
-        if self.waiting > 1 {
+        if self.n_outstanding > 1 {
             // The firmware answers only the newest of the requests that it finds.
-            self.stats.lost += u64::from(self.waiting - 1);
-            self.waiting = 1;
+            self.stats.lost += u64::from(self.n_outstanding - 1);
+            self.n_outstanding = 1;
         }
-        self.put([axis_force(0), axis_force(1)])
+        self.write_request([axis_force(0), axis_force(1)])
     }
 
     fn on_wire(&self, force: &SafeForce) -> [f64; MAX_AXES] {
         let axis_force = |axis: usize| force.newtons().get(axis).copied().unwrap_or(0.0);
-        let mut carried = [0.0; MAX_AXES];
-        carried[..2].copy_from_slice(&wire::rounded_forces([axis_force(0), axis_force(1)]));
-        carried
+        let mut wire_force = [0.0; MAX_AXES];
+        wire_force[..2].copy_from_slice(&wire::rounded_forces([axis_force(0), axis_force(1)]));
+        wire_force
     }
 
     fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        into.fresh = if self.lockstep && self.waiting > 0 {
+        into.fresh = if self.lockstep && self.n_outstanding > 0 {
             let patience = Instant::now() + LOCKSTEP_PATIENCE;
-            while self.waiting > 0 {
-                if !self.take(next_check(patience))? && !self.canceller.may_wait(patience) {
+            while self.n_outstanding > 0 {
+                if !self.read_replies(next_check(patience))? && !self.canceller.may_wait(patience) {
                     return Err(Gone::Silent);
                 }
             }
             true
-        } else if self.new {
+        } else if self.has_new_position {
             true
         } else {
-            self.take(deadline)?
+            self.read_replies(deadline)?
         };
-        self.new = false;
-        if let Some(reply) = self.last {
+        self.has_new_position = false;
+        if let Some(reply) = self.last_reply {
             for axis in 0..2 {
                 into.position[axis] = reply.metres(axis);
                 into.touch[axis] = reply.cap[axis] > wire::CAP_TOUCHED;
@@ -193,7 +193,7 @@ impl Device for FireFader {
     }
 
     fn zero(&mut self) {
-        let _ = self.put([0.0; 2]);
+        let _ = self.write_request([0.0; 2]);
     }
 
     fn stats(&self) -> Stats {

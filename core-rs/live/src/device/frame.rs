@@ -35,7 +35,7 @@ pub(super) struct Frame {
     stats: Stats,
     /// Whether any reply since the last `receive`, not only the newest, said that the board let go.
     let_go: bool,
-    /// The first position was not handed out by `receive` yet.
+    /// Whether the first position has not yet been returned by `receive`.
     new: bool,
 }
 
@@ -129,7 +129,7 @@ impl Frame {
 
     /// The driver on an open port.
     pub(super) fn on_port(mut port: Port, url: &Url, canceller: &WaitCanceller) -> Result<Self, DeviceError> {
-        let device_info = ask(&mut port, first_reply(url)?, canceller).map_err(|gone| url.closed(gone))?;
+        let device_info = request_info(&mut port, first_reply(url)?, canceller).map_err(|gone| url.closed(gone))?;
         let device_info = device_info.ok_or_else(|| url.no_answer("device of the open frame"))?;
         let spec = spec(&device_info).map_err(|reason| url.impossible(reason))?;
         if url.lockstep && !spec.can_lockstep {
@@ -146,7 +146,7 @@ impl Frame {
             patience,
             canceller: canceller.clone(),
             wide: url.wide,
-            inbox: Inbox::new(),
+            inbox: Inbox::new_bytes(),
             sent: Sent::default(),
             last: None,
             latest: 0,
@@ -159,7 +159,7 @@ impl Frame {
         let patience = Instant::now() + first_reply(url)?;
         while new_frame.last.is_none() && canceller.may_wait(patience) {
             new_frame
-                .put([0.0; MAX_AXES], flag::ASK)
+                .put([0.0; MAX_AXES], flag::REQUEST)
                 .and_then(|()| new_frame.take(Instant::now() + ASK_AGAIN))
                 .map_err(|gone| url.closed(gone))?;
         }
@@ -251,9 +251,13 @@ fn first_reply(url: &Url) -> Result<Duration, DeviceError> {
 }
 
 /// Ask for the device's information until it answers; `None` if it does not.
-fn ask(port: &mut Port, patience: Duration, canceller: &WaitCanceller) -> Result<Option<wire::DeviceInfo>, Gone> {
+fn request_info(
+    port: &mut Port,
+    patience: Duration,
+    canceller: &WaitCanceller,
+) -> Result<Option<wire::DeviceInfo>, Gone> {
     let patience = Instant::now() + patience;
-    let mut inbox = Inbox::<512>::new();
+    let mut inbox = Inbox::<512>::new_bytes();
     let (mut read_bytes, mut packet_bytes, mut device_info) = ([0; 512], [0; wire::LONGEST], None);
     let mut seq = 0;
     while device_info.is_none() && canceller.may_wait(patience) {
@@ -267,8 +271,8 @@ fn ask(port: &mut Port, patience: Duration, canceller: &WaitCanceller) -> Result
         let retry_instant = Instant::now() + ASK_AGAIN;
         while device_info.is_none() && Instant::now() < retry_instant {
             let byte_count = port.read(&mut read_bytes, retry_instant)?;
-            inbox.feed(&read_bytes[..byte_count], wire::DeviceInfo::parse, |found| {
-                device_info = Some(found)
+            inbox.feed(&read_bytes[..byte_count], wire::DeviceInfo::parse, |parsed_info| {
+                device_info = Some(parsed_info)
             });
         }
     }

@@ -41,7 +41,7 @@ pub(super) struct Haply {
     position: [f64; 3],
     let_go: bool,
     gone: Option<Gone>,
-    /// The first position was not handed out by `receive` yet.
+    /// Whether the first position has not yet been returned by `receive`.
     has_unread_position: bool,
     stats: Stats,
 }

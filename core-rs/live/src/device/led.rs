@@ -12,8 +12,8 @@ use crate::lead::path::PathReader;
 use crate::lead::{self, Lead};
 use crate::safety::SafeForce;
 
-/// Distance of the ticks' clock from the wall's beyond which it is set anew [s], and the share of a smaller distance that
-/// is corrected in a tick.
+/// Distance of the ticks' clock from the wall's beyond which it is set anew [s], and the share of a smaller distance
+/// that is corrected in a tick.
 const CLOCK_OFF: f64 = 0.02;
 const CORRECTION: f64 = 0.01;
 
@@ -33,15 +33,15 @@ pub(super) struct Led {
 }
 
 impl Led {
-    pub(super) fn open(url: &Url, period: f64, again: bool) -> Result<Self, DeviceError> {
+    pub(super) fn open(url: &Url, period: f64, is_retry: bool) -> Result<Self, DeviceError> {
         let key_lead = lead::find(url.led_name());
         let key_lead = key_lead.ok_or_else(|| url.closed("nothing leads this key"))?;
-        if again && !key_lead.is_present() {
+        if is_retry && !key_lead.is_present() {
             return Err(url.closed("nobody plays this key"));
         }
         let mut new_led = Self::new(key_lead, period);
         // What the pointer did meanwhile moved nothing, but it may still be down.
-        if again && let Some(last_place) = new_led.lead.forget() {
+        if is_retry && let Some(last_place) = new_led.lead.forget() {
             new_led.path.begin_at(last_place);
         }
         Ok(new_led)

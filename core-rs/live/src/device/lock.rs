@@ -24,12 +24,12 @@ impl DeviceLock {
     pub(super) fn take(address: SocketAddr) -> Result<Self, String> {
         let folder = folder();
         match &folder {
-            Some(folder) => Self::within(folder, address),
+            Some(folder) => Self::lock_in(folder, address),
             None => Ok(Self { _locked: None }),
         }
     }
 
-    fn within(folder: &Path, address: SocketAddr) -> Result<Self, String> {
+    fn lock_in(folder: &Path, address: SocketAddr) -> Result<Self, String> {
         let lock_path = folder.join(format!(
             "board-{}.lock",
             address.to_string().replace([':', '[', ']', '%'], "_")
@@ -76,7 +76,7 @@ fn folder() -> Option<PathBuf> {
     // SAFETY: geteuid has no arguments and cannot fail.
     let user_id = unsafe { libc::geteuid() };
     let lock_folder = match std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from) {
-        Some(own) if own.is_dir() => own.join("ergon"),
+        Some(folder) if folder.is_dir() => folder.join("ergon"),
         _ => std::env::temp_dir().join(format!("ergon-{user_id}")),
     };
     match DirBuilder::new().mode(0o700).create(&lock_folder) {
@@ -92,7 +92,7 @@ fn folder() -> Option<PathBuf> {
 /// in /tmp.
 fn is_own_folder(path: &Path, user: u32) -> bool {
     std::fs::symlink_metadata(path)
-        .is_ok_and(|found| found.is_dir() && found.uid() == user && found.mode() & 0o077 == 0)
+        .is_ok_and(|metadata| metadata.is_dir() && metadata.uid() == user && metadata.mode() & 0o077 == 0)
 }
 
 #[cfg(test)]
@@ -104,16 +104,16 @@ mod tests {
         let lock_folder = std::env::temp_dir().join(format!("ergon-lock-{}", std::process::id()));
         std::fs::create_dir_all(&lock_folder).unwrap();
         let [address, other_address] = [9801, 9802].map(|port| SocketAddr::from(([192, 168, 1, 20], port)));
-        let first_lock = DeviceLock::within(&lock_folder, address).unwrap();
+        let first_lock = DeviceLock::lock_in(&lock_folder, address).unwrap();
         assert_eq!(
-            DeviceLock::within(&lock_folder, address).unwrap_err(),
+            DeviceLock::lock_in(&lock_folder, address).unwrap_err(),
             "this program has the device open already"
         );
-        DeviceLock::within(&lock_folder, other_address).unwrap();
+        DeviceLock::lock_in(&lock_folder, other_address).unwrap();
         drop(first_lock);
-        DeviceLock::within(&lock_folder, address).unwrap();
+        DeviceLock::lock_in(&lock_folder, address).unwrap();
         std::fs::remove_dir_all(&lock_folder).unwrap();
-        DeviceLock::within(&lock_folder, address).unwrap();
+        DeviceLock::lock_in(&lock_folder, address).unwrap();
     }
 
     #[test]

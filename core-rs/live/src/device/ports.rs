@@ -49,8 +49,8 @@ pub fn serial_ports() -> Vec<SerialPort> {
 pub fn identity(path: &str) -> Option<String> {
     // A name in /dev/serial/by-id is a link to the port.
     let real_path = std::fs::canonicalize(path).ok()?;
-    identity_among(&serial_ports(), |own| {
-        std::fs::canonicalize(own).is_ok_and(|own| own == real_path)
+    identity_among(&serial_ports(), |port_path| {
+        std::fs::canonicalize(port_path).is_ok_and(|resolved_path| resolved_path == real_path)
     })
 }
 
@@ -104,7 +104,7 @@ mod tests {
             port("/dev/ttyUSB2", 0x0403, Some("0001")),
             port("/dev/ttyS0", 0, None),
         ];
-        let identity = |path: &str| identity_among(&test_ports, |own| own == path);
+        let identity = |path: &str| identity_among(&test_ports, |port_path| port_path == path);
         assert_eq!(identity("/dev/ttyACM0").unwrap(), "usb:2341:0042:85439303");
         assert_eq!(identity("/dev/ttyACM1").unwrap(), "usb:16c0:0042:85439303");
         for unsure in [

@@ -85,7 +85,7 @@ impl Firmware {
         let mut firmware = Self {
             board,
             keys,
-            inbox: Inbox::new(),
+            inbox: Inbox::new_bytes(),
             force: [0.0; MAX_AXES],
             noise_offsets: [0.0; MAX_AXES],
             random: Chance::new(i128::from(board.seed), "emulate", "noise", 0, 0),
@@ -275,7 +275,7 @@ impl Firmware {
                 self.device_info(packet.seq).write(&mut reply_bytes)
             } else if packet.axis_count == self.keys.n() {
                 let had_let_go = self.let_go;
-                if packet.flags & flag::ASK == 0 {
+                if packet.flags & flag::REQUEST == 0 {
                     let motors_enabled = packet.flags & flag::ENABLE != 0;
                     self.push(packet.force.iter().copied(), motors_enabled, now);
                 }

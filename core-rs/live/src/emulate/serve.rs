@@ -12,9 +12,9 @@ use super::line::{Line, LineEvent, Transport};
 use super::{EmulateError, Hand, Key, Keys};
 
 /// Time between two calls of `keep`.
-const ASK: Duration = Duration::from_millis(50);
+const KEEP_INTERVAL: Duration = Duration::from_millis(50);
 /// Longest message that is read [bytes].
-const LONGEST: usize = 64 * 1024;
+const MESSAGE_BYTES_MAX: usize = 64 * 1024;
 
 /// Description of a device to emulate.
 #[derive(Clone, Debug)]
@@ -95,7 +95,7 @@ pub fn serve(
     let period_rate = firmware.keys().rate().hertz();
     let mut host_line = Line::open(options.transport)?;
     tell(Event::Ready(host_line.address()?));
-    let mut line_bytes = vec![0; LONGEST];
+    let mut line_bytes = vec![0; MESSAGE_BYTES_MAX];
     let start_instant = Instant::now();
     let mut last_asked = start_instant;
     loop {
@@ -112,14 +112,14 @@ pub fn serve(
         if options.seconds.is_some_and(|seconds| time_past >= seconds) {
             break;
         }
-        if last_asked.elapsed() >= ASK {
+        if last_asked.elapsed() >= KEEP_INTERVAL {
             last_asked = Instant::now();
             if !keep() {
                 break;
             }
         }
         let read_wait = if lockstep {
-            ASK
+            KEEP_INTERVAL
         } else {
             Duration::from_secs_f64((firmware.next_period_time() - elapsed.as_secs_f64()).clamp(0.0, 0.02))
         };

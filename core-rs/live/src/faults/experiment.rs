@@ -135,13 +135,13 @@ pub(super) fn written_force(seconds: f64, x: f64) -> f64 {
 
 /// Make a fault on a device while a piece asks for forces on a key that a hand holds or nobody, and measure its effect.
 pub(super) fn measure(ask: Ask, is_held: bool, fault: Fault, emulator: Emulator) -> Result<Measurement, DeviceError> {
-    let measurement = |outcome, greatest, rise| Measurement {
+    let measurement = |outcome, greatest, force_rises| Measurement {
         fault,
         emulator,
         outcome,
         bound: fault.bound(emulator),
         greatest,
-        rise,
+        rise: force_rises,
         work: 0.0,
     };
     if let Some(exclusion) = fault.excluded(emulator) {
@@ -197,11 +197,11 @@ pub(super) fn measure(ask: Ask, is_held: bool, fault: Fault, emulator: Emulator)
         _ => 1.0,
     };
     let peak_max = force_share * (peak_max + device_spec.force_lsb);
-    let rise = [motor.rise, allowed(&device_spec)];
+    let force_rises = [motor.rise, allowed(&device_spec)];
     let [_, work] = shared.world().work;
     Ok(Measurement {
         work,
-        ..measurement(outcome, [motor.greatest, peak_max], rise)
+        ..measurement(outcome, [motor.greatest, peak_max], force_rises)
     })
 }
 
@@ -222,7 +222,7 @@ fn run_fault(ask: Ask, fault: Fault, device: Defective, shared: &Shared) -> Dura
         Fault::NotANumber => host.ask = Ask::Force(f64::NAN),
         Fault::Infinite => host.ask = Ask::Force(f64::INFINITY),
         Fault::Huge => return let_go_of_a_huge_force(host),
-        Fault::NoReplies if device_is_here => device(&mut host, |defect| defect.blind = true),
+        Fault::NoReplies if device_is_here => device(&mut host, |defect| defect.loses_positions = true),
         Fault::NoReplies => line(&host, |trouble| trouble.replies_lost = true),
         Fault::HostStalled => {
             shared.world().advance(HOST_STALL);

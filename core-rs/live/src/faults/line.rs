@@ -44,18 +44,18 @@ pub(super) struct Defect {
     pub(super) scale: f64,
     pub(super) offset: f64,
     /// No position arrives at the host.
-    pub(super) blind: bool,
+    pub(super) loses_positions: bool,
 }
 
 impl Defect {
-    const NOTHING: Self = Self {
+    const NONE: Self = Self {
         wrong_way: false,
         frozen: false,
         motor_stuck: false,
         drift: 0.0,
         scale: 1.0,
         offset: 0.0,
-        blind: false,
+        loses_positions: false,
     };
 }
 
@@ -79,7 +79,7 @@ impl Defective {
             last_force: SafeForce::zero(spec.dof),
             spec,
             device,
-            defect: Defect::NOTHING,
+            defect: Defect::NONE,
             direct,
             ticks: None,
             frozen_at: None,
@@ -125,7 +125,7 @@ impl Device for Defective {
     }
 
     fn receive(&mut self, into: &mut Sample, deadline: Instant) -> Result<bool, Gone> {
-        if self.defect.blind {
+        if self.defect.loses_positions {
             into.fresh = false;
             return Ok(false);
         }

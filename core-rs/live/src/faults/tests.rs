@@ -77,9 +77,9 @@ fn written_peak() -> f64 {
 }
 
 /// Every fault once more while a written part drives the key, held by a hand and by nobody: no force above the device's
-/// greatest or that grows faster than allowed, no more work than the stage of passivity allows. The force is zero in the
-/// time of the table or within 0.65 s, or it stays that of the part, a few tenths of a newton, or it has done less than
-/// 50 mJ: so little tells no rule which fault it is.
+/// greatest or that grows faster than allowed, no more work than the stage of passivity allows. The force is zero in
+/// the time of the table or within 0.65 s, or it stays that of the part, a few tenths of a newton, or it has done less
+/// than 50 mJ: so little tells no rule which fault it is.
 #[test]
 fn faults_under_a_driven_key() {
     let peak_limit = 1.1 * written_peak();

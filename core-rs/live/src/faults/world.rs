@@ -277,7 +277,7 @@ impl World {
         let request = frame::Request {
             seq: FOREIGN_REQUEST.wrapping_add(self.n_foreign),
             axis_count: 1,
-            flags: frame::flag::ASK,
+            flags: frame::flag::REQUEST,
             ..frame::Request::default()
         };
         let mut request_bytes = [0; frame::LONGEST];

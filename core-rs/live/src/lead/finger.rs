@@ -10,9 +10,9 @@ use crate::emulate::Key;
 /// Longest step of the computation [s]: at the usual constants, the square of frequency times step is below 5e-4.
 const STEP_MAX: f64 = 25e-6;
 /// Greatest factor of a finger's stiffness.
-pub(super) const FIRMEST: f64 = 2.0;
+pub(super) const FIRMNESS_MAX: f64 = 2.0;
 /// Time in which a finger that lands on a key goes from there to its pointer [s].
-const LANDING: f64 = 0.1;
+const LANDING_SECONDS: f64 = 0.1;
 /// Greatest spring for each kilogram that it moves [N/m/kg]: the square of frequency times step is then below a tenth.
 const STIFFNESS_PER_MASS_MAX: f64 = 1e8;
 
@@ -28,7 +28,7 @@ pub struct Finger {
 }
 
 /// Spring [N/m] and damper [N·s/m] of the pulp of a fingertip on the key.
-pub const PULP: (f64, f64) = (2_000.0, 2.0);
+pub const FINGERTIP: (f64, f64) = (2_000.0, 2.0);
 
 impl Default for Finger {
     fn default() -> Self {
@@ -46,12 +46,12 @@ impl Finger {
         self.damping.is_finite()
             && self.damping >= 0.0
             && self.stiffness > 0.0
-            && bears(self.mass, FIRMEST * self.stiffness + PULP.0)
+            && is_slow_enough(self.mass, FIRMNESS_MAX * self.stiffness + FINGERTIP.0)
     }
 }
 
 /// Whether a mass [kg] between springs [N/m] swings slowly enough for the steps.
-fn bears(mass: f64, stiffness: f64) -> bool {
+fn is_slow_enough(mass: f64, stiffness: f64) -> bool {
     mass.is_finite() && stiffness <= STIFFNESS_PER_MASS_MAX * mass
 }
 
@@ -98,7 +98,7 @@ impl HeldKey {
             && lower_limit < upper_limit
             && self.damping >= 0.0
             && self.stiffness >= 0.0
-            && bears(self.mass, self.stiffness + PULP.0)
+            && is_slow_enough(self.mass, self.stiffness + FINGERTIP.0)
     }
 
     /// Force of its spring at `x` [N].
@@ -130,7 +130,7 @@ pub struct FingerMotion {
     v: [f64; 2],
     /// Distance of the key from the pointer when the finger landed [m], and the time since then [s]; `None` while no
     /// finger is on the key.
-    landed: Option<(f64, f64)>,
+    landing: Option<(f64, f64)>,
     pointer: f64,
     force: f64,
 }
@@ -147,7 +147,7 @@ impl FingerMotion {
             steps: (period / STEP_MAX).ceil().max(1.0) as u32,
             x: [start_position; 2],
             v: [0.0; 2],
-            landed: None,
+            landing: None,
             pointer: start_position,
             force: 0.0,
         }
@@ -158,7 +158,7 @@ impl FingerMotion {
         let substep = self.period / f64::from(self.steps);
         self.force = 0.0;
         let Some(pull) = pull else {
-            self.landed = None;
+            self.landing = None;
             for _ in 0..self.steps {
                 self.move_free_key(force, substep);
             }
@@ -167,12 +167,12 @@ impl FingerMotion {
             self.pointer = self.x[1];
             return;
         };
-        let (landing_offset, landed_for) = *self.landed.get_or_insert((self.x[1] - pull.from, 0.0));
+        let (landing_offset, landed_for) = *self.landing.get_or_insert((self.x[1] - pull.from, 0.0));
         let (pointer_now, pointer_next) = (
             pull.from + landing_offset * left(landed_for),
             pull.to + landing_offset * left(landed_for + self.period),
         );
-        self.landed = Some((landing_offset, landed_for + self.period));
+        self.landing = Some((landing_offset, landed_for + self.period));
         let pointer_speed = (pointer_next - pointer_now) / self.period;
         let grip_stiffness = self.finger.stiffness * pull.firmness;
         for step in 0..self.steps {
@@ -184,8 +184,8 @@ impl FingerMotion {
     }
 
     /// One step of the key alone: half of the way, the change of speed in the middle of the step, and the other half. A
-    /// damper acts on the mean of the speeds before and after. Forces and the pointer's speed are constant within a step,
-    /// so the result is of second order.
+    /// damper acts on the mean of the speeds before and after. Forces and the pointer's speed are constant within a
+    /// step, so the result is of second order.
     fn move_free_key(&mut self, force: f64, h: f64) {
         let HeldKey { mass, damping, .. } = self.key;
         self.x[1] += 0.5 * h * self.v[1];
@@ -197,7 +197,7 @@ impl FingerMotion {
 
     /// One such step of finger and key, which the pulp couples; `pointer`: in the middle of the step.
     fn move_held_key(&mut self, force: f64, k: f64, pointer: f64, speed: f64, h: f64) {
-        let (Finger { damping: z, mass, .. }, held_key, (pulp_k, pulp_z)) = (self.finger, self.key, PULP);
+        let (Finger { damping: z, mass, .. }, held_key, (pulp_k, pulp_z)) = (self.finger, self.key, FINGERTIP);
         let half_step = 0.5 * h;
         self.drift(half_step);
         let ([x, x_key], [v, v_key]) = (self.x, self.v);
@@ -252,13 +252,13 @@ impl FingerMotion {
 
     /// Whether a finger is on the key.
     pub fn is_held(&self) -> bool {
-        self.landed.is_some()
+        self.landing.is_some()
     }
 }
 
 /// The share of the distance from key to pointer that is left `since` [s] after the finger landed: 1 to 0, smoothly.
 fn left(since: f64) -> f64 {
-    let landed_share = (since / LANDING).min(1.0);
+    let landed_share = (since / LANDING_SECONDS).min(1.0);
     1.0 - landed_share * landed_share * (3.0 - 2.0 * landed_share)
 }
 

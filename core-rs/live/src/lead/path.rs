@@ -127,8 +127,8 @@ mod tests {
     fn path_of_a_pointer_after_rest() {
         let pointer_path = [(0.0, 0.0), (2.0, 0.01)];
         let positions = read(&pointer_path, 0.02, &[1.0, 1.97, 1.98, 1.99, 2.0, 3.0]);
-        for (read, wanted) in positions.iter().zip([0.0, 0.0, 0.0, 0.005, 0.01, 0.01]) {
-            assert!((read - wanted).abs() < 1e-12, "{positions:?}");
+        for (read, expected) in positions.iter().zip([0.0, 0.0, 0.0, 0.005, 0.01, 0.01]) {
+            assert!((read - expected).abs() < 1e-12, "{positions:?}");
         }
     }
 

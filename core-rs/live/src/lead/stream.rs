@@ -8,7 +8,7 @@ use std::time::Instant;
 use ergon_view::serve::{PageKey, PagePoints};
 
 use super::arrival::{ArrivalTimes, Arrivals};
-use super::finger::{FIRMEST, Finger, HeldKey};
+use super::finger::{FIRMNESS_MAX, Finger, HeldKey};
 use super::path::Placed;
 use super::trace::{TRACE_COLUMNS, Trace};
 
@@ -23,7 +23,7 @@ const STAMP_LEAD_MAX: f64 = 0.005;
 /// Least distance of two time stamps [s].
 const STAMP_GAP_MIN: f64 = 1e-6;
 /// Range of the factor of a finger's stiffness.
-const FIRMNESS_RANGE: (f64, f64) = (0.1, FIRMEST);
+const FIRMNESS_RANGE: (f64, f64) = (0.1, FIRMNESS_MAX);
 /// Gaps between positions that are longer are pauses of the player, not the rate of the pointer [s].
 const PAUSE_MIN: f64 = 0.1;
 

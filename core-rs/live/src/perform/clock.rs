@@ -92,7 +92,7 @@ impl Clock {
     }
 
     /// Sleep a little while the ring is full.
-    pub(super) fn nap(&self) {
+    pub(super) fn wait_while_full(&self) {
         std::thread::sleep(Duration::from_secs_f64(POLL * self.period));
     }
 }

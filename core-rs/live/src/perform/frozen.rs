@@ -155,8 +155,8 @@ impl Frozen {
         self.ring.slots() >= (frames_behind + n) * self.outputs.len() || self.ring.is_abandoned()
     }
 
-    /// Write the frozen outputs from frame `first_frame` on into `frames` (n_frames, n_out). Frames that were not read in time
-    /// are left unchanged; return their number.
+    /// Write the frozen outputs from frame `first_frame` on into `frames` (n_frames, n_out). Frames that were not read
+    /// in time are left unchanged; return their number.
     pub(super) fn join(&mut self, frames: &mut [f64], n_out: usize, first_frame: u64) -> u64 {
         let frame_width = self.outputs.len();
         let frames_wanted = frames.len() / n_out.max(1);

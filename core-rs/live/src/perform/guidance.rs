@@ -49,12 +49,12 @@ pub struct GuidanceStep {
 impl Guidance {
     /// The corners of the range of its factors: a force limit that holds at each of them is assumed to hold between
     /// them.
-    pub(super) fn shares(this: Option<Self>) -> &'static [GuidanceShare] {
+    pub(super) fn shares(guidance: Option<Self>) -> &'static [GuidanceShare] {
         const NONE: GuidanceShare = GuidanceShare { k: 0.0, z: 0.0 };
         const STIFF: GuidanceShare = GuidanceShare { k: 1.0, z: 0.0 };
         const VISCOUS: GuidanceShare = GuidanceShare { k: 0.0, z: 1.0 };
         const ALL: GuidanceShare = GuidanceShare { k: 1.0, z: 1.0 };
-        match this {
+        match guidance {
             None => &[NONE],
             Some(Self { loose: false, .. }) => &[ALL],
             Some(_) => &[NONE, STIFF, VISCOUS, ALL],
@@ -63,9 +63,14 @@ impl Guidance {
 
     /// The response of piece and guidance together, in ticks of `period` [s]; see
     /// [`Hand::response`](super::Hand::response).
-    pub(super) fn total_response(this: Option<Self>, response: &[f64], period: f64, share: GuidanceShare) -> Vec<f64> {
+    pub(super) fn total_response(
+        guidance: Option<Self>,
+        response: &[f64],
+        period: f64,
+        share: GuidanceShare,
+    ) -> Vec<f64> {
         let mut summed_response = response.to_vec();
-        if let (Some(guidance), [response_now, response_next, ..]) = (this, &mut summed_response[..]) {
+        if let (Some(guidance), [response_now, response_next, ..]) = (guidance, &mut summed_response[..]) {
             let scaled_damping = share.z * guidance.z / period;
             *response_now += share.k * guidance.k + scaled_damping;
             *response_next -= scaled_damping;

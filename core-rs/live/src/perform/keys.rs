@@ -22,7 +22,7 @@ const LOST_AFTER: f64 = 0.25;
 /// Tolerance of positions beyond the range, as a part of the range: sensors and end stops are not exact.
 const RANGE_TOLERANCE: f64 = 0.5;
 /// Longest wait for the newest position, as a part of a tick.
-const WAIT: f64 = 0.3;
+const WAIT_SHARE: f64 = 0.3;
 
 /// An open device and the hands on it.
 pub struct Keyboard {
@@ -72,10 +72,10 @@ pub struct Slot {
     /// Range of plausible positions [m].
     range: [f64; 2],
     /// Number of ticks without a new position, and the number above which the device counts as lost.
-    silent: u32,
-    patience: u32,
+    silent_ticks: u32,
+    silent_ticks_max: u32,
     /// Counts of interruptions on devices of this slot that were lost; new counts are added to them.
-    earlier: [u64; 2],
+    earlier_counts: [u64; 2],
 }
 
 /// The thread that is allowed to wait: it opens the device again and frees lost ones.
@@ -130,7 +130,7 @@ impl Keyboard {
     pub(super) fn split(self, index: usize, commands: Arc<Mutex<Producer<Command>>>) -> (Slot, Reconnector) {
         let (gone, canceller) = (Arc::default(), self.config.canceller.clone());
         // Room for devices that are lost while an earlier one is still to be freed.
-        let (to_drop, dropped) = RingBuffer::new(4);
+        let (to_drop, lost_devices) = RingBuffer::new(4);
         let [range_start, range_end] = self.guarded.spec().pos_range;
         let tolerance = RANGE_TOLERANCE * (range_end - range_start).abs();
         let key = self.key(None);
@@ -147,10 +147,10 @@ impl Keyboard {
             sent: [0.0; MAX_AXES],
             gone: Arc::clone(&gone),
             to_drop,
-            wait: Duration::from_secs_f64(WAIT * self.config.period),
-            silent: 0,
-            patience: (LOST_AFTER / self.config.period) as u32 + 1,
-            earlier: [0; 2],
+            wait: Duration::from_secs_f64(WAIT_SHARE * self.config.period),
+            silent_ticks: 0,
+            silent_ticks_max: (LOST_AFTER / self.config.period) as u32 + 1,
+            earlier_counts: [0; 2],
         };
         let reconnect = ReconnectLoop {
             key,
@@ -159,7 +159,7 @@ impl Keyboard {
             config: self.config,
             index,
             gone,
-            dropped,
+            lost_devices,
             commands,
         };
         let thread = std::thread::Builder::new()
@@ -171,9 +171,9 @@ impl Keyboard {
 }
 
 impl DeviceConfig {
-    fn open(&self, again: bool) -> Result<Box<dyn Device>, device::DeviceError> {
+    fn open(&self, is_retry: bool) -> Result<Box<dyn Device>, device::DeviceError> {
         let opened_device = match self.url.kind {
-            Kind::Led => device::open_led(&self.url, self.period, again)?,
+            Kind::Led => device::open_led(&self.url, self.period, is_retry)?,
             _ => device::open_until(&self.url, &self.canceller)?,
         };
         let opened_device = calibrate::with_calibration(opened_device, &self.calibration);
@@ -205,11 +205,11 @@ impl DeviceConfig {
 
 impl Slot {
     /// Whether the device has a clock of its own; in lockstep it waits for the host.
-    pub fn is_on_the_clock(&self) -> bool {
+    pub fn has_clock(&self) -> bool {
         !self.lockstep
     }
 
-    pub(super) fn is_there(&self) -> bool {
+    pub(super) fn is_open(&self) -> bool {
         self.guarded.is_some()
     }
 
@@ -219,8 +219,8 @@ impl Slot {
 
     /// How often the board reported that it let go, and how often forces ended because the host was stopped.
     pub(super) fn interruptions(&self) -> [u64; 2] {
-        let [let_go, stalls] = self.earlier;
-        self.guarded.as_ref().map_or(self.earlier, |guarded| {
+        let [let_go, stalls] = self.earlier_counts;
+        self.guarded.as_ref().map_or(self.earlier_counts, |guarded| {
             let guarded_counts = guarded.counts();
             [let_go + guarded_counts.let_go, stalls + guarded_counts.stalls]
         })
@@ -284,8 +284,8 @@ impl Slot {
             // Positions that the key cannot have are clamped.
             *position = position.clamp(lowest_position, highest_position);
         }
-        self.silent = if self.sample.fresh { 0 } else { self.silent + 1 };
-        if receive_result.is_ok() && self.silent <= self.patience {
+        self.silent_ticks = if self.sample.fresh { 0 } else { self.silent_ticks + 1 };
+        if receive_result.is_ok() && self.silent_ticks <= self.silent_ticks_max {
             return true;
         }
         self.detach()
@@ -293,7 +293,7 @@ impl Slot {
 
     fn detach(&mut self) -> bool {
         (self.sample.fresh, self.sample.t_dev_us) = (false, None);
-        self.earlier = self.interruptions();
+        self.earlier_counts = self.interruptions();
         if let Some(lost_device) = self.guarded.take() {
             // The reconnector frees it, because closing a port may take long.
             if let Err(rtrb::PushError::Full(lost_device)) = self.to_drop.push(lost_device) {
@@ -308,7 +308,7 @@ impl Slot {
     /// Continue with a device that was opened again.
     pub(super) fn reopened(&mut self, guarded: Box<Guarded>) {
         self.forces = [0.0; MAX_AXES];
-        self.silent = 0;
+        self.silent_ticks = 0;
         self.guarded = Some(guarded);
     }
 }
@@ -321,7 +321,7 @@ struct ReconnectLoop {
     identity: Option<String>,
     index: usize,
     gone: Arc<AtomicBool>,
-    dropped: Consumer<Box<Guarded>>,
+    lost_devices: Consumer<Box<Guarded>>,
     commands: Arc<Mutex<Producer<Command>>>,
 }
 
@@ -334,7 +334,7 @@ impl ReconnectLoop {
             let is_detached = self.gone.load(Ordering::Acquire);
             // The lost device is dropped here, before its port is opened again: it sends its last zeros and closes the
             // port.
-            while let Ok(lost_device) = self.dropped.pop() {
+            while let Ok(lost_device) = self.lost_devices.pop() {
                 device_memory = Some(lost_device.memory());
             }
             if !is_detached || Instant::now() < next_attempt {

@@ -102,7 +102,7 @@ impl Performance {
 
     /// The key under a hand, to compute limits of another piece; `None` if no device plays the hand.
     pub fn hand_key(&self, hand: usize) -> Option<HandKey> {
-        self.hand_keys.iter().find(|own| own.hand == hand).copied()
+        self.hand_keys.iter().find(|hand_key| hand_key.hand == hand).copied()
     }
 
     /// Channels that are heard.
@@ -228,12 +228,15 @@ impl Performance {
         if !due_frame.is_multiple_of(self.tick_frames as u64) {
             return Err(ChangeError::Frame(due_frame, self.tick_frames));
         }
-        let n_out = change.simulation.as_ref().map(|(own, _)| (own.n_out(), own.frame()));
+        let n_out = change
+            .simulation
+            .as_ref()
+            .map(|(simulation, _)| (simulation.n_out(), simulation.frame()));
         if let Some((n_out, begin_frame)) = n_out {
             if begin_frame != due_frame {
                 return Err(ChangeError::Begins(begin_frame, due_frame));
             }
-            if self.frozen_outputs.is_some_and(|own| own != n_out) {
+            if self.frozen_outputs.is_some_and(|n_frozen| n_frozen != n_out) {
                 return Err(ChangeError::Frozen);
             }
         }

@@ -99,7 +99,7 @@ pub(super) struct Player {
     status: Status,
     panicked: bool,
     /// Whether a clock sets the pace: that of the card, or that of the keys.
-    paced: bool,
+    has_pace: bool,
     /// Whether the keys' positions in this tick have been received.
     has_positions: bool,
 }
@@ -155,7 +155,7 @@ impl Player {
             frame: stage.simulation.frame(),
             status,
             panicked: false,
-            paced,
+            has_pace: paced,
             has_positions: false,
             scheduled_changes: Vec::with_capacity(SCHEDULED_MAX),
             acts: Vec::with_capacity(ACTS_MAX),
@@ -245,7 +245,7 @@ impl Player {
             && wait_start.elapsed() < RING_TIMEOUT
             && !self.connections.flags.stop.load(Ordering::Acquire)
         {
-            self.clock.nap();
+            self.clock.wait_while_full();
         }
     }
 
@@ -281,7 +281,7 @@ impl Player {
                 Command::Act(ticket, _) if self.acts.len() == ACTS_MAX => {
                     self.send_event(EventKind::Missed(ticket));
                 }
-                Command::Act(ticket, act) => self.acts.push((ticket, act)),
+                Command::Act(ticket, perform_acts) => self.acts.push((ticket, perform_acts)),
                 Command::Keys(slot, guarded) => {
                     self.slots[slot].reopened(guarded);
                     self.slots[slot].stop(self.panicked);

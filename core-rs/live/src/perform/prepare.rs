@@ -121,7 +121,7 @@ impl Performance {
             shared: output.shared().clone(),
             garbage: to_garbage,
         };
-        let clocked_by_keys = slots.iter().any(Slot::is_on_the_clock);
+        let clocked_by_keys = slots.iter().any(Slot::has_clock);
         let tick_clock = clock::Clock::new(
             stage.tick_frames as f64 / rate,
             frames_ahead.max(2 * output_info.block as usize),

@@ -23,7 +23,7 @@ pub struct Bound {
 pub(super) struct Scale {
     now: f64,
     /// The value to which it may rise.
-    goal: f64,
+    target: f64,
     /// Bounds by rising ticks of the performance, and the index of the next one.
     pub(super) bounds: Vec<Bound>,
     next: usize,
@@ -38,7 +38,7 @@ impl Scale {
         let scale = unit(scale);
         Self {
             now: scale,
-            goal: scale,
+            target: scale,
             bounds: Vec::new(),
             next: 0,
             fall: (FALL_TIME / period).ceil() as u64,
@@ -57,17 +57,17 @@ impl Scale {
     /// The scale in this tick; `waiting`: bounds of changes that wait, by ticks of the performance.
     pub(super) fn tick(&mut self, tick: u64, waiting: impl Iterator<Item = Bound>) -> f64 {
         // The scale rises to the goal of the previous tick, because the force of that tick is sent now.
-        let previous_goal = self.goal;
+        let previous_goal = self.target;
         while let Some(scale_bound) = self
             .bounds
             .get(self.next)
             .filter(|scale_bound| scale_bound.tick <= tick)
         {
-            self.goal = unit(scale_bound.scale);
+            self.target = unit(scale_bound.scale);
             self.next += 1;
         }
         let risen_scale = (self.now + self.by).min(previous_goal).max(self.now);
-        let mut scale_now = risen_scale.min(self.goal);
+        let mut scale_now = risen_scale.min(self.target);
         let coming_bounds = self.bounds[self.next..].iter().copied().chain(waiting);
         for scale_bound in coming_bounds.filter(|scale_bound| scale_bound.tick <= tick + self.fall) {
             let (target_scale, ticks_left) = (unit(scale_bound.scale), scale_bound.tick.saturating_sub(tick) + 1);
@@ -148,9 +148,9 @@ mod tests {
 
     #[test]
     fn scale_with_a_wrong_bound_is_zero() {
-        for wrong in [f64::NAN, -1.0, f64::NEG_INFINITY] {
+        for invalid_scale in [f64::NAN, -1.0, f64::NEG_INFINITY] {
             let mut force_scale = Scale::new(1.0, PERIOD);
-            force_scale.bounds = vec![bound(0, wrong)];
+            force_scale.bounds = vec![bound(0, invalid_scale)];
             force_scale.begin(0);
             assert_eq!(force_scale.tick(0, std::iter::empty()), 0.0);
         }

@@ -87,8 +87,12 @@ pub(super) fn open(
         }
     };
     let input_info = input.info();
-    let through = input_info.latency_s + ahead as f64 / simulation.rate() + output.latency_s;
-    input_status.sentence = format!("{}, {:.1} ms to the loudspeaker", input_info.sentence, 1000.0 * through);
+    let total_latency = input_info.latency_s + ahead as f64 / simulation.rate() + output.latency_s;
+    input_status.sentence = format!(
+        "{}, {:.1} ms to the loudspeaker",
+        input_info.sentence,
+        1000.0 * total_latency
+    );
     input_status.input = Some(input);
     let mut tap = None;
     if let Some(record_path) = &config.record {

@@ -40,7 +40,7 @@ pub struct Status {
     /// Number of parts with frames computed in finer steps.
     pub finer: u32,
     /// Number of contacts, laws and meshes that created energy.
-    pub gained: u32,
+    pub n_gains: u32,
 }
 
 impl Default for Status {
@@ -60,7 +60,7 @@ impl Default for Status {
             hands: [HandStatus::default(); HANDS_MAX],
             muted: 0,
             finer: 0,
-            gained: 0,
+            n_gains: 0,
         }
     }
 }

@@ -70,13 +70,13 @@ impl Header {
     /// A distinct name for each axis: that of its player, followed by the key's if the player has several axes; or
     /// numbers from 1.
     pub fn names(&self) -> Vec<String> {
-        let several = |player: &str| self.axes.iter().filter(|a| a.player == player).count() > 1;
+        let has_several_axes = |player: &str| self.axes.iter().filter(|a| a.player == player).count() > 1;
         let axis_names: Vec<String> = self
             .axes
             .iter()
             .map(|axis| match (&*axis.player, &*axis.key) {
                 ("", key) => key.to_owned(),
-                (player, key) if several(player) => format!("{player}.{key}"),
+                (player, key) if has_several_axes(player) => format!("{player}.{key}"),
                 (player, _) => player.to_owned(),
             })
             .collect();

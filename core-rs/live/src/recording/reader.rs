@@ -260,7 +260,7 @@ impl Collected {
     }
 
     /// Whether a tick is in the wanted range; events before the first row count as part of its tick.
-    fn wanted(&self, tick: u64) -> bool {
+    fn is_wanted(&self, tick: u64) -> bool {
         let tick_offset = tick.saturating_sub(self.first_tick.unwrap_or(tick));
         self.ticks.as_ref().is_none_or(|ticks| ticks.contains(&tick_offset))
     }
@@ -282,7 +282,7 @@ impl Collected {
         (self.first_tick, self.last_tick) = (first_tick, previous_tick);
         for row in payload_rows {
             let row_tick = row::tick(row);
-            if self.wanted(row_tick) {
+            if self.is_wanted(row_tick) {
                 if self.recording.samples.len() + n_axes > MAX_SAMPLES {
                     return Err(RecordingError::TooLong);
                 }
@@ -298,7 +298,7 @@ impl Collected {
             return Ok(false);
         };
         for (tick, line) in events {
-            if self.wanted(tick) {
+            if self.is_wanted(tick) {
                 self.event_bytes += EVENT_HEADER_SIZE + line.len();
                 if self.event_bytes > MAX_EVENTS {
                     return Err(RecordingError::TooLong);

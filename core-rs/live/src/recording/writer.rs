@@ -112,8 +112,8 @@ struct Shared {
 }
 
 impl Shared {
-    fn trouble(&self, found: Option<String>) {
-        *self.trouble.lock().unwrap_or_else(PoisonError::into_inner) = found;
+    fn trouble(&self, error: Option<String>) {
+        *self.trouble.lock().unwrap_or_else(PoisonError::into_inner) = error;
     }
 }
 

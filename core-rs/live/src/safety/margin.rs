@@ -119,7 +119,7 @@ impl Motion {
         let squared_omega = k / m - decay_rate * decay_rate;
         let damped_rate = sqrt(squared_omega.abs());
         let (cosine_term, sine_term) = match damped_rate * t {
-            small if small < 1e-9 => (1.0, t),
+            small_angle if small_angle < 1e-9 => (1.0, t),
             scaled_time if squared_omega > 0.0 => (cos(scaled_time), sin(scaled_time) / damped_rate),
             scaled_time => {
                 let (growing_exp, fading_exp) = (exp(scaled_time), exp(-scaled_time));

@@ -101,7 +101,7 @@ impl Pipeline {
         self.counts.ticks += 1;
         self.unanswered = self.unanswered.saturating_add(1);
         let period_and_fade = [self.period, self.limits.fade_time];
-        let is_stale = self.ages.sending(now, period_and_fade, &mut self.counts);
+        let is_stale = self.ages.before_send(now, period_and_fade, &mut self.counts);
         let mut force_output = [0.0; MAX_AXES];
         for (axis, force_output) in force_output[..self.n].iter_mut().enumerate() {
             let asked = asked.get(axis).copied().unwrap_or(0.0);
@@ -132,15 +132,15 @@ impl Pipeline {
             force = self.max_force.copysign(force);
         }
         force = axis_state.heat.pass(force, continuous, self.is_hot, counts);
-        axis_state.ramp.rise(period, limits.ramp_time);
-        force = axis_state.ramp.pass(force, &mut counts.ramped);
+        axis_state.ramp.advance(period, limits.ramp_time);
+        force = axis_state.ramp.apply(force, &mut counts.ramped);
         if axis_state.velocity.abs() > limits.velocity_max {
             let trip_count = &mut counts.trips_speed;
             axis_state.trip.start(Reason::Speed, limits.trip_time, trip_count);
         }
         let trip_holds = axis_state.trip.tick(period, limits.fade_time);
         force = axis_state.trip.pass(force, &mut counts.tripped);
-        force = self.ages.pass(force, &mut counts.stale);
+        force = self.ages.apply_fade(force, &mut counts.stale);
         force = scaled(force, axis_state.gain, &mut counts.stiff);
         let allowed_range = if trip_holds || is_stale || self.stopped {
             counts.stopped += u64::from(self.stopped);
@@ -161,7 +161,7 @@ impl Pipeline {
 
     /// Take a reply of the device that came `now`.
     pub(super) fn observe(&mut self, sample: &Sample, now: Duration) {
-        let elapsed = self.ages.received(now, sample.let_go, &mut self.counts);
+        let elapsed = self.ages.note_position(now, sample.let_go, &mut self.counts);
         // Replies may come late and then together; a stopped host sends nothing for a while.
         let reply_interval = (self.period * f64::from(self.unanswered.max(1))).max(elapsed.unwrap_or(0.0));
         (self.unanswered, self.is_hot) = (0, sample.hot);

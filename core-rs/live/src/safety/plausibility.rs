@@ -41,7 +41,7 @@ const PAUSE_RESET: f64 = 5.0;
 /// Number of wrong answers to probes, without a right one between them, that end the force.
 const WRONG_ANSWERS: u32 = 4;
 /// Longest time without the piece's force until an answer decides [s].
-const DOUBT: f64 = 2.0;
+const DOUBT_SECONDS: f64 = 2.0;
 
 /// The properties of an axis, for [`Plausibility`].
 #[derive(Clone, Copy, Debug)]
@@ -69,7 +69,7 @@ enum Mode {
     Doubting(u32),
     Off {
         why: Trip,
-        calm: u32,
+        calm_steps: u32,
         since_moved: u32,
     },
 }
@@ -92,7 +92,7 @@ pub(super) struct Plausibility {
     /// Whether a probe was ever answered the right way.
     confirmed: bool,
     /// Wrong answers since the last right one.
-    wrong: u32,
+    wrong_answers: u32,
     /// For each kind of suspicion: steps until it may be probed again, and how often a probe had no finding.
     pauses: [(i32, u32); 2],
     /// Number of probes so far.
@@ -115,7 +115,7 @@ impl Plausibility {
             mode: Mode::Watching,
             fade: 1.0,
             confirmed: false,
-            wrong: 0,
+            wrong_answers: 0,
             pauses: [(0, 0); 2],
             probes: 0,
             confirmation: Confirmation::new(axis_spec, &parameters),
@@ -187,7 +187,7 @@ impl Plausibility {
 
     fn push_again(&mut self) {
         self.mode = Mode::Watching;
-        (self.fade, self.wrong, self.confirmed) = (0.0, 0, false);
+        (self.fade, self.wrong_answers, self.confirmed) = (0.0, 0, false);
         self.pauses = [(0, 0); 2];
         self.confirmation.reset();
         self.signs = Signs::default();
@@ -233,7 +233,7 @@ impl Plausibility {
             Mode::Watching => self.watch(sent),
             Mode::Doubting(steps) => {
                 *steps += 1;
-                if *steps >= steps_in(DOUBT) {
+                if *steps >= steps_in(DOUBT_SECONDS) {
                     self.trip_with(self.confirmation.fault_of_doubt());
                 }
             }
@@ -242,7 +242,11 @@ impl Plausibility {
                 let probe = *probe;
                 self.apply_answer(probe, probe_answer);
             }
-            Mode::Off { why, calm, since_moved } => {
+            Mode::Off {
+                why,
+                calm_steps: calm,
+                since_moved,
+            } => {
                 *since_moved = if self.signs.is_still() {
                     since_moved.saturating_add(1)
                 } else {
@@ -286,15 +290,17 @@ impl Plausibility {
     fn apply_answer(&mut self, probe: Probe, answer: ProbeAnswer) {
         self.mode = match answer {
             ProbeAnswer::Waiting => Mode::Probing(probe),
-            ProbeAnswer::Wrong if self.wrong + 1 >= WRONG_ANSWERS => {
+            ProbeAnswer::Wrong if self.wrong_answers + 1 >= WRONG_ANSWERS => {
                 return self.doubt();
             }
             // A hand may leave the stop by chance: questions decide, where they are asked.
-            ProbeAnswer::Wrong if probe.kind == Suspicion::Stop && self.wrong > 0 && self.confirmation.is_asking => {
+            ProbeAnswer::Wrong
+                if probe.kind == Suspicion::Stop && self.wrong_answers > 0 && self.confirmation.is_asking =>
+            {
                 return self.doubt();
             }
             ProbeAnswer::Wrong => {
-                self.wrong += 1;
+                self.wrong_answers += 1;
                 Mode::Probing(probe.repeated_as_run())
             }
             ProbeAnswer::Right | ProbeAnswer::Unclear => Mode::Watching,
@@ -302,13 +308,13 @@ impl Plausibility {
         if matches!(self.mode, Mode::Watching) {
             if answer == ProbeAnswer::Right {
                 self.confirmed = true;
-                self.wrong = 0;
+                self.wrong_answers = 0;
             }
             let (pause_left, fruitless_probes) = &mut self.pauses[probe.kind as usize];
             let [first_pause, longest] = PAUSES[probe.kind as usize];
             let pause_time = (first_pause * f64::from(1 << (*fruitless_probes).min(8))).min(longest);
             // After a wrong answer there is no pause: the next suspicion is probed at once.
-            if self.wrong == 0 {
+            if self.wrong_answers == 0 {
                 (*pause_left, *fruitless_probes) = ((pause_time / self.built.step) as i32, *fruitless_probes + 1);
             }
             self.signs.forget();
@@ -318,7 +324,7 @@ impl Plausibility {
     fn trip_with(&mut self, why: Trip) {
         self.mode = Mode::Off {
             why,
-            calm: 0,
+            calm_steps: 0,
             since_moved: 0,
         };
     }

@@ -1,10 +1,9 @@
 //! The open frame (docs/open-frame.md): little-endian, `A5 5A` first, a CRC last.
 //!
-//! host → device `A5 5A seq:u16 n:u8 n×force flags:u8 crc:u16`,
-//! device → host `A5 5A seq:u16 t_us:u32 n:u8 n×position status:u8 crc:u16`.
-//! A force is an i16 in 1/32767 of the greatest force, a position an i32 in 10 nm (or 10 nrad); if bit 7 of n is set,
-//! both are f64 in SI units. A request without axes asks for the properties of the device; the answer begins with `A5
-//! 5D`.
+//! host → device `A5 5A seq:u16 n:u8 n×force flags:u8 crc:u16`, device → host `A5 5A seq:u16 t_us:u32 n:u8 n×position
+//! status:u8 crc:u16`. A force is an i16 in 1/32767 of the greatest force, a position an i32 in 10 nm (or 10 nrad); if
+//! bit 7 of n is set, both are f64 in SI units. A request without axes asks for the properties of the device; the
+//! answer begins with `A5 5D`.
 
 use super::Parsed;
 use crate::wire::MAX_AXES;
@@ -24,7 +23,7 @@ pub mod flag {
     /// Enable the motors.
     pub const ENABLE: u8 = 1;
     /// Ask for positions: the forces stay, and in lockstep no step is made.
-    pub const ASK: u8 = 2;
+    pub const REQUEST: u8 = 2;
 }
 
 /// Bits of a reply's status.

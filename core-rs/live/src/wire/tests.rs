@@ -36,7 +36,7 @@ fn firefader_reply_bytes_of_positions() {
 
 #[test]
 fn firefader_inbox_finds_the_next_packet() {
-    let mut inbox = Inbox::<64>::new();
+    let mut inbox = Inbox::<64>::new_bytes();
     let mut seen_replies = Vec::new();
     // The end of a packet, a packet that is cut by the next one, and a packet in two pieces.
     for bytes in [&[3, 4, 0xFF, 9, 9, 0xFF, 130, 1][..], &[2, 3, 4, 5], &[0xFF, 7]] {
@@ -143,7 +143,7 @@ fn feeds<T: PartialEq + std::fmt::Debug>(
         stream_bytes.extend(noise.get(i).into_iter().flatten());
         stream_bytes.extend(packet);
     }
-    let (mut inbox, mut seen_packets) = (Inbox::<512>::new(), Vec::new());
+    let (mut inbox, mut seen_packets) = (Inbox::<512>::new_bytes(), Vec::new());
     for piece in stream_bytes.chunks(piece) {
         inbox.feed(piece, parse, |packet| seen_packets.push(packet));
     }
@@ -154,9 +154,9 @@ fn feeds<T: PartialEq + std::fmt::Debug>(
 proptest! {
     #[test]
     fn parsers_accept_random_bytes(bytes in prop::collection::vec(any::<u8>(), 0..600), piece in 1_usize..80) {
-        let mut firefader_in = Inbox::<64>::new();
-        let mut frame_in = Inbox::<512>::new();
-        let mut who_in = Inbox::<512>::new();
+        let mut firefader_in = Inbox::<64>::new_bytes();
+        let mut frame_in = Inbox::<512>::new_bytes();
+        let mut who_in = Inbox::<512>::new_bytes();
         for piece in bytes.chunks(piece) {
             firefader_in.feed(piece, firefader::parse_reply, |reply| {
                 assert!((0..2).all(|axis| reply.metres(axis).abs() < 0.05));

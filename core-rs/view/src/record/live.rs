@@ -25,16 +25,16 @@ impl Recorder {
         (segment.events).sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let now_index = segment.events.partition_point(|event| event.0 < look_time);
         let (past_events, now_events) = segment.events.split_at(now_index);
-        let mut put_chunks = |some: &[(f64, u16, Bytes)], state_bytes: Option<&Bytes>| {
+        let mut put_chunks = |frames: &[(f64, u16, Bytes)], state_bytes: Option<&Bytes>| {
             if let Some(state_bytes) = state_bytes {
                 put(&mut events, kind::STATE, look_time, &state_bytes.0);
             }
-            for (seconds, which, payload) in some {
-                let target_chunks = match *which {
+            for (seconds, kind, payload) in frames {
+                let target_chunks = match *kind {
                     kind::LEVELS | kind::HANDS => &mut latest,
                     _ => &mut events,
                 };
-                put(target_chunks, *which, *seconds, &payload.0);
+                put(target_chunks, *kind, *seconds, &payload.0);
             }
         };
         put_chunks(past_events, None);

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use ergon_engine::network::Network;
-use ergon_engine::simulation::{How, Look, Oscillation, Record};
+use ergon_engine::simulation::{Look, Oscillation, PointMotion, Record};
 
 use crate::payload::NONE;
 
@@ -28,11 +28,11 @@ pub fn runs(look: &Look) -> Vec<Run> {
     let mut all_runs: Vec<Run> = Vec::new();
     for (index, point) in look.points.iter().enumerate() {
         let (kind, why, body) = match point.how {
-            How::Free(_) => ("free", None, None),
-            How::Sampled => ("sampled", None, None),
-            How::Modal(body) => ("modal", None, Some(body)),
-            How::NotComputed { is_moved: true } => ("none", Some("unheard"), None),
-            How::NotComputed { is_moved: false } => ("none", Some("unmoved"), None),
+            PointMotion::Free(_) => ("free", None, None),
+            PointMotion::Sampled => ("sampled", None, None),
+            PointMotion::Modal(body) => ("modal", None, Some(body)),
+            PointMotion::NotComputed { is_moved: true } => ("none", Some("unheard"), None),
+            PointMotion::NotComputed { is_moved: false } => ("none", Some("unmoved"), None),
         };
         match all_runs.last_mut() {
             Some(run) if (run.part, run.kind, run.why, run.body) == (point.part, kind, why, body) => {
@@ -64,7 +64,7 @@ pub(super) fn tracks(look: &Look, runs: &[Run]) -> Vec<Track> {
     let mut all_tracks = Vec::new();
     for (run, run_tracks) in runs.iter().enumerate() {
         for number in run_tracks.points.clone() {
-            if let How::Free(run_tracks) = look.points[number].how {
+            if let PointMotion::Free(run_tracks) = look.points[number].how {
                 all_tracks.push(Track {
                     number,
                     oscillation: run_tracks,
@@ -108,9 +108,9 @@ pub(super) fn strike_times(
         let strike_frame = ergon_engine::maths::floor(ergon.time * rate + 0.5);
         let instant = if is_discrete { strike_frame / rate } else { ergon.time };
         match struck_point.how {
-            How::Free(_) => all_times[point_index].push(instant),
-            How::Modal(body) => all_times[point_count + body].push(instant),
-            How::Sampled | How::NotComputed { .. } => {}
+            PointMotion::Free(_) => all_times[point_index].push(instant),
+            PointMotion::Modal(body) => all_times[point_count + body].push(instant),
+            PointMotion::Sampled | PointMotion::NotComputed { .. } => {}
         }
     }
     debug_assert!(NONE as usize > point_count);

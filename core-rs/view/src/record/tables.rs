@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use ergon_engine::network::Network;
-use ergon_engine::simulation::{How, Look, Oscillation, Point};
+use ergon_engine::simulation::{Look, Oscillation, Point, PointMotion};
 
 use super::{Run, Setup, chunks};
 use crate::motion::PAYLOAD_MAX;
@@ -24,7 +24,7 @@ pub(super) fn put_all(out: &mut Vec<u8>, network: &Network, (look, setup): (&Loo
 
 fn points(look: &Look, setup: &Setup) -> Bytes {
     let oscillation_of = |point: &Point| match point.how {
-        How::Free(own) => own,
+        PointMotion::Free(free) => free,
         _ => Oscillation { omega: 0.0, sigma: 0.0 },
     };
     let (mut table_bytes, look_points) = (Bytes::default(), &look.points);
@@ -90,17 +90,17 @@ fn shapes(out: &mut Vec<u8>, look: &Look, part: usize, run: &Run) {
         return;
     };
     let (point_count, mode_count) = (body.points.len(), body.modes.len());
-    for some in chunks(mode_count, (PAYLOAD_MAX / 4) / (2 * point_count.max(1)).max(1)) {
-        let (mut table_bytes, chunk_modes) = (Bytes::default(), &body.modes[some.clone()]);
+    for mode_range in chunks(mode_count, (PAYLOAD_MAX / 4) / (2 * point_count.max(1)).max(1)) {
+        let (mut table_bytes, chunk_modes) = (Bytes::default(), &body.modes[mode_range.clone()]);
         table_bytes.u16(part as u16);
         table_bytes.u16(0);
-        table_bytes.u32((body.first + some.start) as u32);
-        table_bytes.u32(some.len() as u32);
+        table_bytes.u32((body.first + mode_range.start) as u32);
+        table_bytes.u32(chunk_modes.len() as u32);
         table_bytes.u32(point_count as u32);
-        chunk_modes.iter().for_each(|own| table_bytes.f64(own.omega));
-        chunk_modes.iter().for_each(|own| table_bytes.f64(own.sigma));
+        chunk_modes.iter().for_each(|mode| table_bytes.f64(mode.omega));
+        chunk_modes.iter().for_each(|mode| table_bytes.f64(mode.sigma));
         for shape_row in body.shapes.chunks(mode_count.max(1)) {
-            let shape_row = shape_row[some.clone()].iter();
+            let shape_row = shape_row[mode_range.clone()].iter();
             shape_row.for_each(|share| table_bytes.u16(to_half(*share)));
         }
         put(out, kind::SHAPES, 0.0, &table_bytes.0);

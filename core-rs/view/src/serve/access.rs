@@ -18,7 +18,7 @@ impl Key {
     }
 
     /// Whether `text` is this key; the time of the comparison does not depend on where they differ.
-    fn is(&self, text: &str) -> bool {
+    fn matches(&self, text: &str) -> bool {
         text.len() == self.0.len()
             && text
                 .bytes()
@@ -58,7 +58,7 @@ pub(super) fn check<'a>(request: &'a Request, key: &Key, address: SocketAddr) ->
     }
     let path = request.path.strip_prefix('/').ok_or(Status::Malformed)?;
     match path.split_once('/') {
-        Some((given, path)) if key.is(given) => Ok(path),
+        Some((given, path)) if key.matches(given) => Ok(path),
         _ => Err(Status::NotFound),
     }
 }

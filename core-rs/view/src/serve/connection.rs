@@ -14,7 +14,7 @@ use super::{Shared, Slot, access, assets, keys, player, viewer};
 
 /// Bytes of a refused request that are read after the answer: if a socket is closed with unread bytes, it is reset and
 /// the answer is lost.
-const DRAIN: usize = 64 << 10;
+const DRAIN_BYTES_MAX: usize = 64 << 10;
 
 /// Serves a connection. It keeps the `place` of a stranger until it is admitted, also while a refusal is sent.
 pub(super) fn serve(stream: &TcpStream, place: StrangerPlace, shared: &Shared) {
@@ -27,9 +27,9 @@ pub(super) fn serve(stream: &TcpStream, place: StrangerPlace, shared: &Shared) {
     match admission {
         Ok(admitted) => {
             drop(place);
-            end(reply(stream, &admitted, shared), stream, shared);
+            finish(reply(stream, &admitted, shared), stream, shared);
         }
-        Err(error) => end(Err(error), stream, shared),
+        Err(error) => finish(Err(error), stream, shared),
     }
 }
 
@@ -53,14 +53,14 @@ fn admit(request: Request, shared: &Shared) -> Result<Admitted<'_>, ReplyError> 
 }
 
 /// Counts how a connection ended, and sends the refusal if it was refused.
-fn end(outcome: Result<(), ReplyError>, stream: &TcpStream, shared: &Shared) {
+fn finish(outcome: Result<(), ReplyError>, stream: &TcpStream, shared: &Shared) {
     let (server_tally, server_limits) = (&shared.tally, shared.options.limits);
-    let counted = match &outcome {
+    let counter = match &outcome {
         Ok(()) => &server_tally.served,
         Err(ReplyError::Slow) => &server_tally.dropped,
         Err(ReplyError::Gone | ReplyError::Refused(_)) => &server_tally.refused,
     };
-    counted.fetch_add(1, Ordering::Relaxed);
+    counter.fetch_add(1, Ordering::Relaxed);
     if let Err(ReplyError::Refused(refusal_status)) = outcome
         && let Ok(mut paced_stream) = Paced::new(stream, server_limits)
         && answer::refuse(&mut paced_stream, refusal_status).is_ok()
@@ -144,11 +144,11 @@ fn reply(stream: &TcpStream, admitted: &Admitted, shared: &Shared) -> Result<(),
 }
 
 /// Reads remaining bytes, for a limited time and up to a limit.
-fn drain(mut stream: &TcpStream, within: Duration) {
+fn drain(mut stream: &TcpStream, time_limit: Duration) {
     let _ = stream.shutdown(Shutdown::Write);
-    let _ = stream.set_read_timeout(Some(within.min(Duration::from_millis(500))));
+    let _ = stream.set_read_timeout(Some(time_limit.min(Duration::from_millis(500))));
     let mut read_buffer = [0; 4 << 10];
-    let mut bytes_left = DRAIN;
+    let mut bytes_left = DRAIN_BYTES_MAX;
     while let Ok(bytes_read @ 1..) = stream.read(&mut read_buffer)
         && bytes_read <= bytes_left
     {

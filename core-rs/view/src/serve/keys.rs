@@ -34,8 +34,8 @@ pub trait PageKey: Send + Sync + fmt::Debug {
     fn points(&self) -> PagePoints;
 }
 
-/// Pointer, finger and key [m], and the force of the pointer on the finger [N]. Pointer and finger are not numbers while
-/// no finger is on the key.
+/// Pointer, finger and key [m], and the force of the pointer on the finger [N]. Pointer and finger are not numbers
+/// while no finger is on the key.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PagePoints {
     /// The pointer, as it pulls the finger.

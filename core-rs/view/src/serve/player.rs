@@ -99,7 +99,7 @@ impl Page<'_> {
         let (message_verb, argument) = text.split_once(' ').ok_or(End::Dropped)?;
         if message_verb == "ping" {
             let sent_time: f64 = argument.parse().map_err(|_| End::Dropped)?;
-            return self.say(format!("pong {sent_time} {}", self.shared.now()));
+            return self.send_text(format!("pong {sent_time} {}", self.shared.now()));
         }
         let key_number: usize = argument.parse().map_err(|_| End::Dropped)?;
         let page_key = self.shared.options.keys.get(key_number).ok_or(End::Dropped)?;
@@ -109,7 +109,7 @@ impl Page<'_> {
                 self.holds[key_number] = true;
                 Ok(())
             }
-            "hold" => self.say(format!("taken {key_number}")),
+            "hold" => self.send_text(format!("taken {key_number}")),
             "leave" => {
                 if std::mem::take(&mut self.holds[key_number]) {
                     page_key.leave();
@@ -139,7 +139,7 @@ impl Page<'_> {
         Ok(())
     }
 
-    fn say(&mut self, text: String) -> Result<(), End> {
+    fn send_text(&mut self, text: String) -> Result<(), End> {
         let send_result = self.socket.send(Message::text(text));
         send_result.map_err(|error| ended(&error))
     }

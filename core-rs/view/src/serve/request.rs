@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 use super::answer::Status;
 
 /// Largest size of a head [bytes]; that of a browser has a few hundred.
-const HEAD: usize = 8 << 10;
-const HEADERS: usize = 64;
+const HEAD_BYTES_MAX: usize = 8 << 10;
+const HEADERS_MAX: usize = 64;
 
 /// The fields of a request that are used.
 #[derive(Debug, Default, PartialEq)]
@@ -33,9 +33,9 @@ pub(super) enum RequestError {
 }
 
 /// Reads the head of a request within a time.
-pub(super) fn read(mut stream: &TcpStream, within: Duration) -> Result<Request, RequestError> {
-    let deadline = Instant::now() + within;
-    let mut head_bytes = [0; HEAD];
+pub(super) fn read(mut stream: &TcpStream, time_limit: Duration) -> Result<Request, RequestError> {
+    let deadline = Instant::now() + time_limit;
+    let mut head_bytes = [0; HEAD_BYTES_MAX];
     let mut bytes_read = 0;
     loop {
         let time_left = deadline.saturating_duration_since(Instant::now());
@@ -44,7 +44,7 @@ pub(super) fn read(mut stream: &TcpStream, within: Duration) -> Result<Request, 
         }
         match stream.read(&mut head_bytes[bytes_read..]) {
             Ok(0) => return Err(RequestError::Gone),
-            Ok(more) => bytes_read += more,
+            Ok(read_count) => bytes_read += read_count,
             Err(error) if error.kind() == ErrorKind::Interrupted => continue,
             Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                 return Err(RequestError::Refused(Status::TimedOut));
@@ -54,7 +54,7 @@ pub(super) fn read(mut stream: &TcpStream, within: Duration) -> Result<Request, 
         if let Some(request) = parse(&head_bytes[..bytes_read]).map_err(RequestError::Refused)? {
             return Ok(request);
         }
-        if bytes_read == HEAD {
+        if bytes_read == HEAD_BYTES_MAX {
             return Err(RequestError::Refused(Status::TooLarge));
         }
     }
@@ -62,7 +62,7 @@ pub(super) fn read(mut stream: &TcpStream, within: Duration) -> Result<Request, 
 
 /// Parses a request; `None` if its head is incomplete.
 pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, Status> {
-    let mut headers = [httparse::EMPTY_HEADER; HEADERS];
+    let mut headers = [httparse::EMPTY_HEADER; HEADERS_MAX];
     let mut request_head = httparse::Request::new(&mut headers);
     let head_length = match request_head.parse(bytes) {
         Ok(httparse::Status::Complete(head_length)) => head_length,
@@ -102,21 +102,26 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, Status> {
 
 /// The key of a WebSocket upgrade by RFC 6455; `None` if no upgrade is requested.
 fn upgrade<'a>(
-    once: &impl Fn(&str) -> Result<Option<&'a str>, Status>,
+    single_header: &impl Fn(&str) -> Result<Option<&'a str>, Status>,
     version: Option<u8>,
 ) -> Result<Option<String>, Status> {
-    let Some(upgrade_to) = once("upgrade")? else {
+    let Some(upgrade_to) = single_header("upgrade")? else {
         return Ok(None);
     };
-    let connection = once("connection")?.unwrap_or_default();
-    let names_upgrade = connection
+    let connection = single_header("connection")?.unwrap_or_default();
+    let requests_upgrade = connection
         .split(',')
         .any(|word| word.trim().eq_ignore_ascii_case("upgrade"));
-    let socket_key = once("sec-websocket-key")?.unwrap_or_default();
+    let socket_key = single_header("sec-websocket-key")?.unwrap_or_default();
     // The form of 16 bytes in base64.
     let is_valid_key = socket_key.len() == 24 && socket_key.ends_with("==") && socket_key.is_ascii();
-    let is_known = once("sec-websocket-version")? == Some("13");
-    if upgrade_to.eq_ignore_ascii_case("websocket") && names_upgrade && is_valid_key && is_known && version == Some(1) {
+    let is_known = single_header("sec-websocket-version")? == Some("13");
+    if upgrade_to.eq_ignore_ascii_case("websocket")
+        && requests_upgrade
+        && is_valid_key
+        && is_known
+        && version == Some(1)
+    {
         Ok(Some(socket_key.to_owned()))
     } else {
         Err(Status::Malformed)

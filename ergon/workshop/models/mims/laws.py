@@ -87,14 +87,14 @@ LINKS: Mapping[Laws, Mapping[str, Link]] = {
 }
 
 
-_SPRUNG, _DAMPED = {"k": "K"}, {"z": "Z"}
+_SPRING_FIELDS, _DAMPER_FIELDS = {"k": "K"}, {"z": "Z"}
 _FOLLOWABLE = {
-    "RES": Link("LNL", _SPRUNG, "k*d"),
-    "FRO": Link("LNL", _DAMPED, damping="z*v"),
-    "REF": Link("LNL", {**_SPRUNG, **_DAMPED}, "k*d", "z*v"),
+    "RES": Link("LNL", _SPRING_FIELDS, "k*d"),
+    "FRO": Link("LNL", _DAMPER_FIELDS, damping="z*v"),
+    "REF": Link("LNL", {**_SPRING_FIELDS, **_DAMPER_FIELDS}, "k*d", "z*v"),
     "BUT": Link(
         "LNL",
-        {**_SPRUNG, **_DAMPED},
+        {**_SPRING_FIELDS, **_DAMPER_FIELDS},
         "where(d < 0, k*d, 0)",
         "where(d < 0, z*v, 0)",
         "thresh",

@@ -18,7 +18,7 @@ from ergon.workshop.models.mims.writing import Writing
 from ergon.workshop.models.naming import metres
 from ergon.workshop.models.refused import REFUSED
 
-_NONE = Value("0", 0.0, 0.0, 0.0)
+_ZERO_VALUE = Value("0", 0.0, 0.0, 0.0)
 
 
 def link(writing: Writing, model_statement: Statement, listened: Mapping[int, str]) -> None:
@@ -35,12 +35,12 @@ def link(writing: Writing, model_statement: Statement, listened: Mapping[int, st
         name for name in ("K", "Z", "lim") if name in model_values and model_values[name].along
     ]
     for link_name in signed:
-        not_negative(model_values.get(link_name, _NONE), link_name, model_statement.line)
+        not_negative(model_values.get(link_name, _ZERO_VALUE), link_name, model_statement.line)
     if "scale" in model_values and model_values["scale"].least <= 0.0:
         raise ModelError(
             REFUSED["scale"].format(value=model_values["scale"].least), model_statement.line
         )
-    twice = writing.model.dialect == "v1" and model_statement.keyword == "nlSpring3"
+    is_halved = writing.model.dialect == "v1" and model_statement.keyword == "nlSpring3"
     firsts = {name: value.first for name, value in model_values.items()}
     if link_law.damping or firsts.get("Z"):
         end_shares = [shares(writing, model_statement, point) for point in model_statement.points]
@@ -48,12 +48,12 @@ def link(writing: Writing, model_statement: Statement, listened: Mapping[int, st
             _begin(writing, *end) for end in zip(model_statement.points, end_shares, strict=True)
         )
         force = kick(link_law, firsts, a, b)
-        _strike(writing, end_shares, 2.0 * force if twice else force)
+        _strike(writing, end_shares, 2.0 * force if is_halved else force)
     if link_law.kind in ("LNL", "BUT"):
-        both = zip(model_statement.points, ends_of, strict=True)
+        point_ends = zip(model_statement.points, ends_of, strict=True)
         ends_of = [
             [(1.0, still(writing, point, shared))] if len(shared) > 1 else shared
-            for point, shared in both
+            for point, shared in point_ends
         ]
     if max(map(len, ends_of)) > 1:
         _between(writing, model_statement, link_law, ends_of, listened.get(id(model_statement), ""))
@@ -71,7 +71,7 @@ def link(writing: Writing, model_statement: Statement, listened: Mapping[int, st
     written_fields = [f"between: [{', '.join(end_points)}]"]
     for word, text in (("law", link_law.law), ("damping", link_law.damping)):
         written_fields += [f'{word}: "{text}"'] if text else []
-    written_fields += _fields(writing, link_law, model_values, "2*" if twice else "")
+    written_fields += _fields(writing, link_law, model_values, "2*" if is_halved else "")
     if link_law.rest:
         written_fields += (
             [f"rest: {metres(writing.text(model_statement, link_law.rest))}"]
@@ -82,7 +82,7 @@ def link(writing: Writing, model_statement: Statement, listened: Mapping[int, st
         written_fields.append("gap: " + metres(f"-({writing.text(model_statement, 'thresh')})"))
     link_name = writing.names.new(model_statement.name)
     writing.links.append((model_statement, link_name))
-    comment = "MIMS adds the force of its nlSpring3 twice" if twice else ""
+    comment = "MIMS adds the force of its nlSpring3 twice" if is_halved else ""
     writing.add(link_name, f"{link_law.kind}: {{{', '.join(written_fields)}{side_text}}}", comment)
 
 
@@ -117,7 +117,7 @@ def _fields(
     """The values of a link as fields: constants, and those that follow a signal."""
     written_fields, follows = [], []
     for field_letter, name in law.fields.items():
-        field_value = law_values.get(name, _NONE)
+        field_value = law_values.get(name, _ZERO_VALUE)
         if field_value.along:
             follows.append(f"{field_letter}: {following(writing, field_value)}")
         else:
@@ -147,12 +147,12 @@ def _between(
     for sign, targets in zip((1.0, -1.0), points, strict=True):
         for share, target in targets:
             shares_by_mass[target] = shares_by_mass.get(target, 0.0) + sign * share
-    whose = writing.targets.get(listened)
+    target_names = writing.targets.get(listened)
     comment = f"{model_statement.keyword} of {quote(model_statement.name)}, between masses"
     for (p, first_share), (q, second_share) in combinations(shares_by_mass.items(), 2):
-        end_points = [q, p] if p == whose else [p, q]  # a force is heard at the second end
+        end_points = [q, p] if p == target_names else [p, q]  # a force is heard at the second end
         module_name = writing.names.new(model_statement.name)
-        if not listened or whose in (p, q):
+        if not listened or target_names in (p, q):
             writing.links.append((model_statement, module_name))
         module_fields = {
             tie: f"{-first_share * second_share!r}*({writing.text(model_statement, tie)})"
@@ -186,8 +186,8 @@ def _begin(writing: Writing, link_point: Point, mass_targets: list[tuple[float, 
     if macro is None:
         return point_begin
     moving = sum(share for share, target in mass_targets if target not in writing.held)
-    still = sum(share for share, target in mass_targets if target in writing.held)
-    x = moving * point_begin.x + still * writing.value(macro.statement, "x0")
+    fixed_share = sum(share for share, target in mass_targets if target in writing.held)
+    x = moving * point_begin.x + fixed_share * writing.value(macro.statement, "x0")
     step = moving * point_begin.step
     return Begin(x, step, x - step)
 

@@ -15,7 +15,7 @@ from ergon.workshop.models.naming import metres
 from ergon.workshop.models.page import RATE
 from ergon.workshop.models.refused import REFUSED
 
-_FARTHEST, _FASTEST = 1e3, 1e6  # [m], [m/s] of a score
+_DISTANCE_MAX, _SPEED_MAX = 1e3, 1e6  # [m], [m/s] of a score
 
 
 def push(writing: Writing, model_statement: Statement) -> None:
@@ -45,7 +45,7 @@ def _mass(writing: Writing, model_statement: Statement) -> None:
     mass_name = writing.targets[model_statement.name] = writing.names.new(model_statement.name)
     if model_statement.keyword == "ground":
         x0 = writing.value(model_statement, "x0")
-        _within(model_statement, "x0", x0, _FARTHEST)
+        _within(model_statement, "x0", x0, _DISTANCE_MAX)
         writing.begins[model_statement.name] = Begin(x0)
         writing.held.add(mass_name)
         writing.add(
@@ -128,8 +128,8 @@ def _start(
         + (z / mass_number - 1.0) * position_before
         - gravity / mass_number
     )
-    _within(model_statement, "x0", first_position, _FARTHEST)
-    _within(model_statement, "the first step", (first_position - x0) * RATE, _FASTEST)
+    _within(model_statement, "x0", first_position, _DISTANCE_MAX)
+    _within(model_statement, "the first step", (first_position - x0) * RATE, _SPEED_MAX)
     writing.begins[model_statement.name] = Begin(first_position, first_position - x0)
     if first_position == x0:
         return (f"X0: {metres(writing.text(model_statement, 'x0'))}" if x0 else ""), ""
@@ -192,7 +192,7 @@ def _macro(writing: Writing, model_statement: Statement) -> None:
     row_count, column_count = places.size(model_statement)
     macro_name = writing.names.new(model_statement.name)
     x0 = writing.value(model_statement, "x0")
-    _within(model_statement, "x0", x0, _FARTHEST)
+    _within(model_statement, "x0", x0, _DISTANCE_MAX)
     air = model_values["Zo"].first if "Zo" in model_values else 0.0
     macro = writing.macros[model_statement.name] = places.Macro(
         model_statement,

@@ -20,7 +20,7 @@ from ergon.workshop.models.refused import REFUSED
 MASSES_MAX = 2_000_000
 ROWS_MAX = 2_000
 SIDE_MAX = 801  # masses of a PLATE
-_NEAR = 1e-9  # of a mass: what rounding leaves of 0.7·(N - 1)
+_PLACE_TOLERANCE = 1e-9  # of a mass: what rounding leaves of 0.7·(N - 1)
 
 
 @dataclass(slots=True)
@@ -125,7 +125,7 @@ class Macro:
         """
         is_string = self.statement.keyword in STRINGS
         counts = (self.columns,) if is_string else (self.rows, self.columns)
-        along = []
+        positions = []
         for side_share, side_count in zip(sides, counts, strict=True):
             if is_2019:
                 side_position = min(side_share * side_count, side_count - 1.0)
@@ -136,15 +136,15 @@ class Macro:
                     f"a place on {quote(self.statement.name)} is {side_share:g}, below 0", line
                 )
             low_member, member_part = int(side_position), side_position - int(side_position)
-            if min(member_part, 1.0 - member_part) < _NEAR:
-                along.append([(round(side_position), 1.0)])
+            if min(member_part, 1.0 - member_part) < _PLACE_TOLERANCE:
+                positions.append([(round(side_position), 1.0)])
             else:
-                along.append([(low_member, 1.0 - member_part), (low_member + 1, member_part)])
+                positions.append([(low_member, 1.0 - member_part), (low_member + 1, member_part)])
         if is_string:
-            along.insert(0, [(0, 1.0)])
+            positions.insert(0, [(0, 1.0)])
         shares: dict[str, float] = {}
-        for row, a in along[0]:
-            for column, b in along[1]:
+        for row, a in positions[0]:
+            for column, b in positions[1]:
                 name = self.point_name(row, column)
                 shares[name] = shares.get(name, 0.0) + a * b
         return [(share, name) for name, share in shares.items()]
@@ -217,9 +217,9 @@ def _single_macro(macro: Macro) -> None:
         _body(macro, macro.name, count, f"STRING: {{masses: {count}, ends: {edge_kind}")
         return
     less, rim = (2, "fixed") if keyword == "closedMesh" else (0, "free")
-    across, up = macro.columns - less, macro.rows - less
-    form = f"PLATE: {{shape: rectangle, sides: [{across}, {up}], rim: {rim}"
-    _body(macro, macro.name, across * up, form)
+    column_steps, row_steps = macro.columns - less, macro.rows - less
+    form = f"PLATE: {{shape: rectangle, sides: [{column_steps}, {row_steps}], rim: {rim}"
+    _body(macro, macro.name, column_steps * row_steps, form)
 
 
 def _rows(macro: Macro) -> None:

@@ -17,7 +17,7 @@ from ergon.workshop.models.refused import REFUSED
 
 _WORD = re.compile(r"[A-Za-z_]\w*")
 _PROBES = (0.0, 1.0, 2.0, 0.3)  # values of a signal at which a place is asked for
-_CLOSE = 1e-12
+_SHARE_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ def straight(model: Model, expression_text: str, error_label: str, line_number: 
     line_at = (start_value + slope * value for value in _PROBES[2:])
     straight = zip(other_values, line_at, strict=True)
     if any(
-        abs(value_computed - value_expected) > _CLOSE * (1.0 + abs(value_expected))
+        abs(value_computed - value_expected) > _SHARE_TOLERANCE * (1.0 + abs(value_expected))
         for value_computed, value_expected in straight
     ):
         raise ModelError(

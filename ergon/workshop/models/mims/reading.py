@@ -190,12 +190,12 @@ def _statement(
 
 
 def _point(point_word: str, line_number: int) -> Point:
-    point_name, *along = (
+    point_name, *side_positions = (
         point_word.strip("[]").split(None, 1)[:2] if point_word.strip("[] ") else ("",)
     )
     if not _NAME.fullmatch(point_name):
         raise ModelError(f"{quote(point_word)} is not a point: write @ and its name", line_number)
-    return Point(point_name[1:], tuple(along[0].split()) if along else ())
+    return Point(point_name[1:], tuple(side_positions[0].split()) if side_positions else ())
 
 
 def _v1_points(
@@ -206,15 +206,17 @@ def _v1_points(
     line_number: int,
 ) -> tuple[tuple[Point, ...], list[str]]:
     """The places on macros, which follow the values, in the order of the points."""
-    on = [point for point in end_points if point.name in macros]
-    if len(value_words) < len(on):
-        raise ModelError(f"{keyword}: where on {quote(on[0].name)} is left out", line_number)
-    places = iter(value_words[len(value_words) - len(on) :])
+    macro_points = [point for point in end_points if point.name in macros]
+    if len(value_words) < len(macro_points):
+        raise ModelError(
+            f"{keyword}: where on {quote(macro_points[0].name)} is left out", line_number
+        )
+    places = iter(value_words[len(value_words) - len(macro_points) :])
     model_points = tuple(
         Point(point.name, tuple(next(places).split(":"))) if point.name in macros else point
         for point in end_points
     )
-    return model_points, value_words[: len(value_words) - len(on)]
+    return model_points, value_words[: len(value_words) - len(macro_points)]
 
 
 def _values(
@@ -296,11 +298,17 @@ def _params(model: Model, overrides: Mapping[str, str]) -> dict[str, Amount]:
 
 def _known_points(model: Model, macros: set[str]) -> None:
     points_by_name = {
-        one.name: one for one in model.statements_of("mass", "macro") if one.name not in macros
+        statement.name: statement
+        for statement in model.statements_of("mass", "macro")
+        if statement.name not in macros
     }
-    inputs = {one.name for one in model.statements_of("input") if one.keyword == "posInput"}
+    inputs = {
+        statement.name
+        for statement in model.statements_of("input")
+        if statement.keyword == "posInput"
+    }
     masses = {*points_by_name, *inputs}
-    kinds = {one.name: one.keyword for one in model.statements_of("macro")}
+    kinds = {statement.name: statement.keyword for statement in model.statements_of("macro")}
     for model_statement in model.statements:
         for end_point in model_statement.points:
             if end_point.name in macros:
@@ -335,8 +343,8 @@ def _numbers(model: Model, model_statement: Statement) -> None:
             )
             raise ModelError(message, model_statement.line)
     for point in model_statement.points:
-        for along in point.along:
-            model.number(along, f"the place on {quote(point.name)}", model_statement.line)
+        for side_position in point.along:
+            model.number(side_position, f"the place on {quote(point.name)}", model_statement.line)
     for value_name in ("N", "L", "W"):
         if value_name in model_statement.values and not re.fullmatch(
             r"[1-9]\d{0,6}", model_statement.values[value_name]

@@ -10,7 +10,7 @@ from ergon.workshop.models.mims.proxies import Along, signals_in, straight
 from ergon.workshop.models.mims.writing import Writing
 from ergon.workshop.models.page import RATE, Input
 
-_HELD = "1e9"  # mass of what is moved whatever pushes it: no link is too stiff for it
+_IMPOSED_MASS = "1e9"  # mass of what is moved whatever pushes it: no link is too stiff for it
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,9 @@ def fed(writing: Writing, take_name: str, take_source: str) -> str:
         return point_name
     x0 = "" if take.first == 0.0 else f", X0: {take.first!r}m"
     writing.add(
-        point_name, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing, for its path is imposed"
+        point_name,
+        f"MAS: {{M: {_IMPOSED_MASS}{x0}}}",
+        "its mass says nothing, for its path is imposed",
     )
     path = writing.names.new(f"{point_name}_path")
     writing.add(path, f"ENX: {{to: {point_name}, from: {take_source}{take.start}}}")

@@ -34,7 +34,7 @@ LINKS: Mapping[str, tuple[str, ...]] = {
     "PlaneContact3D": ("stiffness", "damping", "drest", "orientation", "position"),
     "SpringDamper1D": ("stiffness", "damping", "drest"),
 }
-_REFUSED = {
+_REFUSED_WORDS = {
     "Osc3D": "a point in space that its own place pulls back is not built yet",
     "Mass2DPlane": "a mass that stays in a plane is not built yet",
     "Mass3DSimple": "it has gone from miPhysics, and nothing says what it was",
@@ -122,11 +122,11 @@ class _Reading:
     def end(self, tag: str) -> None:
         self.path.pop()
         if tag == "global":
-            along = [self.gravity * component for component in self.direction]
-            if along[0] or along[1] or along[2] < 0.0:
+            gravity_force = [self.gravity * component for component in self.direction]
+            if gravity_force[0] or gravity_force[1] or gravity_force[2] < 0.0:
                 message = "gravity goes along another axis than z, which is not built yet"
                 raise ModelError(message, self.line())
-            self.network.gravity = along[2]
+            self.network.gravity = gravity_force[2]
 
     def read_element(self, tag: str, attributes: Mapping[str, str]) -> None:
         if tag == "gravity":
@@ -151,8 +151,8 @@ class _Reading:
         into: list[Part],
     ) -> None:
         line_number = self.line()
-        if kind in _REFUSED:
-            raise ModelError(f"{kind}: {_REFUSED[kind]}", line_number)
+        if kind in _REFUSED_WORDS:
+            raise ModelError(f"{kind}: {_REFUSED_WORDS[kind]}", line_number)
         if kind not in forms:
             noun = "masses" if forms is MASSES else "links"
             message = f"{quote(kind)} is not a kind of {noun}"

@@ -20,7 +20,7 @@ from ergon.workshop.models.naming import Names
 
 RATES = (100, 192_000)  # [Hz] that a model may have
 _MILLI = 1e-3
-_FARTHEST, _FASTEST, _HEAVIEST = 1e6, 1e9, 1e5  # [mm], [mm/s], [m/s²] of a score
+_DISTANCE_MAX, _SPEED_MAX, _GRAVITY_MAX = 1e6, 1e9, 1e5  # [mm], [mm/s], [m/s²] of a score
 _NO_LETTER = re.compile(r"\W", re.ASCII)
 
 
@@ -47,9 +47,9 @@ def written(network: Network, score_title: str, rate: int) -> str:
     masses_by_name = {mass.name: mass for mass in network.masses}
     for model_link in network.links:
         _joined(model_link, masses_by_name)
-    if network.gravity * rate * rate * _MILLI > _HEAVIEST:
+    if network.gravity * rate * rate * _MILLI > _GRAVITY_MAX:
         message = f"gravity is {network.gravity:g} a sample²: at {rate:,} Hz a score holds up to "
-        raise ModelError(f"{message}{_HEAVIEST / (rate * rate * _MILLI):g}; set a lower rate")
+        raise ModelError(f"{message}{_GRAVITY_MAX / (rate * rate * _MILLI):g}; set a lower rate")
     for model_mass in network.masses:
         if "mass" in model_mass.values:
             _heavy(writing, model_mass)
@@ -74,8 +74,8 @@ def _joined(model_link: Part, masses_by_name: dict[str, Part]) -> None:
     """
     for link_end in model_link.ends:
         if link_end not in masses_by_name:
-            near = nearest(link_end, masses_by_name)
-            raise ModelError(f"no mass is called {quote(link_end)}", model_link.line, near)
+            suggestion = nearest(link_end, masses_by_name)
+            raise ModelError(f"no mass is called {quote(link_end)}", model_link.line, suggestion)
         if masses_by_name[link_end].kind.endswith("1D") != model_link.kind.endswith("1D"):
             axes = "one axis" if masses_by_name[link_end].kind.endswith("1D") else "three axes"
             message = (
@@ -124,17 +124,17 @@ def _vector(values: tuple[float, ...], unit: str) -> str:
 
 def _point(writing: _Writing, model_part: Part, speed: tuple[float, float, float]) -> None:
     for component_value in place(model_part):
-        _within(model_part, "a place", component_value, _FARTHEST)
+        _within(model_part, "a place", component_value, _DISTANCE_MAX)
     module_fields = [f"X0: {_vector(place(model_part), 'mm')}"]
     mass_kind = "SOL"
     if model_part.kind != "Ground3D":
         mass_kind, mass_amount = "MAS", _heavy(writing, model_part)
         module_fields.insert(0, f"M: {_number(mass_amount)}kg")
         if any(speed):
-            fast = tuple(value * writing.rate for value in speed)
-            for component_value in fast:
-                _within(model_part, "a speed", component_value, _FASTEST)
-            module_fields.append(f"V0: {_vector(fast, 'mm/s')}")
+            speed_per_second = tuple(value * writing.rate for value in speed)
+            for component_value in speed_per_second:
+                _within(model_part, "a speed", component_value, _SPEED_MAX)
+            module_fields.append(f"V0: {_vector(speed_per_second, 'mm/s')}")
         if writing.network.friction:
             module_fields.append(f"drag: {drag(writing.network.friction, mass_amount)!r}*viscous")
     writing.space.append(
@@ -176,7 +176,7 @@ def _link(writing: _Writing, model_link: Part) -> None:
 
 def _wall(writing: _Writing, axis_index: int, wall_position: float, link: Part) -> str:
     """The plane of a contact; contacts on the same plane share it."""
-    _within(link, "position", wall_position, _FARTHEST)
+    _within(link, "position", wall_position, _DISTANCE_MAX)
     if (axis_index, wall_position) not in writing.walls:
         name = writing.walls[axis_index, wall_position] = writing.new(f"wall_{'xyz'[axis_index]}")
         wall_place = tuple(wall_position if i == axis_index else 0.0 for i in range(3))
@@ -190,7 +190,7 @@ def _wall(writing: _Writing, axis_index: int, wall_position: float, link: Part) 
 def _mass(writing: _Writing, model_part: Part) -> None:
     """Add a mass that moves along z; places are metres, because `units: ca` has numbers alone."""
     z, mass_name = model_part.values["initPos.z"], writing.masses[model_part.name]
-    _within(model_part, "a place", z, _FARTHEST * _MILLI)
+    _within(model_part, "a place", z, _DISTANCE_MAX * _MILLI)
     x0 = f"X0: {_number(z)}m"
     if model_part.kind == "Ground1D":
         writing.axis.append((mass_name, f"SOL: {{{x0}}}"))
@@ -208,7 +208,7 @@ def _mass(writing: _Writing, model_part: Part) -> None:
         module_fields += [f"rest: {_number(z)}m"] if is_tied and z else []
     module_fields.append(x0)
     if speed := model_part.values["initVel.z"]:
-        _within(model_part, "a speed", speed, _FASTEST * _MILLI)
+        _within(model_part, "a speed", speed, _SPEED_MAX * _MILLI)
         module_fields.append(f"V0: {_number(speed)}m/s")
     writing.axis.append(
         (

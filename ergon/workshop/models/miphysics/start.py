@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from ergon.workshop.models.miphysics.reading import Network, Part
 
-_ROUNDS = 60  # largest number of fixed-point iterations; each adds some digits
+_ROUNDS_MAX = 60  # largest number of fixed-point iterations; each adds some digits
 Vector = tuple[float, float, float]
 
 
@@ -26,9 +26,9 @@ def speeds(network: Network, rate: float) -> dict[str, Vector]:
     places = {mass.name: place(mass) for mass in network.masses}
     masses = {mass.name: mass.values["mass"] for mass in network.masses if mass.kind == "Mass3D"}
     first_steps = {mass.name: step(mass, rate) for mass in network.masses if mass.kind == "Mass3D"}
-    still = (0.0, 0.0, 0.0)
+    zero_speed = (0.0, 0.0, 0.0)
     speed_by_mass = dict(first_steps)
-    for _ in range(_ROUNDS):
+    for _ in range(_ROUNDS_MAX):
         forces_by_mass = {
             name: [0.0, 0.0, -network.gravity * mass] for name, mass in masses.items()
         }
@@ -45,7 +45,7 @@ def speeds(network: Network, rate: float) -> dict[str, Vector]:
                 speed_wanted = [component * a / math.expm1(a) for component in speed_wanted]
             next_speeds[mass_name] = (speed_wanted[0], speed_wanted[1], speed_wanted[2])
         change = max(
-            (math.dist(next_speeds[name], speed_by_mass.get(name, still)) for name in masses),
+            (math.dist(next_speeds[name], speed_by_mass.get(name, zero_speed)) for name in masses),
             default=0.0,
         )
         size = max((math.hypot(*speed) for speed in next_speeds.values()), default=0.0)
@@ -75,7 +75,7 @@ def _push(
     """Add the force of a link at 0 s."""
     link_values = model_link.values
     k, z = link_values.get("stiffness", 0.0), link_values.get("damping", 0.0)
-    still = (0.0, 0.0, 0.0)
+    zero_speed = (0.0, 0.0, 0.0)
     if model_link.kind == "PlaneContact3D":
         axis_index, mass_name = int(link_values["orientation"]), model_link.ends[0]
         clearance = (
@@ -98,7 +98,10 @@ def _push(
         return
     direction = [component / link_length for component in difference]
     pairs = zip(
-        mass_steps.get(first_end, still), mass_steps.get(second_end, still), direction, strict=True
+        mass_steps.get(first_end, zero_speed),
+        mass_steps.get(second_end, zero_speed),
+        direction,
+        strict=True,
     )
     link_force = k * elongation + z * sum((q - p) * cosine for p, q, cosine in pairs)
     for mass_name, force_sign in ((first_end, 1.0), (second_end, -1.0)):

@@ -27,13 +27,13 @@ def network(object_kind: Object, messages: Sequence[Message]) -> Network:
         for index in (3, 5)
         if index < len(sent.rest)
     }
-    for nth, message in enumerate(messages):
-        if nth == 0 and message.word in OBJECTS:
+    for message_index, message in enumerate(messages):
+        if message_index == 0 and message.word in OBJECTS:
             _created(built, message)
         elif object_kind == "pmpd" and message.word in arrays:
             _array(built, message)
         else:
-            _obey(built, message)
+            _execute(built, message)
     if not built.masses:
         raise ModelError("it makes no mass", messages[-1].line if messages else 0)
     return built
@@ -79,7 +79,7 @@ def _array(network: Network, message: Message) -> None:
         raise ModelError(f"an array is written {example}", message.line)
 
 
-def _obey(network: Network, message: Message) -> None:
+def _execute(network: Network, message: Message) -> None:
     statement_forms = FORMS[network.kind]
     statement_form = statement_forms.get(message.word)
     line_number = message.line
@@ -94,19 +94,19 @@ def _obey(network: Network, message: Message) -> None:
         other_class = (
             f"; it is one of [{other_object}]" if message.word in FORMS[other_object] else ""
         )
-        near = None if other_class else nearest(message.word, statement_forms)
+        suggestion = None if other_class else nearest(message.word, statement_forms)
         raise ModelError(
             f"{quote(message.word)} is not a word of [{network.kind}]{other_class}",
             line_number,
-            near,
+            suggestion,
         )
-    least = sum(value.default is None for value in statement_form)
-    if not least <= len(message.rest) <= len(statement_form):
+    least_count = sum(value.default is None for value in statement_form)
+    if not least_count <= len(message.rest) <= len(statement_form):
         form_text = (
             f"{written(message.word, statement_form)}; here it has {len(message.rest)} values"
         )
         raise ModelError(f"{message.word} is written {form_text}", line_number)
-    if network.has_run and message.word not in _ANY_TIME and not _asks(message.word):
+    if network.has_run and message.word not in _ANY_TIME and not _is_query(message.word):
         refusal_text = "masses and links that change while it plays are not built yet"
         raise ModelError(f"{message.word} behind the first bang: {refusal_text}", line_number)
     message_values = [
@@ -121,7 +121,7 @@ def _obey(network: Network, message: Message) -> None:
     _MAKERS[network.kind, message.word](network, message.word, line_number, *message_values)
 
 
-def _asks(word: str) -> bool:
+def _is_query(word: str) -> bool:
     return word.startswith("mass") and word != "mass"
 
 
@@ -140,15 +140,15 @@ def _value(network: Network, value_kind: Value, value_word: str | None, line_num
         return value_word
     list_name = {"masses": "masses", "links": "links"}.get(value_kind.kind)
     if list_name is not None:
-        things = getattr(network, list_name)
+        elements = getattr(network, list_name)
         if literal is None:
             matching = [
-                index for index, thing in enumerate(things) if thing.class_name == value_word
+                index for index, element in enumerate(elements) if element.class_name == value_word
             ]
             if not matching:
-                near = nearest(value_word, {thing.class_name for thing in things})
+                suggestion = nearest(value_word, {element.class_name for element in elements})
                 raise ModelError(
-                    f"no {list_name} are called {quote(value_word)}", line_number, near
+                    f"no {list_name} are called {quote(value_word)}", line_number, suggestion
                 )
             return matching
         return [_index(network, list_name, literal, line_number)]
@@ -165,29 +165,31 @@ def _value(network: Network, value_kind: Value, value_word: str | None, line_num
 
 
 def _index(network: Network, list_name: str, index_value: float, line_number: int) -> int:
-    things = getattr(network, list_name)
+    elements = getattr(network, list_name)
     noun = {"masses": "mass", "links": "link", "nl_links": "NLlink"}[list_name]
-    if not things:
+    if not elements:
         raise ModelError(f"there is no {noun} yet", line_number)
-    return _integer(index_value, 0, len(things) - 1, noun, line_number)
+    return _integer(index_value, 0, len(elements) - 1, noun, line_number)
 
 
-def _integer(value: float, least: int, highest: int, label: str, line: int) -> int:
-    if value != int(value) or not least <= value <= highest:
-        raise ModelError(f"{label} is {value:g}: a whole number from {least} to {highest:,}", line)
+def _integer(value: float, least_count: int, highest: int, label: str, line: int) -> int:
+    if value != int(value) or not least_count <= value <= highest:
+        raise ModelError(
+            f"{label} is {value:g}: a whole number from {least_count} to {highest:,}", line
+        )
     return int(value)
 
 
 # --- what each word does ------------------------------------------------------------------------
 
 
-def _room(things: Sequence[object], line: int) -> None:
-    if len(things) >= MESSAGES_MAX:
+def _check_room(elements: Sequence[object], line: int) -> None:
+    if len(elements) >= MESSAGES_MAX:
         raise ModelError(f"there are more than {MESSAGES_MAX:,} masses or links", line)
 
 
 def _mass_audio(network: Network, word: str, line: int, M: float, x: float) -> None:
-    _room(network.masses, line)
+    _check_room(network.masses, line)
     network.masses.append(Mass("mass", M > 0.0, M, x, line))
 
 
@@ -200,7 +202,7 @@ def _mass(
     M: float,
     x: float,
 ) -> None:
-    _room(network.masses, line_number)
+    _check_room(network.masses, line_number)
     network.masses.append(Mass(class_name, int(mobile) > 0, M if M > 0.0 else 1.0, x, line_number))
 
 
@@ -215,11 +217,11 @@ def _link_audio(
     *optional_values: float,
 ) -> None:
     Pow, L, low_length, high_length = optional_values or (1.0, 0.0, -1e6, 1e6)
-    things = network.nl_links if class_word == "NLlink" else network.links
-    _room(things, line_number)
+    elements = network.nl_links if class_word == "NLlink" else network.links
+    _check_room(elements, line_number)
     if first_mass == second_mass:
         raise ModelError(f"{class_word} joins mass {first_mass} to itself", line_number)
-    things.append(
+    elements.append(
         Link(
             class_word,
             f"{class_word}~",
@@ -240,14 +242,14 @@ def _link_audio(
 def _joined(
     network: Network, first_masses: list[int], second_masses: list[int], line_number: int
 ) -> Iterator[tuple[int, int]]:
-    """Any two of two classes; within one class each two masses once."""
+    """All pairs of masses of two classes; within one class, each pair once."""
     if len(first_masses) == len(second_masses) == 1 and first_masses == second_masses:
         raise ModelError(f"a link joins mass {first_masses[0]} to itself", line_number)
     is_same = first_masses == second_masses
     for i in first_masses:
         for j in second_masses:
             if i != j and not (is_same and i > j):
-                _room(network.links, line_number)
+                _check_room(network.links, line_number)
                 yield i, j
 
 
@@ -304,47 +306,47 @@ def _bang(network: Network, word: str, line: int) -> None:
 
 def _reset(network: Network, word: str, line: int) -> None:
     """Reset everything except arrays and the number of ports, which do not belong to the object."""
-    fresh = Network(network.kind, arrays=network.arrays, n_ports=network.n_ports)
+    reset_network = Network(network.kind, arrays=network.arrays, n_ports=network.n_ports)
     for field in fields(Network):
-        setattr(network, field.name, getattr(fresh, field.name))
+        setattr(network, field.name, getattr(reset_network, field.name))
 
 
 def _nothing(network: Network, word: str, line: int) -> None:
     """It prints, and changes nothing."""
 
 
-def _set(things: str, field_name: str) -> Callable[..., None]:
+def _set(elements: str, field_name: str) -> Callable[..., None]:
     """A setter of one value of some masses or links; an omitted value is left as it is."""
 
     def change(
-        network: Network, word: str, line: int, which: int | list[int], set_value: float
+        network: Network, word: str, line: int, indices: int | list[int], set_value: float
     ) -> None:
-        for index in [which] if isinstance(which, int) else which:
-            setattr(getattr(network, things)[index], field_name, set_value)
+        for index in [indices] if isinstance(indices, int) else indices:
+            setattr(getattr(network, elements)[index], field_name, set_value)
 
     return change
 
 
-def _add(things: str, collection_name: str) -> Callable[..., None]:
+def _add(elements: str, collection_name: str) -> Callable[..., None]:
     def change(
-        network: Network, word: str, line: int, which: int | list[int], added_value: float
+        network: Network, word: str, line: int, indices: int | list[int], added_value: float
     ) -> None:
-        for index in [which] if isinstance(which, int) else which:
-            thing = getattr(network, things)[index]
-            setattr(thing, collection_name, getattr(thing, collection_name) + added_value)
+        for index in [indices] if isinstance(indices, int) else indices:
+            element = getattr(network, elements)[index]
+            setattr(element, collection_name, getattr(element, collection_name) + added_value)
 
     return change
 
 
-def _set_mass(network: Network, word: str, line: int, which: int | list[int], M: float) -> None:
-    for mass_index in [which] if isinstance(which, int) else which:
+def _set_mass(network: Network, word: str, line: int, indices: int | list[int], M: float) -> None:
+    for mass_index in [indices] if isinstance(indices, int) else indices:
         if network.kind == "pmpd~":
             network.masses[mass_index].is_mobile = M > 0.0
         if M > 0.0:
             network.masses[mass_index].M = M
 
 
-def _put(network: Network, word: str, line: int, masses: list[int], x: float) -> None:
+def _set_position(network: Network, word: str, line: int, masses: list[int], x: float) -> None:
     """Put masses at `x` and stop them."""
     for index in masses:
         mass = network.masses[index]
@@ -393,7 +395,7 @@ _CONTROL: Mapping[str, Callable[..., None]] = {
     "mass": _mass,
     "link": _link,
     "tabLink": _table_link,
-    **_words("pos posX setPos setPosX", _put),
+    **_words("pos posX setPos setPosX", _set_position),
     **_words("addPos addPosX", _add("masses", "x")),
     **_words("force forceX", _add("masses", "f")),
     **_words("setForce setForceX", _set("masses", "f")),

@@ -15,7 +15,7 @@ MESSAGES_MAX = 200_000  # messages, masses, links
 _SEPARATOR = re.compile(r"\\?[;,]")
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
-_OTHER = re.compile(r"pmpd[23]d~?")
+_OTHER_OBJECT = re.compile(r"pmpd[23]d~?")
 _PATCH_OBJECT = re.compile(r"#X obj -?[0-9]+ -?[0-9]+ (pmpd[23]?d?~?)(?=[ ;,])")
 _WORDS_MAX = 20_000  # words of a message, such as the values of an array
 
@@ -35,9 +35,9 @@ def is_list(text: str) -> bool:
         known_words = {
             *OBJECTS,
             *REFUSED,
-            *(word_of_form for of in FORMS.values() for word_of_form in of),
+            *(word_of_form for form_words in FORMS.values() for word_of_form in form_words),
         }
-        return message.word in known_words or bool(_OTHER.fullmatch(message.word))
+        return message.word in known_words or bool(_OTHER_OBJECT.fullmatch(message.word))
     return False
 
 
@@ -47,7 +47,7 @@ def is_patch(text: str) -> bool:
 
 
 def patch_words(text: str) -> str:
-    """What a patch holds of pmpd, as a sentence that says what to do with it."""
+    """A sentence on the pmpd objects of a patch, with advice."""
     objects = sorted({*_PATCH_OBJECT.findall(text)})
     object_text = f" with {', '.join(objects)}" if objects else " without an object of pmpd"
     return (
@@ -69,7 +69,7 @@ def messages(patch_text: str, count_max: int = MESSAGES_MAX + 1) -> Iterator[Mes
         for line_number, line in enumerate(patch_lines, 1)
         if not re.match(r"\s*#(\s|$)", line)
     ]
-    is_pure = any(";" in line for _, line in numbered_lines)
+    has_semicolons = any(";" in line for _, line in numbered_lines)
     message_words: list[str] = []
     first_line, message_count = 0, 0
     for line_number, line in numbered_lines:
@@ -80,7 +80,7 @@ def messages(patch_text: str, count_max: int = MESSAGES_MAX + 1) -> Iterator[Mes
             message_words += words_in_part
             if len(message_words) > _WORDS_MAX:
                 raise ModelError(f"a message has at most {_WORDS_MAX:,} words", first_line)
-            if message_words and (nth + 1 < len(line_parts) or not is_pure):
+            if message_words and (nth + 1 < len(line_parts) or not has_semicolons):
                 yield Message(message_words[0], tuple(message_words[1:]), first_line)
                 message_words, message_count = [], message_count + 1
                 if message_count >= count_max:
@@ -110,11 +110,11 @@ def parse(text: str, dialect: Object | None) -> tuple[Object, list[Message]]:
 
 def _object(messages_read: list[Message], dialect: Object | None) -> Object:
     if messages_read and messages_read[0].word in OBJECTS:
-        object_named: Object = "pmpd~" if messages_read[0].word == "pmpd~" else "pmpd"
-        if dialect not in (None, object_named):
-            raise ModelError(f"these messages are for [{object_named}]", messages_read[0].line)
-        return object_named
-    if messages_read and _OTHER.fullmatch(messages_read[0].word):
+        named_object: Object = "pmpd~" if messages_read[0].word == "pmpd~" else "pmpd"
+        if dialect not in (None, named_object):
+            raise ModelError(f"these messages are for [{named_object}]", messages_read[0].line)
+        return named_object
+    if messages_read and _OTHER_OBJECT.fullmatch(messages_read[0].word):
         raise ModelError("of pmpd the objects of one dimension are read", messages_read[0].line)
     if dialect is not None:
         return dialect
@@ -122,7 +122,7 @@ def _object(messages_read: list[Message], dialect: Object | None) -> Object:
         name: set(FORMS[name]) - set(FORMS[other_object])
         for name, other_object in (OBJECTS, OBJECTS[::-1])
     }
-    words_used = {one.word for one in messages_read}
+    words_used = {message.word for message in messages_read}
     has_class = any(
         message.word in ("mass", "link") and message.rest and number(message.rest[0]) is None
         for message in messages_read

@@ -17,9 +17,9 @@ from ergon.workshop.models.pmpd.network import Asked, Link, Mass, Network, Port
 from ergon.workshop.models.pmpd.strings import Row, rows
 from ergon.workshop.models.pmpd.tables import springs
 
-_FAR = 1e6  # bounds of a length beyond which pmpd's own default lies
-_FARTHEST, _FASTEST = 1e3, 1e6  # [m], [m/s] of a score
-_HELD = "1e9"  # mass of what is moved whatever pushes it
+_LENGTH_BOUND = 1e6  # bounds of a length beyond which pmpd's own default lies
+_DISTANCE_MAX, _SPEED_MAX = 1e3, 1e6  # [m], [m/s] of a score
+_IMPOSED_MASS = "1e9"  # mass of what is moved whatever pushes it
 _CHANNELS_MAX = 99
 _NO_LETTER = re.compile(r"\W", re.ASCII)
 
@@ -128,8 +128,8 @@ def _start(mass: Mass) -> list[str]:
 
 def _within(bounded_mass: Mass) -> None:
     for bound_name, bound_value, limit in (
-        ("x", bounded_mass.x, _FARTHEST),
-        ("the first step", bounded_mass.v * RATE, _FASTEST),
+        ("x", bounded_mass.x, _DISTANCE_MAX),
+        ("the first step", bounded_mass.v * RATE, _SPEED_MAX),
     ):
         if not abs(bound_value) <= limit:
             raise ModelError(
@@ -158,7 +158,7 @@ def _moved(writing: _Writing, port: Port, mass: Mass, class_word: str) -> str:
     first_position = fed.first * port.gain
     x0 = f", X0: {first_position!r}m" if first_position else ""
     moved_name = writing.add(
-        class_word, f"MAS: {{M: {_HELD}{x0}}}", "its mass says nothing: its path is imposed"
+        class_word, f"MAS: {{M: {_IMPOSED_MASS}{x0}}}", "its mass says nothing: its path is imposed"
     )
     scale = f", scale: {port.gain!r}" if port.gain != 1.0 else ""
     writing.add(
@@ -184,16 +184,16 @@ def _link(writing: _Writing, nth: int, model_link: Link) -> None:
     masses = writing.network.masses
     class_word = _NO_LETTER.sub("_", model_link.class_name)
     class_word = f"{class_word if class_word[:1].isalpha() else 'link'}{nth}"
-    still = [
+    fixed_masses = [
         mass_index in writing.moved or not masses[mass_index].is_mobile
         for mass_index in (model_link.a, model_link.b)
     ]
-    if all(still):
+    if all(fixed_masses):
         return  # nothing of it moves
     D = model_link.D
     # d is x_b - x_a in a score, and pmpd's length is x1 - x2.
     between_text = f"between: [{writing.masses[model_link.b]}, {writing.masses[model_link.a]}]"
-    mobile = writing.masses[model_link.b if still[0] else model_link.a]
+    mobile = writing.masses[model_link.b if fixed_masses[0] else model_link.a]
     if D and any(mass_index in writing.moved for mass_index in (model_link.a, model_link.b)):
         # In pmpd~ a mass that an inlet moves has no speed.
         if model_link.form == "NLlink~" and not _is_open(model_link):
@@ -206,7 +206,7 @@ def _link(writing: _Writing, nth: int, model_link: Link) -> None:
             writing.add(class_word, f"LNL: {{{between_text}, {text}}}")
         return
     rest_text = f", rest: {model_link.L!r}m" if model_link.L else ""
-    if abs(model_link.L) > _FARTHEST:
+    if abs(model_link.L) > _DISTANCE_MAX:
         raise ModelError(
             f"its length is {model_link.L:g}: a score holds up to 1000", model_link.line
         )
@@ -236,7 +236,7 @@ def _is_straight(writing: _Writing, model_link: Link) -> bool:
 
 
 def _is_open(link: Link) -> bool:
-    return link.Lmin <= -_FAR and link.Lmax >= _FAR
+    return link.Lmin <= -_LENGTH_BOUND and link.Lmax >= _LENGTH_BOUND
 
 
 def _law(model_link: Link, D: float) -> str:

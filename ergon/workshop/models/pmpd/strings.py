@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ergon.workshop.models.pmpd.network import Link, Mass, Network
 
-_LEAST = 3  # masses
+_MASSES_MIN = 3  # masses
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ def rows(
                 break
             links_in_row.append(link_index)
             last_mass += 1
-        if last_mass - first_mass + 1 >= _LEAST:
+        if last_mass - first_mass + 1 >= _MASSES_MIN:
             row_by_first[first_mass] = Row(
                 first_mass,
                 last_mass - first_mass + 1,

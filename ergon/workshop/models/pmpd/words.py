@@ -89,7 +89,7 @@ reset print infosL bang |
 FORMS: Mapping[Object, Mapping[str, tuple[Value, ...]]] = {"pmpd": _CONTROL, "pmpd~": _AUDIO}
 
 # Words of the objects that a score cannot express: the reason, and the words.
-_REFUSED = {
+_REFUSED_WORDS = {
     "space has no ends in a score; leave it out where no mass gets there, or write a BUT": """
         min minX max maxX Xmin Xmax""",
     "masses and links that change while it plays are not built yet": """
@@ -103,7 +103,7 @@ _REFUSED = {
         tLink hinge iCircle iLine iMatrix iSphere iPlane iCylinder""",
 }
 REFUSED: Mapping[str, str] = {
-    word: why for why, words in _REFUSED.items() for word in words.split()
+    word: why for why, words in _REFUSED_WORDS.items() for word in words.split()
 }
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from ergon.workshop.models.naming import Names
-from ergon.workshop.models.programs.network import Law
+from ergon.workshop.models.programs.elements import Law
 
 HELPERS = {
     "square": "square(x) = x*x;",
@@ -33,7 +33,7 @@ _INFIX: Mapping[type[ast.AST], tuple[str, int]] = {
     ast.Mult: ("*", 3),
     ast.Div: ("/", 3),
 }
-_ALONE = 4  # binds more tightly than any sign
+_TIGHTEST_BINDING = 4  # binds more tightly than any sign
 _INTEGER_EXPONENT_MAX = (
     64.0  # the engine multiplies for whole exponents up to this, and calls pow beyond
 )
@@ -105,8 +105,8 @@ class Laws:
             return mapped_name or repr(float(matched_word))
 
         tree = ast.parse(f"({_WORD.sub(faust_word, text)})", mode="eval")
-        back = {f"c{position}": faust for position, faust in enumerate(letters.values())}
-        return self._faust(tree.body, back)
+        faust_by_name = {f"c{position}": faust for position, faust in enumerate(letters.values())}
+        return self._faust(tree.body, faust_by_name)
 
     def _faust(
         self, syntax_node: ast.expr, faust_letters: Mapping[str, str], least: int = 0
@@ -129,7 +129,7 @@ class Laws:
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
                 return self._faust(operand, faust_letters, least)
             case ast.UnaryOp(operand=operand):
-                return f"(0.0 - {self._faust(operand, faust_letters, _ALONE)})"
+                return f"(0.0 - {self._faust(operand, faust_letters, _TIGHTEST_BINDING)})"
             case ast.BinOp(left=a, op=ast.Pow(), right=b):
                 return self._power(a, b, faust_letters)
             case ast.BinOp(left=a, op=operation, right=b):
@@ -156,7 +156,7 @@ class Laws:
         power_exponent = _integer_exponent(exponent)
         if power_exponent is None:
             return f"pow({self._faust(base, letters)}, {self._faust(exponent, letters)})"
-        squared = power_text = self._faust(base, letters, _ALONE)
+        squared = power_text = self._faust(base, letters, _TIGHTEST_BINDING)
         for bit in bin(abs(power_exponent))[3:]:
             self.helpers.add("square")
             power_text = f"square({power_text})" + (f"*{squared}" if bit == "1" else "")

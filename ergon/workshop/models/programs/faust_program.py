@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ergon.workshop.models.naming import Names
 from ergon.workshop.models.programs.derivative import differentiated
+from ergon.workshop.models.programs.elements import Link, Point, Stepped
 from ergon.workshop.models.programs.faust_law import Laws
 from ergon.workshop.models.programs.faust_law import number as _number
-from ergon.workshop.models.programs.network import Link, Point, Stepped
 
 _NO_LETTER = re.compile(r"\W", re.ASCII)
 

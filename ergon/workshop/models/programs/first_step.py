@@ -37,9 +37,9 @@ def ratios(
         half = _core.sin(0.5 * sqrt(squared) / rate)
         loss = _loss(s)
         return loss * loss + 4.0 * (1.0 - loss) * half * half, _loss(2.0 * s)
-    fast = sigma + sqrt(-squared)
-    slow = K / m / fast
-    return _loss(slow / rate) * _loss(fast / rate), _loss(2.0 * s)
+    fast_rate = sigma + sqrt(-squared)
+    slow_rate = K / m / fast_rate
+    return _loss(slow_rate / rate) * _loss(fast_rate / rate), _loss(2.0 * s)
 
 
 def last_step(
@@ -66,7 +66,7 @@ def last_step(
         return u - grown * (u * c - (v + sigma * u) * s)
     if squared == 0.0:
         return u - grown * (u - (v + sigma * u) * T)
-    fast = sigma + root_rate
-    slow = K / m / fast
-    a = (v + fast * u) / (fast - slow)
-    return u - a * _core.exp(slow * T) - (u - a) * _core.exp(fast * T)
+    fast_rate = sigma + root_rate
+    slow_rate = K / m / fast_rate
+    a = (v + fast_rate * u) / (fast_rate - slow_rate)
+    return u - a * _core.exp(slow_rate * T) - (u - a) * _core.exp(fast_rate * T)

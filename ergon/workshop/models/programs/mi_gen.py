@@ -11,7 +11,8 @@ from ergon.workshop.models.exact_numbers import nudge_to_goal
 from ergon.workshop.models.mims.laws import LINKS
 from ergon.workshop.models.naming import Names
 from ergon.workshop.models.page import RATE
-from ergon.workshop.models.programs.network import Body, Link, MixedOutput, Point, Stepped, refusal
+from ergon.workshop.models.programs.elements import Body, Link, MixedOutput, Point, Stepped
+from ergon.workshop.models.programs.network import refusal
 from ergon.workshop.models.programs.places_back import place_of
 
 NETWORK_MAX = 20_000  # points
@@ -89,8 +90,8 @@ class _Writing:
 
     def _name(self, text: str) -> str:
         """A name of the score; the name of its part is left out if the rest is unique."""
-        short = text.partition(".")[2] or text
-        short_word = _NO_LETTER.sub("_", short)
+        short_name = text.partition(".")[2] or text
+        short_word = _NO_LETTER.sub("_", short_name)
         if short_word in self.names.taken:
             short_word = _NO_LETTER.sub("_", text)
         return self.names.new(short_word if short_word[:1].isalpha() else f"m{short_word}")
@@ -117,12 +118,12 @@ class _Writing:
                 self._mass(point_number, stepped_point, inputs)
 
     def _body(self, body: Body) -> None:
-        body_name, (across, row_count) = self._name(body.name), body.sides
+        body_name, (column_count, row_count) = self._name(body.name), body.sides
         member_mass = self._matter(self.network.points[body.points[0]])
         n_fixed = 2 * body.is_held
         ties = f"{_number(body.K)} {_number(body.z)} 0 0"
         if body.kind == "STRING":
-            member_count = across
+            member_count = column_count
             member_mass = nudge_to_goal(
                 member_mass, lambda m: member_count * m / member_count, member_mass
             )
@@ -136,14 +137,14 @@ class _Writing:
                 self.link_names[body.points[member_index]] = f"[@{body_name} {share}]"
         else:
             body_word = "closedMesh" if body.is_held else "mesh"
-            size = f"{row_count + n_fixed} {across + n_fixed}"
+            size = f"{row_count + n_fixed} {column_count + n_fixed}"
             self.called[body.points[0]] = body_name
             self.lines.append(f"@{body_name} {body_word} {size} {_number(member_mass)} {ties}")
-            for member_index in range(across * row_count):
-                row, column_index = divmod(member_index, across)
+            for member_index in range(column_count * row_count):
+                row, column_index = divmod(member_index, column_count)
                 shares = (
                     _share(row + body.is_held, row_count + n_fixed),
-                    _share(column_index + body.is_held, across + n_fixed),
+                    _share(column_index + body.is_held, column_count + n_fixed),
                 )
                 self.link_names[body.points[member_index]] = f"[@{body_name} {' '.join(shares)}]"
 
@@ -264,7 +265,7 @@ class _Writing:
             k, z = (law_fields["constants"].get(constant, 0.0) for constant in (linear, "z"))
             self._linear(name, end_names, k, z * per_step)
             return
-        link_word = _WORDS.get(law_texts)
+        link_word = _FIELD_WORDS.get(law_texts)
         if link_word is None or law_fields["points"]:
             refusal_text = f"{link.name}: its law is none of mi-gen's; docs/import.md has them"
             self.refuse(link.place, refusal_text)
@@ -352,7 +353,7 @@ class _Writing:
 _NEGATIVE = "a stiffness or a viscosity below 0"
 _LINEAR = {"k*d": "k", "lim*d": "lim", "": "k"}
 _DEFAULTS = {"smooth": 1.0}
-_PICKED = {
+_PICKED_FIELDS = {
     "nlContact": "K Q lim Z thresh",
     "nlSpring2": "K Q Z",
     "nlSpring3": "K Q Z",
@@ -362,14 +363,14 @@ _PICKED = {
     "nlPluck": "K scale",
     "damped nlPluck": "K scale Z",
 }
-_ORDER: Mapping[str, list[str]] = {word: text.split() for word, text in _PICKED.items()}
+_ORDER: Mapping[str, list[str]] = {word: text.split() for word, text in _PICKED_FIELDS.items()}
 
 
 def _bare(text: str | None) -> str:
     return _SPACES.sub("", text or "")
 
 
-_WORDS = {
+_FIELD_WORDS = {
     (_bare(LINKS["head"][word].law), _bare(LINKS["head"][word].damping)): word for word in _ORDER
 }
 

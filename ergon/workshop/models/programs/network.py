@@ -4,8 +4,7 @@ programs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ergon import _core
@@ -18,137 +17,21 @@ from ergon.instruments.proxies import targets
 from ergon.instruments.spread import single_links
 from ergon.notation.text.values import Place
 from ergon.workshop.models.errors import ModelError
-from ergon.workshop.models.programs.first_step import last_step, ratios
+from ergon.workshop.models.programs.elements import (
+    Body,
+    Fed,
+    Law,
+    Link,
+    MixedOutput,
+    Part,
+    Point,
+    Stepped,
+)
+from ergon.workshop.models.programs.masses import POINTS
 
 NETWORK_MAX = 200  # points: Faust takes 7 s for 150 that are joined, more than 100 s for 990
 
-NOWHERE = Place("", 0, 0)
 _WRITTEN = ("RES", "FRO", "REF", "BUT", "LNL")
-
-
-@dataclass(frozen=True, slots=True)
-class Part:
-    """An instrument or a key: its modules, its outputs, and the rate of its algorithmic values.
-
-    `struck` is the module of a key that a hand moves.
-    """
-
-    name: str
-    modules: Sequence[Module]
-    outputs: Sequence[Output] = ()
-    ca_rate: float | None = None
-    struck: str | None = None
-
-
-@dataclass(slots=True)
-class Point:
-    """A mass. Its step [m] for a force f is y = (1 - zeta)·d - kappa·(x - rest) + gain·f.
-
-    It starts at `x0` [m] after a step `d0` [m]. `mass` is 0 for a fixed point, and `fed` is the
-    input that gives its position. `said` describes it as the score does.
-    """
-
-    name: str
-    x0: float
-    comment: str
-    mass: float = 0.0
-    gain: float = 0.0
-    kappa: float = 0.0
-    zeta: float = 0.0
-    rest: float = 0.0
-    v0: float = 0.0
-    d0: float = 0.0
-    is_ca: bool = False
-    fed: int | None = None
-    forces: list[int] = field(default_factory=list)  # inputs that push it
-    weight: float = 0.0  # [N] a force that never changes
-    shares: tuple[tuple[int, float], ...] = ()  # points of a PROXY with its share in each
-    place: Place = NOWHERE
-
-
-@dataclass(frozen=True, slots=True)
-class Link:
-    """A link between the points `a` and `b`: K in N/m, `z` the force for a step of one metre.
-
-    A contact has an `exponent`, and the `side` (1 or -1) from which the first point comes. An
-    LNL has its `law`, and K and z are 0.
-    """
-
-    name: str
-    a: int
-    b: int
-    K: float
-    z: float
-    offset: float
-    comment: str
-    exponent: float | None = None
-    side: int = 1
-    is_clamped: bool = False
-    law: Law | None = None
-    place: Place = NOWHERE
-
-
-@dataclass(frozen=True, slots=True)
-class Law:
-    """The law of an LNL: the fields of the module, and the law of the core.
-
-    `per_step` is the speed for a step of one metre: 1 under `units: ca`, else the rate [1/s].
-    """
-
-    fields: Mapping[str, Any]
-    compiled: _core.Law
-    per_step: float
-
-
-@dataclass(frozen=True, slots=True)
-class Body:
-    """A generator of equal masses and equal links, `sides` across and up, at rest at 0.
-
-    Its points that move are the first of `points`, row by row.
-    """
-
-    name: str
-    kind: str
-    is_held: bool
-    sides: tuple[int, int]
-    points: range
-    links: range
-    K: float
-    z: float
-
-
-@dataclass(frozen=True, slots=True)
-class MixedOutput:
-    """An output: the sum of positions of points, differentiated `order` times, or of forces of
-    links.
-    """
-
-    name: str
-    points: Sequence[int] = ()
-    links: Sequence[int] = ()
-    order: int = 0
-    place: Place = NOWHERE
-
-
-@dataclass(frozen=True, slots=True)
-class Fed:
-    """An input: its description, and the take from which a score feeds it, if any."""
-
-    name: str
-    take: str = ""
-
-
-@dataclass(slots=True)
-class Stepped:
-    """Points and links at a rate, with inputs and outputs."""
-
-    rate: float
-    points: list[Point] = field(default_factory=list)
-    links: list[Link] = field(default_factory=list)
-    inputs: list[Fed] = field(default_factory=list)
-    outputs: list[MixedOutput] = field(default_factory=list)
-    left_out: list[str] = field(default_factory=list)
-    bodies: list[Body] = field(default_factory=list)
 
 
 def stepped(
@@ -228,8 +111,8 @@ class _Builder:
         holder_name = (
             f"{piece_part.name}.{part_module.name}" if part_module.name else piece_part.name
         )
-        if part_module.kind in _POINTS:
-            holder_point = _POINTS[part_module.kind](
+        if part_module.kind in POINTS:
+            holder_point = POINTS[part_module.kind](
                 part_module.fields, holder_name, piece_part.ca_rate, self.to.rate
             )
             holder_point.is_ca, holder_point.place = (
@@ -323,7 +206,7 @@ class _Builder:
             else:
                 m = float(table.masses[slot_index])
                 tie = dict(zip(("K", "Z"), ties.get(slot_index, (None, 0.0)), strict=True))
-                make = _mas if slot_index not in ties else _cel
+                make = POINTS["MAS" if slot_index not in ties else "CEL"]
                 point = make({"M": m, **tie, **starts}, member_name, part.ca_rate, rate)
             point.is_ca, point.place = (part.ca_rate is not None, module.place)
             self.to.points.append(point)
@@ -359,10 +242,10 @@ class _Builder:
         body_links = [self.to.links[link] for link in links]
         masses = {self.to.points[point].mass for point in points[:count]}
         ties = {(link.K, link.z) for link in body_links}
-        across, up = mesh_sides
-        expected = across * (up - 1) + up * (across - 1)
+        column_count, row_count = mesh_sides
+        expected = column_count * (row_count - 1) + row_count * (column_count - 1)
         if is_held:
-            expected += 2 if module.kind == "STRING" else 2 * (across + up)
+            expected += 2 if module.kind == "STRING" else 2 * (column_count + row_count)
         is_tied = any(self.to.points[point].kappa for point in points)
         if len(masses) == len(ties) == 1 and len(body_links) == expected and not is_tied:
             (K, z), *_ = ties
@@ -385,9 +268,10 @@ class _Builder:
                 self._refuse(module.place, f"{ground_name}: a law with `noise` is not written yet")
                 return
             if module.fields.get("contact", "plain") != "plain":
-                how = module.fields["contact"]
+                contact_kind = module.fields["contact"]
                 self._refuse(
-                    module.place, f"{ground_name}: a contact that is {how}; only plain is written"
+                    module.place,
+                    f"{ground_name}: a contact that is {contact_kind}; only plain is written",
                 )
                 return
             end_targets = module.ends
@@ -604,39 +488,3 @@ def refusal(refused: Sequence[tuple[Place, str]]) -> ModelError:
     error = ModelError(f"{first_reason}{further_reasons}", first_place.line)
     error.file = first_place.file
     return error
-
-
-def _sol(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
-    return Point(name, fields["X0"], "SOL")
-
-
-def _mas(mass_fields: Any, mass_name: str, ca_rate: float | None, rate: float) -> Point:
-    m, v0 = mass_fields["M"], mass_fields.get("V0", 0.0)
-    gain = _gain(m, ca_rate, rate)
-    description = f"MAS: M = {m!r}{'' if ca_rate else ' kg'}"
-    return Point(mass_name, mass_fields.get("X0", 0.0), description, m, gain, v0=v0, d0=v0 / rate)
-
-
-def _cel(cel_fields: Any, cel_name: str, ca_rate: float | None, rate: float) -> Point:
-    m, v0, rest_length = cel_fields["M"], cel_fields.get("V0", 0.0), cel_fields.get("rest", 0.0)
-    x0, f, t60 = cel_fields.get("X0", 0.0), cel_fields.get("f"), cel_fields.get("t60")
-    K, Z = cel_fields.get("K") or 0.0, cel_fields.get("Z") or 0.0
-    kappa, zeta = (K / m, Z / m) if ca_rate and f is None else ratios(m, K, Z, f, t60, rate)
-    d0 = v0 / rate if ca_rate else last_step(m, K, Z, f, t60, rate, x0 - rest_length, v0)
-    tie = f"f = {f!r} Hz, t60 = {t60!r} s" if f is not None else f"K = {K!r}, Z = {Z!r}"
-    description = f"CEL: M = {m!r}, {tie}"
-    return Point(
-        cel_name, x0, description, m, _gain(m, ca_rate, rate), kappa, zeta, rest_length, v0, d0
-    )
-
-
-def _gain(m: float, ca_rate: float | None, rate: float) -> float:
-    """The step for a force of one newton [m/N]."""
-    return 1.0 / m if ca_rate else 1.0 / (m * rate * rate)
-
-
-_POINTS: dict[str, Callable[[Any, str, float | None, float], Point]] = {
-    "SOL": _sol,
-    "MAS": _mas,
-    "CEL": _cel,
-}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from ergon.workshop.models.programs.network import Body, Point
+from ergon.workshop.models.programs.elements import Body, Point
 
-_CLOSE = 1e-12  # tolerance of a share
+_SHARE_TOLERANCE = 1e-12  # tolerance of a share
 
 
 def place_of(
@@ -17,7 +17,7 @@ def place_of(
     A fixed point at 0 among them is the end of a held string, beside its first or last mass.
     `point_of` returns the point of a number.
     """
-    (across, up), is_string = stepped_body.sides, stepped_body.kind == "STRING"
+    (column_count, row_count), is_string = stepped_body.sides, stepped_body.kind == "STRING"
     n_fixed = 2 * stepped_body.is_held
     share_by_place: dict[tuple[int, int], float] = {}
     place_by_mass = {mass: place for place, mass in enumerate(stepped_body.points)}
@@ -26,7 +26,7 @@ def place_of(
         if not mass_share:
             continue
         if mass_index in place_by_mass:
-            row, column_index = divmod(place_by_mass[mass_index], across)
+            row, column_index = divmod(place_by_mass[mass_index], column_count)
             row_and_column = (
                 row + stepped_body.is_held * (not is_string),
                 column_index + stepped_body.is_held,
@@ -38,23 +38,25 @@ def place_of(
             and len(end_places) == 1
         ):
             (end,) = end_places
-            row_and_column = (0, 0) if end == 0 else (0, across + 1)
-            if end not in (0, across - 1) or across == 1:
+            row_and_column = (0, 0) if end == 0 else (0, column_count + 1)
+            if end not in (0, column_count - 1) or column_count == 1:
                 return []
         else:
             return []
         share_by_place[row_and_column] = share_by_place.get(row_and_column, 0.0) + mass_share
-    side_counts = [across + n_fixed] if is_string else [up + n_fixed, across + n_fixed]
+    side_counts = (
+        [column_count + n_fixed] if is_string else [row_count + n_fixed, column_count + n_fixed]
+    )
     means = [
         sum(share * row_and_column[axis] for row_and_column, share in share_by_place.items())
         for axis in (0, 1)
     ]
     if any(
-        abs(_share(row_and_column, means) - share) > _CLOSE
+        abs(_share(row_and_column, means) - share) > _SHARE_TOLERANCE
         for row_and_column, share in share_by_place.items()
     ):
         return []
-    if abs(sum(share_by_place.values()) - 1.0) > _CLOSE:
+    if abs(sum(share_by_place.values()) - 1.0) > _SHARE_TOLERANCE:
         return []
     return [
         mean / (side - 1) if side > 1 else 0.0

@@ -20,7 +20,7 @@ _TOKEN = re.compile(
 )
 _LEVELS = ((":",), (",",), ("+", "-"), ("*", "/", "%"), ("^",))  # loosest first
 _DEPTH_MAX, _TOKENS_MAX = 40, 20_000
-_PLAIN = {"number", "name", "chain", "negative"}
+_PLAIN_KINDS = {"number", "name", "chain", "negative"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ def is_plain(expression_node: Node) -> bool:
     """Whether an expression has only names, numbers and arithmetic, as expressions of a score
     do.
     """
-    if expression_node.kind not in _PLAIN or any(
+    if expression_node.kind not in _PLAIN_KINDS or any(
         sign not in "+-*/" for sign in expression_node.operators
     ):
         return False

@@ -70,13 +70,13 @@ def hear(
     if channel_number > _CHANNELS_MAX:
         raise ModelError(f"more than {_CHANNELS_MAX:,} outputs", model_statement.line)
     signal_factors = {name: factor for name, factor in output_sound.terms.items() if factor != 0.0}
-    still = [
+    fixed_masses = [
         name
         for name in signal_factors
         if name in writing.masses and writing.masses[name].kind == "ground"
     ]
     constant = output_sound.constant + sum(
-        signal_factors.pop(name) * writing.masses[name].x0 for name in still
+        signal_factors.pop(name) * writing.masses[name].x0 for name in fixed_masses
     )
     if constant != 0.0 and not any(sound_filter.order for sound_filter in output_sound.filters):
         raise ModelError(

@@ -88,14 +88,14 @@ def start(masses: Mapping[str, Mass], start_links: Sequence[Link]) -> Start:
         start_steps[mass_name] = named_mass.v0 / RATE + step
     kicks = dict.fromkeys(masses, 0.0)
     for start_link in start_links:
-        apart = start_places[start_link.a] - start_places[start_link.b]
-        if start_link.kind == "link" or apart - start_link.o > 0.0:
+        start_vector = start_places[start_link.a] - start_places[start_link.b]
+        if start_link.kind == "link" or start_vector - start_link.o > 0.0:
             _push(
                 kicks,
                 start_link,
                 start_link.R
                 * RATE
-                * (apart - (start_steps[start_link.a] - start_steps[start_link.b])),
+                * (start_vector - (start_steps[start_link.a] - start_steps[start_link.b])),
             )
     struck = {name: f for name, f in kicks.items() if f and masses[name].mobility}
     return Start(start_places, start_steps, struck)

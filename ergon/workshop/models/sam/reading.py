@@ -16,7 +16,7 @@ from ergon.workshop.models.sam.words import CODE, LINKS, MASSES, OUTPUTS, REFUSE
 LINES_MAX = 200_000  # lines
 _CHARACTERS_MAX = 100_000  # longest line
 _LINE_END = re.compile(r"\r\n|\r|\n")
-_HEAD = re.compile(r"\s*([A-Za-z]\w*)\s*([(,:])")
+_STATEMENT_HEAD = re.compile(r"\s*([A-Za-z]\w*)\s*([(,:])")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9]*")
 _LAYOUT = re.compile(r"#*\s*(pos\s+-?\d|v\d|$)")  # where a drawing has it; of which version it is
 _DRAWN = re.compile(r'#+\s*comment\("([^"]*)"')  # a text in the drawing
@@ -81,7 +81,7 @@ def parse(sheet_text: str) -> Sheet:
                 comments = []
             continue
         has_begun = True
-        head_match = _HEAD.match(code_text)
+        head_match = _STATEMENT_HEAD.match(code_text)
         if head_match and head_match[1] == CODE and head_match[2] == ":":
             sheet.code.append(Code(code_text[head_match.end() :], line_number, tuple(comments)))
             comments = []
@@ -125,9 +125,9 @@ def _comment_lines(comment: str) -> list[str]:
 
 
 def _statement(
-    code_text: str, line_number: int, comments_before: tuple[str, ...], behind: str
+    code_text: str, line_number: int, comments_before: tuple[str, ...], comment_after: str
 ) -> Statement:
-    head_match = _HEAD.match(code_text)
+    head_match = _STATEMENT_HEAD.match(code_text)
     statement_word = head_match[1] if head_match else code_text.split(None, 1)[0].strip(",;(")
     if statement_word in REFUSED:
         raise ModelError(f"{statement_word}: {REFUSED[statement_word]}", line_number)
@@ -136,18 +136,18 @@ def _statement(
         raise ModelError(message, line_number, nearest(statement_word, WORDS))
     if not code_text.rstrip().endswith(";"):
         raise ModelError("a statement ends with a semicolon", line_number)
-    wrong = ModelError(f"{statement_word} is written {written(statement_word)}", line_number)
+    count_error = ModelError(f"{statement_word} is written {written(statement_word)}", line_number)
     if (
         head_match is None
         or (head_match[2] == ",") != (statement_word in OUTPUTS)
         or head_match[2] == ":"
     ):
-        raise wrong
+        raise count_error
     argument_text = code_text.rstrip()[:-1][head_match.end() :]
     if statement_word in OUTPUTS:
         statement_name, comma, expression = argument_text.partition(",")
         if not comma:
-            raise wrong
+            raise count_error
         return Statement(
             statement_word,
             (expression.strip(),),
@@ -155,7 +155,7 @@ def _statement(
             (),
             line_number,
             comments_before,
-            behind,
+            comment_after,
         )
     inside, is_closed, outside = _closed(argument_text)
     if not is_closed:
@@ -165,8 +165,8 @@ def _statement(
     is_right = len(statement_values) == len(statement_form)
     if statement_word == "resonators":
         if len(statement_values) == 1:  # a list in parentheses of its own
-            content, _, more = _closed(statement_values[0].strip()[1:])
-            if statement_values[0].strip().startswith("(") and not more.strip():
+            content, _, text_after = _closed(statement_values[0].strip()[1:])
+            if statement_values[0].strip().startswith("(") and not text_after.strip():
                 statement_values = tuple(_split(content))
         is_right = len(statement_values) > 0 and len(statement_values) % len(statement_form) == 0
     n_names = 3 if statement_word in LINKS else 1
@@ -175,9 +175,9 @@ def _statement(
         message = f"the group {name_texts[-1].strip()} says nothing any more; leave it out"
         raise ModelError(message, line_number)
     if not is_right or name_texts[0].strip() or len(name_texts) != n_names + 1:
-        raise wrong
+        raise count_error
     if not all(value.strip() for value in statement_values):
-        raise wrong
+        raise count_error
     statement_name, *end_names = (_name(name_text, line_number) for name_text in name_texts[1:])
     return Statement(
         statement_word,
@@ -186,7 +186,7 @@ def _statement(
         tuple(end_names),
         line_number,
         comments_before,
-        behind,
+        comment_after,
     )
 
 

@@ -28,8 +28,8 @@ from ergon.workshop.models.sam.writing import (
     within,
 )
 
-_FARTHEST, _FASTEST = 1e3, 1e6  # [m], [m/s] of a score
-_HELD = "1e9"  # mass of what is moved whatever pushes it
+_DISTANCE_MAX, _SPEED_MAX = 1e3, 1e6  # [m], [m/s] of a score
+_IMPOSED_MASS = "1e9"  # mass of what is moved whatever pushes it
 _MODES_MAX = 500
 
 
@@ -54,8 +54,8 @@ def written(
         raise ModelError(message, ids[override_name].line)
     for override_name in overrides:
         if override_name not in code or code[override_name].arguments:
-            near = nearest(override_name, code)
-            raise ModelError(f"the model has no parameter {quote(override_name)}", 0, near)
+            suggestion = nearest(override_name, code)
+            raise ModelError(f"the model has no parameter {quote(override_name)}", 0, suggestion)
     if "fs" in code:
         message = f"fs is the rate of the library, {RATE:,} Hz; it has no other"
         raise ModelError(message, code["fs"].line)
@@ -113,7 +113,7 @@ def _count(writing: Writing, model_statement: Statement) -> None:
         return
     if model_statement.word == "ground":
         x0 = value_of(writing, model_statement, 0)
-        within(model_statement, "x0", x0, _FARTHEST)
+        within(model_statement, "x0", x0, _DISTANCE_MAX)
         writing.masses[model_statement.name] = Mass(model_statement.word, x0, 0.0, 0.0)
         return
     m = value_of(writing, model_statement, 0)
@@ -153,8 +153,8 @@ def _begin(writing: Writing, model_statement: Statement, start_state: Start) -> 
     """X0 and V0; they stay expressions if no force acts in the first sample."""
     model_mass = writing.masses[model_statement.name]
     x, v = start_state.places[model_statement.name], start_state.steps[model_statement.name] * RATE
-    within(model_statement, "x0", x, _FARTHEST)
-    within(model_statement, "the speed at the beginning", v, _FASTEST)
+    within(model_statement, "x0", x, _DISTANCE_MAX)
+    within(model_statement, "the speed at the beginning", v, _SPEED_MAX)
     is_free = (
         model_statement.word == "mass"
         and start_state.steps[model_statement.name] == model_mass.v0 / RATE
@@ -195,7 +195,7 @@ def _port(writing: Writing, model_statement: Statement, _: Start) -> None:
         return
     x0 = f", X0: {fed.first!r}m" if fed.first else ""
     writing.add(
-        f"MAS: {{M: {_HELD}{x0}}}",
+        f"MAS: {{M: {_IMPOSED_MASS}{x0}}}",
         model_statement,
         "a port; its mass says nothing: its path is imposed",
     )
@@ -253,13 +253,15 @@ def _join(writing: Writing, model_statement: Statement) -> None:
     """Compute the values of a link."""
     for link_end in model_statement.ends:
         if link_end not in writing.masses:
-            near = nearest(link_end, writing.masses)
-            raise ModelError(f"no mass is called {quote(link_end)}", model_statement.line, near)
+            suggestion = nearest(link_end, writing.masses)
+            raise ModelError(
+                f"no mass is called {quote(link_end)}", model_statement.line, suggestion
+            )
     a, b = model_statement.ends
     if a == b:
         raise ModelError(f"it joins {quote(a)} to itself", model_statement.line)
     k, R, o = (value_of(writing, model_statement, value_index) for value_index in range(3))
-    within(model_statement, "o", o, _FARTHEST)
+    within(model_statement, "o", o, _DISTANCE_MAX)
     writing.links[model_statement.name] = Link(model_statement.word, a, b, k, R, o)
 
 

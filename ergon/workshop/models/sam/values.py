@@ -120,8 +120,8 @@ class Values:
         if value_name == "PI" and value_name not in self.definitions:
             return math.pi
         if value_name not in self.definitions:
-            near = nearest(value_name, [*self.definitions, *self.audible])
-            raise ModelError(f"nothing is called {quote(value_name)}", line_number, near)
+            suggestion = nearest(value_name, [*self.definitions, *self.audible])
+            raise ModelError(f"nothing is called {quote(value_name)}", line_number, suggestion)
         if value_name not in self._known:
             self._enter(value_name, line_number)
             self._known[value_name] = self._value(
@@ -351,9 +351,9 @@ def _finite(value: float, line: int) -> float:
     return value
 
 
-def _computed(by: Callable[..., float], values: list[float], line_number: int) -> float:
+def _computed(function: Callable[..., float], values: list[float], line_number: int) -> float:
     try:
-        return _finite(float(by(*values)), line_number)
+        return _finite(float(function(*values)), line_number)
     except (ArithmeticError, ValueError, TypeError):
         raise ModelError(
             "an expression has no value: it divides by 0, or is too large", line_number

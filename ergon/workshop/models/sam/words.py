@@ -18,7 +18,7 @@ LINKS: Mapping[str, tuple[str, ...]] = {"link": ("k", "R", "o"), "touch": ("k", 
 OUTPUTS = ("audioout", "display")  # `word,name,expression;`
 CODE = "faustcode"
 
-_REFUSED = {
+_REFUSED_WORDS = {
     "a pluck remembers on which side it is, and no law of a score keeps a state yet": "pluck",
     "its pulse goes on by itself, and no law of a score keeps a state yet": """
         pulseTouch pulseTouchGeneral pulseTouchTable""",
@@ -31,7 +31,7 @@ _REFUSED = {
         controladjust""",
 }
 REFUSED: Mapping[str, str] = {
-    word: why for why, words in _REFUSED.items() for word in words.split()
+    word: why for why, words in _REFUSED_WORDS.items() for word in words.split()
 }
 WORDS = (*MASSES, *LINKS, *OUTPUTS, CODE, *REFUSED)
 

@@ -5,8 +5,8 @@ use super::super::passes;
 use super::loops::{add_at_ends, advance_psi_run, springs};
 use crate::maths::{copysign, sqrt};
 use crate::network::{Error, Network};
+use crate::scheme::{ForceEnds, Spring};
 use crate::scheme::{Kind, Run, largest_eigenvalue};
-use crate::scheme::{Pull, Spring};
 
 /// The links, springs first, others after them.
 #[derive(Clone, Debug)]
@@ -52,7 +52,7 @@ pub(in super::super) fn check_supported(mesh: &Mesh, network: &Network) -> Resul
             "the energy of its law has no lower bound, so method ieq cannot compute it; choose another method",
         );
     }
-    for link_run in &mesh.others {
+    for link_run in &mesh.other_runs {
         let refusal_reason = match &link_run.kind {
             Kind::Lnl { law, .. } if law.is_shared() => Some(
                 "method ieq cannot compute the tension of a string, which all its links share; choose another method",
@@ -101,7 +101,7 @@ pub(super) fn linear_part(mesh: &Mesh, network: &Network) -> Result<f64, Error> 
 
 impl Links {
     pub(super) fn new(mesh: &Mesh, beta: f64) -> Self {
-        let other_springs = mesh.others.iter().map(|run| Spring {
+        let other_springs = mesh.other_runs.iter().map(|run| Spring {
             a: run.a,
             b: run.b,
             len: run.len,
@@ -109,7 +109,7 @@ impl Links {
             q: 0.0,
             z: 0.0,
             rest: run.rest,
-            pull: Pull::Both(run.a, run.b),
+            force_ends: ForceEnds::Both(run.a, run.b),
         });
         Self {
             runs: mesh.springs.iter().copied().chain(other_springs).collect(),
@@ -142,7 +142,7 @@ impl Links {
                 let e = e - 0.5 * de;
                 state.psi[run_start + i] = match run_index.checked_sub(mesh.springs.len()) {
                     None => sqrt(0.5 * run.q) * (e * e),
-                    Some(other) => psi(&mesh.others[other], e),
+                    Some(other) => psi(&mesh.other_runs[other], e),
                 };
                 state.c[run_start + i] = 0.5 * run.z + self.beta * run.k;
             }
@@ -189,7 +189,7 @@ impl Links {
             match run_index.checked_sub(mesh.springs.len()) {
                 None => springs(run, self.beta, [x, d], psi, [g, c, run_forces]),
                 Some(other) => {
-                    let other = &mesh.others[other];
+                    let other = &mesh.other_runs[other];
                     for i in 0..run.len {
                         let (e, de) = elongation(run, x, d, i);
                         let (psi_slope, drag_factor, push_force) = slope_and_damping(other, e, de, psi[i]);
@@ -237,7 +237,7 @@ impl Links {
                 let (e, de) = elongation(run, x, d, i);
                 let potential = |e: f64| match run_index.checked_sub(mesh.springs.len()) {
                     None => 0.25 * run.q * (e * e * e * e),
-                    Some(other) => mesh.others[other].potential(e),
+                    Some(other) => mesh.other_runs[other].potential(e),
                 };
                 0.5 * (potential(e) + potential(e - de))
             })

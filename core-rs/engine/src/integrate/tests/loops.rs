@@ -6,7 +6,7 @@ use super::super::conjugate::Conjugate;
 use super::super::passes;
 use crate::chance::Chance;
 use crate::kernel::springs::{Part, SpringPass};
-use crate::scheme::{Pull, Spring};
+use crate::scheme::{ForceEnds, Spring};
 
 /// Numbers between -1 and 1.
 fn numbers(n: usize, seed: u64) -> Vec<f64> {
@@ -24,7 +24,7 @@ fn runs() -> Vec<Spring> {
         q,
         z: if a % 2 == 0 { 0.7 } else { 0.0 },
         rest: 1e-3 * b as f64,
-        pull: Pull::Both(a, b),
+        force_ends: ForceEnds::Both(a, b),
     };
     vec![
         spring_run(0, 1, 69, 0.0),

@@ -88,13 +88,13 @@ impl Watched {
         }
     }
 
-    /// The energy created by frame `n`, if that is worth reporting; `around` is the energy of all masses, `put_in` what
-    /// hands put in.
+    /// The energy created by frame `n`, if that is worth reporting; `moving_energy` is the energy of all masses,
+    /// `hand_work` what hands put in.
     pub(super) fn check(
         &mut self,
         link_work: &mut LinkWork,
         body: &Body,
-        (around, put_in): (impl Fn() -> f64, f64),
+        (moving_energy, hand_work): (impl Fn() -> f64, f64),
         n: u64,
     ) -> Option<Gain> {
         if link_work.account.is_overdrawn() && !self.is_whole {
@@ -105,9 +105,9 @@ impl Watched {
         if !link_work.account.is_overdrawn() {
             return None;
         }
-        let around = around();
-        link_work.account.take_from_masses(0.0, around);
-        let gain = link_work.gain(self, body, (around, put_in), n);
+        let energy_now = moving_energy();
+        link_work.account.take_from_masses(0.0, energy_now);
+        let gain = link_work.gain(self, body, (energy_now, hand_work), n);
         if !gain.is_reportable() || gain.created <= rounding(&self.run, body) {
             return None;
         }
@@ -187,14 +187,17 @@ impl LinkWork {
         self.force = link_force;
     }
 
-    /// The energy created so far, by frame `n`; `around` is the energy of all masses, `put_in` what hands put in.
-    pub(super) fn gain(&self, link: &Watched, body: &Body, (around, put_in): (f64, f64), n: u64) -> Gain {
+    /// The energy created so far, by frame `n`; `moving_energy` is the energy of all masses, `hand_work` what hands put
+    /// in.
+    pub(super) fn gain(&self, link: &Watched, body: &Body, (moving_energy, hand_work): (f64, f64), n: u64) -> Gain {
         let mut account = self.account;
         if !link.is_whole {
             account.add_start(self.start(link));
         }
         let stored_energy = self.stored(&link.run, body);
-        account.gain(stored_energy, around, n).with_reference_min(put_in)
+        account
+            .gain(stored_energy, moving_energy, n)
+            .with_reference_min(hand_work)
     }
 
     /// The energy that its link stored when the account began [J].

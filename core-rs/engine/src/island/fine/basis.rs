@@ -162,8 +162,8 @@ mod tests {
             let mut polynomial_sum: Vec<f64> = (0..n).map(|k| test_number(k + 999)).collect();
             let mut plain_sum = polynomial_sum.clone();
             for k in 0..n {
-                for (own, by) in plain_sum.iter_mut().zip(&rows[k * n..]) {
-                    *own += factors[k] * by;
+                for (plain_term, by) in plain_sum.iter_mut().zip(&rows[k * n..]) {
+                    *plain_term += factors[k] * by;
                 }
             }
             add_rows(&rows, &factors, &mut polynomial_sum);

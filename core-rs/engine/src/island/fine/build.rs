@@ -8,7 +8,7 @@ use super::crowded::{CrowdedBody, crowded_bodies};
 use super::joint::{Joint, RESPONSE_PRODUCTS, fastest_rate, joint, path_responses};
 use super::laws::LawScript;
 use super::slides::Frictions;
-use super::sprung::Sprung;
+use super::stepped_points::SteppedPoints;
 use super::{Fine, FineWork, Script};
 use crate::island::StepNumbers;
 use crate::island::inside::RunningBody;
@@ -93,14 +93,14 @@ impl Fine {
             crowded,
             joints,
             path_responses,
-            jumps,
+            velocity_steps: jumps,
             impulse_products,
             start_responses,
             free_path_products,
         };
         script.is_coupled = script.has_coupled_links();
         let law_script = LawScript::new(&script);
-        let sprung = Sprung::new(&script, network);
+        let stepped_points = SteppedPoints::new(&script, network);
         let n_links = script.links.len();
         Self {
             paths: vec![0.0; n_joints * n_instants],
@@ -120,7 +120,7 @@ impl Fine {
             link_constants: script.links.iter().map(|run| [[run.k, run.z]; 2]).collect(),
             joint_constants: script.joints.iter().map(|joint| joint.constants).collect(),
             has_glided: vec![false; n_joints],
-            sprung,
+            stepped_points,
             stages: &[],
             has_touched: false,
             work: FineWork {

@@ -147,13 +147,13 @@ fn tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
     let mut coefficients = vec![0.0; n];
     for index in 0..n_groups * SUMS {
         let (mode_cell, group_index, lane_index) = (&cells[index.min(cells.len() - 1)], index / SUMS, index % SUMS);
-        for which in 0..2 {
-            let motion_value = |s: &f64| unit_motion(mode_cell, s * time_step, which, time_step);
+        for coordinate in 0..2 {
+            let motion_value = |s: &f64| unit_motion(mode_cell, s * time_step, coordinate, time_step);
             let motion_samples: Vec<f64> = basis.instants.iter().map(motion_value).collect();
             basis.fit(&motion_samples, &mut coefficients);
             let group_motions = motions[group_index * n..(group_index + 1) * n].iter_mut();
             for (motion, coefficient) in group_motions.zip(&coefficients) {
-                motion[which][lane_index] = *coefficient;
+                motion[coordinate][lane_index] = *coefficient;
             }
         }
         rates[group_index][0][lane_index] = mode_cell.stiffness() * time_step * time_step;
@@ -162,9 +162,9 @@ fn tables(cells: &[Cell], basis: &Basis, rate: Rate) -> ModeTables {
     ModeTables { n, motions, rates }
 }
 
-/// Displacement `t` [s] after a start with 1 m (`which` = 0), or with 1 m a frame.
-fn unit_motion(cell: &Cell, t: f64, which: usize, step: f64) -> f64 {
-    if which == 0 {
+/// Displacement `t` [s] after a start with 1 m (`coordinate` = 0), or with 1 m a frame.
+fn unit_motion(cell: &Cell, t: f64, coordinate: usize, step: f64) -> f64 {
+    if coordinate == 0 {
         cell.released(t)
     } else {
         cell.response(t) / step

@@ -87,7 +87,8 @@ impl Fine {
             self.collocate(&script, &law_script, gates);
         }
         self.write_start_forces(&script, &law_script, body);
-        self.sprung.record_impulses(&script, &self.frame_impulses, scheme);
+        self.stepped_points
+            .record_impulses(&script, &self.frame_impulses, scheme);
         self.apply_impulses(&script, bodies, body);
     }
 
@@ -152,7 +153,8 @@ impl Fine {
                     if joint.cell.is_some() {
                         // The forces inside a mesh also bend the path of its port throughout the frame.
                         frame_pull += 0.5 * body.inner.get(joint.mat).copied().unwrap_or(0.0);
-                        self.sprung.record_free_motion(joint_index, free_step, frame_pull);
+                        self.stepped_points
+                            .record_free_motion(joint_index, free_step, frame_pull);
                     } else {
                         frame_pull = 0.0;
                     }

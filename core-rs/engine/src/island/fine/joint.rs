@@ -78,14 +78,14 @@ impl Script {
             *split = [split_forces[0] * mass_ratios[0], split_forces[1] * mass_ratios[1]];
         }
         let pair_index = joint * n_joints + joint;
-        self.jumps[pair_index] = time_step * mean_cell.velocity_step();
+        self.velocity_steps[pair_index] = time_step * mean_cell.velocity_step();
         let (n_instants, pair_responses) = (self.basis.n() as u64, &mut self.path_responses[pair_index]);
-        if mean_cell.has_answer_factors(time_step) {
+        if mean_cell.has_impulse_response_factors(time_step) {
             answers_by_factors(&self.basis, pair_responses, &mean_cell, time_step);
             return Some(8 * RESPONSE_PRODUCTS * n_instants + 6 * n_instants * n_instants);
         }
         answers(&self.basis, pair_responses, &|time_between| {
-            mean_cell.answer_around(time_between * time_step)
+            mean_cell.impulse_response_around(time_between * time_step)
         });
         Some(RESPONSE_PRODUCTS * n_instants * n_instants + 2 * n_instants * n_instants * n_instants)
     }
@@ -108,7 +108,7 @@ fn answers_by_factors(basis: &Basis, coefficients: &mut [f64], cell: &Cell, step
     let n_instants = basis.n();
     let (mut factor_values, mut factor_fits) = ([[[0.0; POLYNOMIALS_MAX]; 2]; 2], [[[0.0; POLYNOMIALS_MAX]; 2]; 2]);
     for (m, instant) in basis.instants.iter().enumerate() {
-        let factors = cell.answer_factors((instant - 0.5) * step);
+        let factors = cell.impulse_response_factors((instant - 0.5) * step);
         for (term_values, term_factors) in factor_values.iter_mut().zip(factors) {
             for (point_values, factor) in term_values.iter_mut().zip(term_factors) {
                 point_values[m] = factor;
@@ -219,7 +219,7 @@ pub(super) fn path_responses(
             Some(cell) => {
                 let mut pair_response = vec![0.0; n_instants * n_instants];
                 answers(basis, &mut pair_response, &|time_between| {
-                    cell.answer_around(time_between * time_step)
+                    cell.impulse_response_around(time_between * time_step)
                 });
                 (pair_response, time_step * cell.velocity_step())
             }

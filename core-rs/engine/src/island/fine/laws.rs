@@ -256,8 +256,8 @@ impl Fine {
                 ..self.law(script, laws, gates, (law_index, 1.0))
             };
             let end_forces = [state.start_force, law_at_end.force(e, v * law_at_end.rate())];
-            let largest =
-                (state.force.iter().chain(&end_forces)).fold(state.largest_force, |most, force| most.max(force.abs()));
+            let largest = (state.force.iter().chain(&end_forces))
+                .fold(state.largest_force, |largest_yet, force| largest_yet.max(force.abs()));
             for (row, force) in laws.end_weights.iter().zip(end_forces) {
                 let end_deviation = (dot(row, &state.force) - force).abs();
                 deviation_max = deviation_max.max(end_deviation / largest.max(f64::MIN_POSITIVE));
@@ -385,7 +385,7 @@ impl Fine {
         const KICK_ROUNDS: usize = 4;
         let [e, v] = self.elongation(script, law_link, instant);
         let (first_joint, second_joint) = script.ends[law_link];
-        let pair_jump = script.jump(first_joint, second_joint);
+        let pair_jump = script.velocity_step(first_joint, second_joint);
         let (law_now, time_step) = (self.law(script, laws, gates, (law, instant.s)), script.rate.step());
         let mut impulse = 0.0;
         for _ in 0..KICK_ROUNDS {

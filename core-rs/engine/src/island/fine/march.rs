@@ -168,7 +168,7 @@ impl Fine {
             ends: (first_joint, second_joint),
             side: but.sign(),
             rest: link_run.rest,
-            velocity_per_impulse: script.jump(first_joint, second_joint),
+            velocity_per_impulse: script.velocity_step(first_joint, second_joint),
         })
     }
 

@@ -5,8 +5,8 @@ use crate::maths::sqrt;
 
 /// Kick and drift of Strang's splitting; a last kick of half a step ends it.
 const STRANG: [[f64; 2]; 1] = [[0.5, 1.0]];
-/// Contacts that swing slower than this are slow [rad/frame]. In steps of order 2, one a frame, their own oscillation is
-/// too quick by (1/8)²/24 = 1.1 cents at most.
+/// Contacts that swing slower than this are slow [rad/frame]. In steps of order 2, one a frame, their own oscillation
+/// is too quick by (1/8)²/24 = 1.1 cents at most.
 const SLOW_RATE: f64 = 0.125;
 
 /// The order of the steps in which contacts push between frames.

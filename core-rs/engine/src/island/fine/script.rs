@@ -1,5 +1,4 @@
-//! What does not change while links between frames are computed: their points, and how a push of one moves
-//! the others.
+//! The constant data of links between frames: their points, and the response of each point to a push on another.
 
 use super::ContactOrder;
 use super::basis::{Basis, Instant, add_rows};
@@ -9,14 +8,14 @@ use crate::scheme::Run;
 use crate::units::Rate;
 
 /// Links whose pushes change each other's velocity by less than this part of their own are not coupled.
-const UNCOUPLED: f64 = 1e-6;
+const UNCOUPLED_SHARE_MAX: f64 = 1e-6;
 
 /// The constant data of links and their points.
 #[derive(Clone, Debug)]
 pub(super) struct Script {
-    /// Least number of steps a frame, and of steps for a radian of a contact's own oscillation, by order 4.
+    /// Least number of steps a frame, and of steps per radian of a contact's own oscillation, for splitting of order 4.
     pub(super) steps: usize,
-    /// Of the splitting by which closed contacts are stepped.
+    /// The order of the splitting that steps closed contacts.
     pub(super) order: ContactOrder,
     pub(super) rate: Rate,
     pub(super) basis: Basis,
@@ -31,7 +30,7 @@ pub(super) struct Script {
     /// Response of one joint's path to an impulse at another   (n_joints², n·n); empty between those of a crowded body.
     pub(super) path_responses: Vec<Vec<f64>>,
     /// Change at once of one joint's velocity by an impulse at another [m/frame per N·s]   (n_joints²)
-    pub(super) jumps: Vec<f64>,
+    pub(super) velocity_steps: Vec<f64>,
     /// Whether a push of one link changes the velocity of another at once.
     pub(super) is_coupled: bool,
     /// Number of products by which an impulse on each joint changes all paths in `path_responses`   (n_joints)
@@ -45,26 +44,26 @@ pub(super) struct Script {
 
 impl Script {
     /// Change of a link's rate of elongation by an impulse of the link [m/frame per N·s].
-    pub(super) fn jump(&self, a: usize, b: usize) -> f64 {
-        self.jump_between((a, b), (a, b))
+    pub(super) fn velocity_step(&self, a: usize, b: usize) -> f64 {
+        self.velocity_step_between((a, b), (a, b))
     }
 
     /// Change of the rate of elongation of the second link, given by its joints, by an impulse of the first [m/frame
     /// per N·s].
-    pub(super) fn jump_between(&self, (a, b): (usize, usize), (c, d): (usize, usize)) -> f64 {
-        let jump = |from: usize, to: usize| self.jumps[from * self.joints.len() + to];
+    pub(super) fn velocity_step_between(&self, (a, b): (usize, usize), (c, d): (usize, usize)) -> f64 {
+        let jump = |from: usize, to: usize| self.velocity_steps[from * self.joints.len() + to];
         jump(a, c) + jump(b, d) - jump(a, d) - jump(b, c)
     }
 
-    /// Whether a push of one link changes the velocity of another at once, by more than `UNCOUPLED` of what it changes
-    /// its own.
+    /// Whether a push of one link changes the velocity of another at once, by more than `UNCOUPLED_SHARE_MAX` of what
+    /// it changes its own.
     pub(super) fn has_coupled_links(&self) -> bool {
         let link_ends = self.ends.iter().enumerate();
         let mut link_pairs =
             link_ends.flat_map(|(first_index, first)| self.ends[..first_index].iter().map(move |other| (first, other)));
         link_pairs.any(|(first, other)| {
-            let self_jumps = [*first, *other].map(|link| self.jump_between(link, link));
-            self.jump_between(*first, *other).abs() > UNCOUPLED * self_jumps[0].min(self_jumps[1])
+            let self_jumps = [*first, *other].map(|link| self.velocity_step_between(link, link));
+            self.velocity_step_between(*first, *other).abs() > UNCOUPLED_SHARE_MAX * self_jumps[0].min(self_jumps[1])
         })
     }
 

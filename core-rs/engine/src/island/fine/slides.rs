@@ -187,7 +187,8 @@ impl Fine {
             let [_, v] = self.elongation(script, link, &start_instant);
             let friction = self.friction(frame, (slide_index, 0.0));
             let (first_joint, second_joint) = script.ends[link];
-            let velocity_taken = friction.level(0.0) * script.jump(first_joint, second_joint) * script.rate.step();
+            let velocity_taken =
+                friction.level(0.0) * script.velocity_step(first_joint, second_joint) * script.rate.step();
             let still_share = if self.rests[link] {
                 STILL_SHARE_HELD
             } else {
@@ -221,7 +222,9 @@ impl Fine {
                 is_too_weak.then_some((slide_index, needed_force.abs() - friction_level, needed_force.signum()))
             };
             let weak_holds = (0..frame.slides.links.len()).filter_map(force_excess);
-            let Some((slide_index, _, direction)) = weak_holds.max_by(|one, other| one.1.total_cmp(&other.1)) else {
+            let Some((slide_index, _, direction)) =
+                weak_holds.max_by(|hold, other_hold| hold.1.total_cmp(&other_hold.1))
+            else {
                 return;
             };
             self.frictions.slides[slide_index].direction = direction;

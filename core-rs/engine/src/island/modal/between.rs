@@ -18,7 +18,7 @@ pub(super) struct Between {
     kick: Vec<Vec<Vec<[Lanes; 2]>>>,
 }
 
-const ONES: Lanes = Lanes([1.0; LANES]);
+const UNIT_LANES: Lanes = Lanes([1.0; LANES]);
 
 impl RunningModal {
     /// Make tables for instants of a frame, 0 to 1; only for continuous modes.
@@ -49,7 +49,7 @@ impl RunningModal {
             None => 1,
         };
         let kick_table = |group: usize, j: usize, split_of: &dyn Fn(usize, usize) -> [f64; 2]| {
-            [0, 1].map(|which| lanes(modes, group, |mode| split_of(mode, j)[which]))
+            [0, 1].map(|half| lanes(modes, group, |mode| split_of(mode, j)[half]))
         };
         let group_range = 0..modes.len().div_ceil(LANES);
         let members = |group: usize| group * LANES..modes.len().min((group + 1) * LANES);
@@ -138,7 +138,7 @@ impl RunningModal {
     /// Write the positions of a port in this frame, at each instant (n), if nothing more pushes it [m].
     pub(crate) fn port_positions(&mut self, port: usize, positions: &mut [f64]) {
         self.discard_ahead();
-        self.quiet = 0;
+        self.quiet_frames = 0;
         positions.fill(self.script.plan.ports[port].rest);
         let Some(between) = &self.between else { return };
         for ((motion, table), rows) in self.motions.iter().zip(&between.interpolation).zip(&self.script.rows) {
@@ -150,18 +150,18 @@ impl RunningModal {
     /// Take impulses [N·s] on a port at the instants of this frame (n).
     pub(crate) fn take_impulses(&mut self, port: usize, impulses: &[f64], body: &mut Body) {
         self.discard_ahead();
-        self.quiet = 0;
+        self.quiet_frames = 0;
         let Some(between) = &self.between else { return };
         let is_complex = self.script.plan.answers.is_some();
         for (group, table) in between.kick[if is_complex { port } else { 0 }].iter().enumerate() {
             let group_rows = &self.script.rows[group];
             // The responses of complex modes already contain these shares.
-            let port_share = if is_complex { &ONES } else { &group_rows[port] };
+            let port_share = if is_complex { &UNIT_LANES } else { &group_rows[port] };
             let mode_lanes = [&mut self.motions[group].now, &mut self.pending[group]];
-            let seen_ahead = (&mut self.seen[self.present + 1..], SEEN_FRAMES);
+            let seen_ahead = (&mut self.row_history[self.present + 1..], SEEN_FRAMES);
             ports::kick(impulses, table, port_share, mode_lanes, group_rows, seen_ahead);
         }
         self.has_pending = true;
-        self.place(body);
+        self.set_ports(body);
     }
 }

@@ -28,7 +28,7 @@ pub(crate) struct Struck {
 }
 
 /// κ = (ω₀T)² below which a mode has no restoring force but rounding: all others have 1e-8 and more.
-const LOOSE: f64 = 1e-12;
+const FREE_KAPPA_MAX: f64 = 1e-12;
 
 /// A mode of mass 1.
 #[derive(Clone, Copy, Debug)]
@@ -167,7 +167,7 @@ impl Modal {
     pub(crate) fn compliance(&self, mode: usize) -> Option<f64> {
         let Mode { a, b, gain, .. } = self.modes[mode];
         let restoring_factor = 1.0 - a + b;
-        (restoring_factor > LOOSE).then(|| gain / restoring_factor)
+        (restoring_factor > FREE_KAPPA_MAX).then(|| gain / restoring_factor)
     }
 
     /// Whether another body has the same modes and shapes; its strikes may differ.

@@ -71,19 +71,19 @@ impl RunningModal {
         let has_many_pushes = n_pushed >= MANY_PORTS && n_pushed * MODES_PER_PORT > n_modes;
         if self.script.responses.is_empty() || has_many_pushes {
             self.discard_ahead();
-            self.quiet = 0;
+            self.quiet_frames = 0;
         }
         // A clone of the script would be counted up and down by atomics in every frame.
         let Self {
             script,
-            seen,
+            row_history: seen,
             motions,
             forces,
             row_positions,
             pushes,
             has_pushes,
             present,
-            until,
+            furthest: until,
             ..
         } = self;
         let (present, until) = (*present, *until);
@@ -161,7 +161,7 @@ impl RunningModal {
             return self.motions[group].clone();
         }
         let mut group_motion = self.saved[group].clone();
-        self.replay(group, &mut group_motion, 0, self.until);
+        self.replay(group, &mut group_motion, 0, self.furthest);
         group_motion
     }
 
@@ -246,7 +246,7 @@ mod tests {
         let mut loudest = 0.0_f64;
         for n in 0..1_200 {
             let mut output_now = [0.0];
-            running.tap(&mut output_now);
+            running.add_outputs(&mut output_now);
             let mode_sum: f64 = modes_now.iter().sum();
             loudest = loudest.max(mode_sum.abs());
             assert!(
@@ -256,7 +256,7 @@ mod tests {
             );
             if n % 37 == 0 {
                 let mut worst_error = 0.0_f64;
-                running.look(|mode, x, _| worst_error = worst_error.max((x - modes_now[mode]).abs()));
+                running.for_each_amplitude(|mode, x, _| worst_error = worst_error.max((x - modes_now[mode]).abs()));
                 assert!(worst_error <= 1e-11 * largest(&modes_now), "{n}: {worst_error}");
             }
             if n % 211 == 0 {

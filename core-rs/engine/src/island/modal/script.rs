@@ -53,10 +53,10 @@ impl Script {
                 .map(|row| lanes(modes, group, |mode| row[mode]))
                 .collect()
         };
-        let group_gains = |group, which: usize| -> Vec<Lanes> {
+        let group_gains = |group, half: usize| -> Vec<Lanes> {
             let ports = 0..plan.ports.len();
             ports
-                .map(|port| lanes(modes, group, |mode| plan.gain(port, mode)[which]))
+                .map(|port| lanes(modes, group, |mode| plan.gain(port, mode)[half]))
                 .collect()
         };
         let n_back_groups = if plan.answers.is_some() { group_range.len() } else { 0 };

@@ -1,8 +1,8 @@
 //! Linear springs of a slow body, exactly, a block of frames at a time.
 //!
-//! Its state s, displacements and velocities, goes by s ← P·(s + inputs) from frame to frame. At the beginning of a block
-//! the displacements that are seen (ports, outputs) are computed for all its frames, as if nothing pushed: C·Pᵏ·s. An
-//! input adds its response, C·Pᵏ·b, to the frames that follow it. The state itself is computed once a block:
+//! Its state s, displacements and velocities, goes by s ← P·(s + inputs) from frame to frame. At the beginning of a
+//! block the displacements that are seen (ports, outputs) are computed for all its frames, as if nothing pushed:
+//! C·Pᵏ·s. An input adds its response, C·Pᵏ·b, to the frames that follow it. The state itself is computed once a block:
 //! Pᴮ·s + Σ Pᴮ⁻ʲ·b·input. The result is that of every frame, to rounding, for any number B of frames in a block.
 
 use crate::integrate::flow::Flow;

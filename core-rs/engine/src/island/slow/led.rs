@@ -39,7 +39,7 @@ impl RunningSlow {
     }
 
     /// Add a velocity to a port of the island at the end of this frame.
-    pub(crate) fn give(&mut self, mat: usize, velocity: f64) {
+    pub(crate) fn add_velocity(&mut self, mat: usize, velocity: f64) {
         let port_velocities = self.plan.ports.iter().zip(&mut self.hand_velocities);
         for (_, hand_velocity) in port_velocities.filter(|(port, _)| port.1 == mat) {
             *hand_velocity += velocity;

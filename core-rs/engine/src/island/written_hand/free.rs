@@ -111,8 +111,8 @@ impl FreeMotion {
     /// Copy another's motion without allocating.
     fn copy_motion(&mut self, other: &Self) {
         self.body.copy_motion(&other.body);
-        for (own, other) in self.slow.iter_mut().zip(&other.slow) {
-            own.copy_motion(other);
+        for (mode, other) in self.slow.iter_mut().zip(&other.slow) {
+            mode.copy_motion(other);
         }
     }
 
@@ -151,7 +151,7 @@ impl FreeMotion {
         let mut velocity_sum = 0.0;
         for slow in &mut self.slow {
             let velocity_change = slow.release_at_pull(mat);
-            slow.give(mat, velocity_change);
+            slow.add_velocity(mat, velocity_change);
             velocity_sum += velocity_change;
         }
         velocity_sum
@@ -244,7 +244,7 @@ impl FreeKey {
     pub(crate) fn force_to_reach(&self, motion: &FreeMotion, x: f64, targets: &[Target], buffers: &mut Buffers) -> f64 {
         let (scheme, struck_mat, body) = (&*self.scheme, self.struck, &motion.body);
         if scheme.exact.is_empty() {
-            return kernel::needed(scheme, body, struck_mat, x);
+            return kernel::force_to_reach(scheme, body, struck_mat, x);
         }
         // The force of exact contacts depends on where the ergon takes the MAT, so they are solved for that position.
         let coast_body = &mut buffers.coast.body;
@@ -258,7 +258,7 @@ impl FreeKey {
             previous: 0.0,
         });
         kernel::contacts(scheme, &[], &buffers.targets, coast_body);
-        let force = kernel::needed(scheme, coast_body, struck_mat, x);
+        let force = kernel::force_to_reach(scheme, coast_body, struck_mat, x);
         if !scheme.has_dry() {
             return force;
         }
@@ -345,7 +345,7 @@ impl FreeKey {
 
     /// The force at frame `n` that makes the struck MAT pass `x` at frame `to`; 0 if no force can (after a multiple of
     /// half the key's period).
-    pub(crate) fn aim(&self, motion: &FreeMotion, n: u64, to: u64, x: f64, buffers: &mut Buffers) -> f64 {
+    pub(crate) fn force_to_arrive(&self, motion: &FreeMotion, n: u64, to: u64, x: f64, buffers: &mut Buffers) -> f64 {
         let (mut f0, mut y0) = (0.0, self.coast(motion, n, to, 0.0, buffers));
         // A first guess as for a free mass: F·T²/m·steps = distance.
         let frame_count = (to - n) as f64;

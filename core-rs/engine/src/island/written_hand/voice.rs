@@ -77,12 +77,12 @@ struct Running {
     cursor: usize,
     source: usize,
     joining: Option<Joining>,
-    /// The strike of the present throw or grain is done until this frame, at which the key is to be at `aim` [m].
+    /// The strike of the present throw or grain is done until this frame, at which the key is to be at `target` [m].
     struck_until: u64,
-    aim: f64,
+    target: f64,
 }
 
-crate::archive::option!(Running, maybe);
+crate::archive::option!(Running, optional);
 crate::archive::state!(Running {
     gesture,
     leg,
@@ -90,7 +90,7 @@ crate::archive::state!(Running {
     source,
     joining,
     struck_until,
-    aim
+    target
 });
 
 /// A frame of a tracked key.
@@ -101,7 +101,7 @@ struct TrackedFrame {
     x: f64,
 }
 
-crate::archive::option!(TrackedFrame, maybe);
+crate::archive::option!(TrackedFrame, optional);
 crate::archive::state!(TrackedFrame { gesture, source, x });
 
 /// What is asked of the key at a frame.
@@ -242,7 +242,7 @@ impl Voice {
             .forces(&mut self.free, n, &mut self.buffers.laws, &mut self.targets);
         self.flight.step(scene.body, script.struck);
         self.begin(script, scene, n);
-        let frame_ask = self.ask(scene.gestures, scene.scheme.rate, n);
+        let frame_ask = self.requested_motion(scene.gestures, scene.scheme.rate, n);
         let asked_position = std::mem::replace(&mut self.asked, f64::NAN);
         let force = match frame_ask {
             Some(frame_ask) => self.answer(script, scene, n, &frame_ask, asked_position),
@@ -258,11 +258,11 @@ impl Voice {
             let release_velocity = self.free.release_at_pull(script.free.struck);
             if release_velocity != 0.0 {
                 let bodies = scene.bodies.iter_mut();
-                bodies.for_each(|body| body.give(script.struck, release_velocity));
+                bodies.for_each(|body| body.add_velocity(script.struck, release_velocity));
             }
         }
         if let Some(running) = self.running.as_ref().filter(|running| running.struck_until == n + 1) {
-            self.asked = running.aim;
+            self.asked = running.target;
         }
         script.free.strike_and_move(&mut self.free, n, force, &mut self.targets);
     }
@@ -328,7 +328,7 @@ impl Voice {
     }
 
     /// What the running gesture asks at frame `n`.
-    fn ask(&mut self, gestures: &[FramedGesture], rate: f64, n: u64) -> Option<Ask> {
+    fn requested_motion(&mut self, gestures: &[FramedGesture], rate: f64, n: u64) -> Option<Ask> {
         let running = self.running.as_mut()?;
         let gesture = &gestures[running.gesture];
         let target_frame = n + 1;
@@ -365,10 +365,10 @@ impl Voice {
                     let landing_frame = landing_frame.min(*last);
                     running.struck_until = landing_frame;
                     let ask_time = (landing_frame as f64 / rate).min(path.stop());
-                    running.aim = path.evaluate_from(&mut running.cursor, ask_time).0;
+                    running.target = path.evaluate_from(&mut running.cursor, ask_time).0;
                     Some(Ask::Aim {
                         to: landing_frame,
-                        x: running.aim,
+                        x: running.target,
                     })
                 }
             },
@@ -377,7 +377,7 @@ impl Voice {
                 to: landing_frame,
                 x,
             } if n >= running.struck_until.max(*from) => {
-                (running.struck_until, running.aim) = (*landing_frame, *x);
+                (running.struck_until, running.target) = (*landing_frame, *x);
                 Some(Ask::Aim {
                     to: *landing_frame,
                     x: *x,
@@ -397,7 +397,7 @@ impl Running {
             source: 0,
             joining,
             struck_until: 0,
-            aim: f64::NAN,
+            target: f64::NAN,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Forces of dry friction, given all other forces: friction opposes sliding, and holds ends that stick.
 
-use super::super::{needed, predict};
+use super::super::{force_to_reach, predict};
 use crate::dry::Turned;
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::{Body, Target};
@@ -57,7 +57,7 @@ pub(super) fn force(scheme: &Scheme, gates: &[f64], targets: &[Target], body: &B
     let holding_force = |i: usize| {
         imposed_target(i)
             .filter(|_| scheme.w[i] > 0.0)
-            .map(|target| needed(scheme, body, i, target.x))
+            .map(|target| force_to_reach(scheme, body, i, target.x))
     };
     match (holding_force(first_mat), holding_force(second_mat)) {
         (Some(push), _) => push.clamp(-friction_level, friction_level),

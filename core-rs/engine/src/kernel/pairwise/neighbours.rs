@@ -74,13 +74,13 @@ impl Neighbours {
         &mut self.may_touch_wall
     }
 
-    /// Calls `each` for every pair that touches or attracts at positions `x`, with the MATs of the pair along the first
-    /// axis, its distance − rest [m], and its direction. Returns false if there are too many pairs.
+    /// Calls `visit` for every pair that touches or attracts at positions `x`, with the MATs of the pair along the
+    /// first axis, its distance − rest [m], and its direction. Returns false if there are too many pairs.
     pub(crate) fn touching(
         &mut self,
         run: &PairRun,
         x: impl Fn(usize) -> f64,
-        mut each: impl FnMut(Ends, f64, [f64; AXES_MAX]),
+        mut visit: impl FnMut(Ends, f64, [f64; AXES_MAX]),
     ) -> bool {
         let pairs = &run.pairs;
         if !pairs.is_searched() {
@@ -90,7 +90,7 @@ impl Neighbours {
                     let (pair_distance, direction) = pairs.link.line(pair_ends, &x);
                     let elongation = pair_distance - run.rest;
                     if pairs.link.law.acts(elongation) {
-                        each(pair_ends, elongation, direction);
+                        visit(pair_ends, elongation, direction);
                     }
                 }
             }
@@ -100,7 +100,7 @@ impl Neighbours {
         for &[i, j] in &self.close[..self.n_close] {
             let [first_point, second_point] = [self.x[i as usize], self.x[j as usize]];
             if let Some((elongation, direction)) = meeting(run.rest, first_point, second_point) {
-                each(run.ends([i, j]), elongation, direction);
+                visit(run.ends([i, j]), elongation, direction);
             }
         }
         !self.is_full

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use crate::scheme::{Pull, Spring};
+use crate::scheme::{ForceEnds, Spring};
 
 /// Zeros before and behind the forces of each run. A row reads at most so far beyond them, and no vector is longer.
 pub(super) const PAD: usize = 8;
@@ -162,10 +162,10 @@ struct Pulls {
 impl Pulls {
     fn new(springs: &[Spring], mat_count: usize) -> Self {
         let end_mats = |run: &Spring| {
-            let [first_a, first_b] = match run.pull {
-                Pull::Both(a, b) => [Some(a), Some(b)],
-                Pull::A(a) => [Some(a), None],
-                Pull::B(b) => [None, Some(b)],
+            let [first_a, first_b] = match run.force_ends {
+                ForceEnds::Both(a, b) => [Some(a), Some(b)],
+                ForceEnds::A(a) => [Some(a), None],
+                ForceEnds::B(b) => [None, Some(b)],
             };
             [first_a, first_b].map(|first| first.map_or(0..0, |first| first..first + run.len))
         };
@@ -187,13 +187,13 @@ impl Pulls {
         Self { mats, offsets, ends }
     }
 
-    fn on(&self, mat: usize) -> &[usize] {
+    fn ends_of(&self, mat: usize) -> &[usize] {
         &self.ends[self.offsets[mat]..self.offsets[mat + 1]]
     }
 
     /// The ends on any of some MATs, rising.
     fn on_any(&self, mats: &Range<usize>) -> Vec<usize> {
-        let mut ends: Vec<usize> = mats.clone().flat_map(|mat| self.on(mat)).copied().collect();
+        let mut ends: Vec<usize> = mats.clone().flat_map(|mat| self.ends_of(mat)).copied().collect();
         ends.sort_unstable();
         ends.dedup();
         ends
@@ -209,7 +209,7 @@ impl Pulls {
             for mat in first..mat_count.min(first + PAD) {
                 // An end was counted already if it pulls on a MAT between.
                 let is_new = |end: &&usize| mat == first || self.mats[**end].start == mat;
-                end_count += self.on(mat).iter().filter(is_new).count();
+                end_count += self.ends_of(mat).iter().filter(is_new).count();
                 let cost = best[mat + 1].0 + BLOCK_COST + end_count;
                 if cost <= least.0 {
                     least = (cost, mat + 1 - first);

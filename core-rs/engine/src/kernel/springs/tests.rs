@@ -13,7 +13,7 @@ fn spring(a: usize, b: usize, len: usize) -> Spring {
         q: if (a + b).is_multiple_of(3) { 0.0 } else { 7.0 },
         z: if len.is_multiple_of(5) { 0.0 } else { 0.3 },
         rest: 1e-3 * b as f64,
-        pull: Pull::Both(a, b),
+        force_ends: ForceEnds::Both(a, b),
     }
 }
 
@@ -81,9 +81,14 @@ fn scattered(seed: u64) -> (usize, Vec<Spring>) {
         let (a, b) = (below(mat_count), below(mat_count - 1));
         let b = b + usize::from(b >= a);
         let len = 1 + below((mat_count - a.max(b)).min(40));
-        let pull = [Pull::Both(a, b), Pull::Both(a, b), Pull::A(a), Pull::B(b)][below(4)];
+        let pull = [
+            ForceEnds::Both(a, b),
+            ForceEnds::Both(a, b),
+            ForceEnds::A(a),
+            ForceEnds::B(b),
+        ][below(4)];
         Spring {
-            pull,
+            force_ends: pull,
             ..spring(a, b, len)
         }
     });

@@ -16,19 +16,19 @@ pub(super) struct Step<'a> {
     pub(super) per_level: f64,
     pub(super) friction: Friction,
     pub(super) contact: &'a Contact,
-    pub(super) turned: &'a Turned,
+    pub(super) friction_step: &'a Turned,
 }
 
 impl<const N: usize> Motion<N> {
     /// The derivatives of a step: first those that follow from the derivatives of the state, then the direct
     /// contribution of each parameter to its own column.
     pub(super) fn advance_columns(&mut self, step: &Step<'_>) {
-        let (h, contact, turned) = (self.step, step.contact, step.turned);
+        let (h, contact, friction_step) = (self.step, step.contact, step.friction_step);
         let (stiffness, presliding) = (self.spring_fraction * self.key.stiffness, self.key.presliding);
         let per_force = self.h_over_m / self.denominator;
-        let by_force = turned.by_gain * per_force;
-        let by_velocity = turned.by_v - turned.by_gain * 2.0 * self.half_damping / self.denominator
-            + turned.by_bound * step.per_level * step.friction.slope;
+        let by_force = friction_step.by_gain * per_force;
+        let by_velocity = friction_step.by_v - friction_step.by_gain * 2.0 * self.half_damping / self.denominator
+            + friction_step.by_bound * step.per_level * step.friction.slope;
         let mut column_force = [0.0; N];
         for (column, column_force) in column_force.iter_mut().enumerate() {
             let (dx, dv) = (self.dx[column], self.dv[column]);
@@ -50,8 +50,8 @@ impl<const N: usize> Motion<N> {
         for column in 0..self.columns.len() {
             let direct_terms = self.direct(self.columns[column], column, step);
             self.dv[column] += by_force * direct_terms.force
-                + turned.by_gain * direct_terms.gain
-                + turned.by_bound * direct_terms.bound;
+                + friction_step.by_gain * direct_terms.gain
+                + friction_step.by_bound * direct_terms.bound;
         }
         for column in 0..N {
             self.dx[column] += h * self.dv[column];

@@ -2,20 +2,20 @@
 
 use super::super::tree::{Binary, Unary, choose, integer_power};
 use super::lanes::for_each_of;
-use super::{FEW, FIRST, Few, Step};
+use super::{FIRST_STEP_REGISTER, SHORT_LANES, ShortVector, Step};
 use crate::maths::lanes;
 use crate::maths::wide::half_wide;
 
-type Values = [f64; FEW];
+type Values = [f64; SHORT_LANES];
 
 half_wide! {
     /// Run every step; d and v are loaded into registers 0 and 1.
-    pub(super) fn run(steps: &[Step], registers: &mut [Few]) {
+    pub(super) fn run(steps: &[Step], registers: &mut [ShortVector]) {
         for (i, step) in steps.iter().enumerate() {
             let of = |register: usize| registers[register].0;
-            registers[FIRST + i].0 = match *step {
+            registers[FIRST_STEP_REGISTER + i].0 = match *step {
                 Step::Constant(_) => continue, // is in place
-                Step::Adjustable(_, value) => [value; FEW],
+                Step::Adjustable(_, value) => [value; SHORT_LANES],
                 Step::Unary(operation, a) => unary(operation, of(a)),
                 Step::WholePower(exponent, a) => integer_powers(exponent, of(a)),
                 Step::Binary(operation, a, b) => binary(operation, of(a), of(b)),
@@ -28,7 +28,7 @@ half_wide! {
 #[inline(always)]
 fn unary(operation: Unary, a: Values) -> Values {
     match operation {
-        Unary::Exp => lanes::few_exp(a),
+        Unary::Exp => lanes::exp_lanes(a),
         Unary::Tanh | Unary::Noise => by_lane(a, a, |a, _| operation.apply(a)),
         _ => {
             for_each_of!(Unary: Negate Abs Sqrt Sign Exp Tanh Noise; operation, |OF| a.map(|a| OF.apply(a)))

@@ -1,7 +1,7 @@
 //! A compiled expression over a run of links: one plain loop for each step, which becomes SIMD code.
 
 use super::super::tree::{Binary, Unary, choose, integer_power};
-use super::{FIRST, Register, Step};
+use super::{FIRST_STEP_REGISTER, Register, Step};
 use crate::maths::lanes;
 
 /// Lanes in the widest vector: a loop over whole vectors has no remainder.
@@ -15,7 +15,7 @@ pub(super) fn run(steps: &[Step], registers: &mut [Register], n: usize) {
     // Lanes beyond `n` hold old numbers, and their results are never read.
     let (lanes_needed, n) = (n, n.next_multiple_of(VECTOR));
     for (i, step) in steps.iter().enumerate() {
-        let (registers_before, registers_after) = registers.split_at_mut(FIRST + i);
+        let (registers_before, registers_after) = registers.split_at_mut(FIRST_STEP_REGISTER + i);
         let n = if is_slow(step) { lanes_needed } else { n };
         compute(step, &mut registers_after[0][..n], |register| {
             &registers_before[register][..n]

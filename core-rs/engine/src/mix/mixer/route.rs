@@ -187,7 +187,8 @@ impl Route {
         })
     }
 
-    /// Whether it does the same, by whatever values, as `old_route` of an old mixer, whose output is now `out`.
+    /// Whether the route has the same structure as `old_route` of an old mixer, whose output is now `out`; values may
+    /// differ.
     pub(super) fn is_like(&self, old_route: &Self, out: Option<usize>) -> bool {
         (out, old_route.to, old_route.group) == (Some(self.out), self.to, self.group)
             && self.is_squared == old_route.is_squared
@@ -203,13 +204,13 @@ impl Route {
         };
         self.is_like(old_route, out)
             && delay_and_echo(self) == delay_and_echo(old_route)
-            && self.filters_match(old_route, Filter::continues)
+            && self.filters_match(old_route, Filter::has_same_values)
     }
 
     /// Whether the filters of both are as many, and `agree` one by one.
     fn filters_match(&self, other_route: &Self, agree: impl Fn(&Filter, &Filter) -> bool) -> bool {
         let mut filter_pairs = self.filters.iter().zip(&other_route.filters);
-        self.filters.len() == other_route.filters.len() && filter_pairs.all(|(own, old)| agree(own, old))
+        self.filters.len() == other_route.filters.len() && filter_pairs.all(|(filter, old)| agree(filter, old))
     }
 
     /// Frames by which it delays.
@@ -220,7 +221,7 @@ impl Route {
     /// Continue with the state of filters and delay of a route that is like it. Allocates nothing.
     pub(super) fn take_over(&mut self, old_route: &Self) {
         let filter_pairs = self.filters.iter_mut().zip(&old_route.filters);
-        filter_pairs.for_each(|(own, old)| own.take_over(old));
+        filter_pairs.for_each(|(filter, old)| filter.take_over(old));
         if let (Some(delay), Some(old_delay)) = (&mut self.delay, &old_route.delay) {
             delay.take_over(old_delay);
         }
@@ -251,7 +252,7 @@ impl Route {
     pub(super) fn has_same_input_as(&self, other: &Self) -> bool {
         (self.out, self.is_squared) == (other.out, other.is_squared)
             && self.filters_match(other, |filter, other| {
-                filter.continues(other) && filter.is_in_state_of(other)
+                filter.has_same_values(other) && filter.has_same_state(other)
             })
     }
 

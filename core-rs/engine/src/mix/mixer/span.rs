@@ -4,10 +4,11 @@ use super::{Mixer, Placed, Route, SPAN_FRAMES, To};
 use crate::mix::glide::Glide;
 use crate::section::{SECTION_LANES, Section, highpass_all};
 
-/// All lanes take as long as two high-passes one after the other; so fewer than this are filtered by themselves.
-const TOGETHER_MIN: usize = 3;
+/// Filtering all lanes at once takes as long as two single high-passes, so fewer high-passes than this are computed one
+/// by one.
+const SHARED_HIGHPASSES_MIN: usize = 3;
 
-/// What routes hear in a span, and what they add to.
+/// The inputs of routes in a span, and the sums to which they add.
 struct Span<'a> {
     first_frame: u64,
     n_frames: usize,
@@ -49,7 +50,7 @@ impl Mixer {
         };
         let mut unmixed_routes = &mut self.routes[..];
         while !unmixed_routes.is_empty() {
-            let (next_routes, later_routes) = unmixed_routes.split_at_mut(length_together(unmixed_routes));
+            let (next_routes, later_routes) = unmixed_routes.split_at_mut(shared_route_count(unmixed_routes));
             span.mix(next_routes, &mut self.signals);
             unmixed_routes = later_routes;
         }
@@ -75,7 +76,7 @@ impl Mixer {
 }
 
 /// Number of routes up to the last whose signal fits into the lanes: those that repeat another take none.
-fn length_together(routes: &[Route]) -> usize {
+fn shared_route_count(routes: &[Route]) -> usize {
     let filtered_indices = (1..routes.len()).filter(|&index| !routes[index].repeats);
     let mut indices_beyond_lanes = filtered_indices.skip(SECTION_LANES - 1);
     indices_beyond_lanes.next().unwrap_or(routes.len())
@@ -90,12 +91,12 @@ impl Span<'_> {
             self.read(route.out, signal);
             route.prepare(signal);
         }
-        let is_together = filtered(routes).filter_map(Route::first_highpass).count() >= TOGETHER_MIN;
-        if is_together {
+        let shares_highpass = filtered(routes).filter_map(Route::first_highpass).count() >= SHARED_HIGHPASSES_MIN;
+        if shares_highpass {
             highpass_together(routes, signals, self.n_frames);
         }
         for (route, signal) in filtered(routes).zip(signals.chunks_exact_mut(SPAN_FRAMES)) {
-            route.filter(&mut signal[..self.n_frames], is_together);
+            route.filter(&mut signal[..self.n_frames], shares_highpass);
         }
         let mut lane = 0;
         for index in 0..routes.len() {

@@ -98,7 +98,7 @@ impl Facets {
     pub(crate) fn nearest(&self, place: Vector) -> (f64, Vector) {
         let mut least_square = f64::INFINITY;
         let mut least_offset = [0.0; AXES_MAX];
-        for &member in self.around(place) {
+        for &member in self.facets_near(place) {
             let offset = difference(place, nearest(&self.triangles[member as usize], place));
             let offset_square = dot(offset, offset);
             if offset_square < least_square {
@@ -115,7 +115,7 @@ impl Facets {
     }
 
     /// The triangles that a place may touch, by rising number.
-    fn around(&self, place: Vector) -> &[u32] {
+    fn facets_near(&self, place: Vector) -> &[u32] {
         let mut cell_index = 0;
         for axis in (0..AXES_MAX).rev() {
             let axis_cell = ((place[axis] - self.bounds[0][axis]) / self.cell_width).floor();

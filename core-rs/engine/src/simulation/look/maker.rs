@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use super::{Contact, How, Look, Oscillation, Point, SeenBody, Source};
+use super::{Contact, Look, Oscillation, Point, PointMotion, SeenBody, Source};
 use crate::assembly::unit::{BankPlan, IslandPlan, to_network_index};
 use crate::bank::Oscillator;
 use crate::body_modes::mode_shapes::{ModalTransform, ModeShapes};
@@ -17,7 +17,7 @@ const MODES_MAX: usize = 256;
 
 /// What is known of one MAT: how it moves, its rest position, its unit, and which numbers of the unit are its own.
 struct TrackSource {
-    how: How,
+    how: PointMotion,
     rest: f64,
     index: usize,
     from: Origin,
@@ -125,7 +125,7 @@ impl<'a> Maker<'a> {
 
     fn record_sampled(&mut self, mat: Option<usize>, unit: usize, from: Origin) {
         let rest = mat.map_or(0.0, |mat| self.rest(mat));
-        let how = How::Sampled;
+        let how = PointMotion::Sampled;
         self.record(
             mat,
             TrackSource {
@@ -207,7 +207,7 @@ impl<'a> Maker<'a> {
         if bank.mats.len() == oscillations.len() && !oscillations.is_empty() {
             for (cell, (&(mat, rest), &free)) in bank.mats.iter().zip(&oscillations).enumerate() {
                 let from = Origin::Bank(cell);
-                let how = How::Free(free);
+                let how = PointMotion::Free(free);
                 self.record(
                     Some(mat as usize),
                     TrackSource {
@@ -254,13 +254,13 @@ impl<'a> Maker<'a> {
             .iter()
             .flatten()
             .find_map(|&mat| match self.sources[mat].as_ref()?.how {
-                How::Modal(body) => Some(body),
+                PointMotion::Modal(body) => Some(body),
                 _ => None,
             });
         let body_index = known_body.unwrap_or(self.bodies.len());
         if known_body.is_none() {
             for (&mat, &rest) in mats.iter().zip(mode_shapes.rest()) {
-                let (how, from) = (How::Modal(body_index), Origin::Body);
+                let (how, from) = (PointMotion::Modal(body_index), Origin::Body);
                 self.record(
                     mat,
                     TrackSource {
@@ -298,11 +298,11 @@ impl<'a> Maker<'a> {
                 continue;
             }
             let (how, rest) = match &self.sources[mat] {
-                Some(found) => (found.how, found.rest),
+                Some(source) => (source.how, source.rest),
                 None => {
                     let is_unmoved = plan.unmoved.binary_search(&(mat as u32)).is_ok();
                     let is_moved = mats.kind[mat] != MatKind::Sol && !is_unmoved;
-                    (How::NotComputed { is_moved }, self.rest(mat))
+                    (PointMotion::NotComputed { is_moved }, self.rest(mat))
                 }
             };
             points.push(Point {
@@ -343,10 +343,10 @@ impl<'a> Maker<'a> {
             contacts: self.contacts,
             plan,
             n_modes,
-            touched: self.touched,
-            played: self.played,
+            contacts_by_unit: self.touched,
+            gestures_by_unit: self.played,
             breakable: self.breakable,
-            breaking: self.breaking,
+            breakable_by_unit: self.breaking,
             points,
         }
     }
@@ -410,12 +410,12 @@ impl<'a> Maker<'a> {
 }
 
 /// Sort key of points within a part.
-fn kind(how: How) -> (u8, usize) {
+fn kind(how: PointMotion) -> (u8, usize) {
     match how {
-        How::Free(_) => (0, 0),
-        How::Sampled => (1, 0),
-        How::Modal(body) => (2, body),
-        How::NotComputed { is_moved } => (3, usize::from(is_moved)),
+        PointMotion::Free(_) => (0, 0),
+        PointMotion::Sampled => (1, 0),
+        PointMotion::Modal(body) => (2, body),
+        PointMotion::NotComputed { is_moved } => (3, usize::from(is_moved)),
     }
 }
 

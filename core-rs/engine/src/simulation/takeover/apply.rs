@@ -36,8 +36,8 @@ impl Simulation {
         }
         let Takeover {
             mats,
-            from,
-            to,
+            old_bodies: from,
+            new_bodies: to,
             workspace,
             ..
         } = takeover;
@@ -53,7 +53,7 @@ impl Simulation {
                 running.take_over(item, old);
             }
         }
-        for &unit in &takeover.placed {
+        for &unit in &takeover.placed_islands {
             if let RunningUnit::Island(island) = self.playing(unit) {
                 island.place();
             }

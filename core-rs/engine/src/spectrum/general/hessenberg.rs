@@ -6,9 +6,9 @@ use crate::spectrum::vector::{add, dot};
 
 /// Reduce `matrix` (n, n) to Hessenberg form; returns the product of the reflections, transposed   (n, n).
 pub(super) fn reduce(matrix: &mut [f64], n: usize) -> Vec<f64> {
-    let mut turned = vec![0.0; n * n];
+    let mut rotation = vec![0.0; n * n];
     for i in 0..n {
-        turned[i * n + i] = 1.0;
+        rotation[i * n + i] = 1.0;
     }
     let (mut mirror, mut weighted_rows) = (vec![0.0; n], vec![0.0; n]);
     for k in 0..n.saturating_sub(2) {
@@ -46,13 +46,13 @@ pub(super) fn reduce(matrix: &mut [f64], n: usize) -> Vec<f64> {
         }
         weighted_rows.fill(0.0);
         for i in rows_below.clone() {
-            add(mirror[i], &turned[i * n..(i + 1) * n], &mut weighted_rows);
+            add(mirror[i], &rotation[i * n..(i + 1) * n], &mut weighted_rows);
         }
         for i in rows_below {
             add(
                 -reflection_scale * mirror[i],
                 &weighted_rows,
-                &mut turned[i * n..(i + 1) * n],
+                &mut rotation[i * n..(i + 1) * n],
             );
         }
         matrix[(k + 1) * n + k] = -signed_length;
@@ -60,5 +60,5 @@ pub(super) fn reduce(matrix: &mut [f64], n: usize) -> Vec<f64> {
             matrix[i * n + k] = 0.0;
         }
     }
-    turned
+    rotation
 }

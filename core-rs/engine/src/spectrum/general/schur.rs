@@ -6,9 +6,9 @@ use crate::maths::{copysign, sqrt};
 /// Largest number of QR rounds for one eigenvalue or pair; two to four are usual.
 const ROUNDS: usize = 60;
 
-/// Bring `h` (n, n) to real Schur form, and apply the same rotations to `turned` (n, n). Returns the eigenvalues, or
+/// Bring `h` (n, n) to real Schur form, and apply the same rotations to `rotation` (n, n). Returns the eigenvalues, or
 /// `None` if the iteration does not converge.
-pub(super) fn iterate(h: &mut [f64], n: usize, turned: &mut [f64]) -> Option<Vec<(f64, f64)>> {
+pub(super) fn iterate(h: &mut [f64], n: usize, rotation: &mut [f64]) -> Option<Vec<(f64, f64)>> {
     let mut eigenvalues = vec![(0.0, 0.0); n];
     let matrix_norm: f64 = h.iter().map(|x| x.abs()).sum();
     let (mut block_end, mut round) = (n, 0);
@@ -20,14 +20,14 @@ pub(super) fn iterate(h: &mut [f64], n: usize, turned: &mut [f64]) -> Option<Vec
             eigenvalues[last_row] = (h[last_row * n + last_row], 0.0);
             (block_end, round) = (last_row, 0);
         } else if first_row + 1 == last_row {
-            [eigenvalues[first_row], eigenvalues[last_row]] = pair(h, n, first_row, turned);
+            [eigenvalues[first_row], eigenvalues[last_row]] = pair(h, n, first_row, rotation);
             (block_end, round) = (first_row, 0);
         } else {
             if round == ROUNDS {
                 return None;
             }
             round += 1;
-            sweep(h, n, [first_row, last_row], round, turned);
+            sweep(h, n, [first_row, last_row], round, rotation);
         }
     }
     Some(eigenvalues)
@@ -47,7 +47,7 @@ fn split(h: &mut [f64], n: usize, last: usize, size: f64) -> usize {
 }
 
 /// The eigenvalues of the 2 × 2 block at rows k and k + 1. If they are real, the block is made triangular.
-fn pair(h: &mut [f64], n: usize, k: usize, turned: &mut [f64]) -> [(f64, f64); 2] {
+fn pair(h: &mut [f64], n: usize, k: usize, rotation: &mut [f64]) -> [(f64, f64); 2] {
     let entry_index = |i: usize, j: usize| (k + i) * n + k + j;
     let (a, b, c, d) = (
         h[entry_index(0, 0)],
@@ -72,12 +72,12 @@ fn pair(h: &mut [f64], n: usize, k: usize, turned: &mut [f64]) -> [(f64, f64); 2
     // Rotate the eigenvector of `first` into the first axis.
     let vector_length = sqrt(far_offset * far_offset + c * c);
     let (cosine, sine) = (far_offset / vector_length, c / vector_length);
-    rotate(h, n, k, turned, [cosine, sine]);
+    rotate(h, n, k, rotation, [cosine, sine]);
     h[entry_index(1, 0)] = 0.0;
     [(first, 0.0), (second_root, 0.0)]
 }
 
-fn rotate(h: &mut [f64], n: usize, k: usize, turned: &mut [f64], [c, s]: [f64; 2]) {
+fn rotate(h: &mut [f64], n: usize, k: usize, rotation: &mut [f64], [c, s]: [f64; 2]) {
     let rotate_rows = |table: &mut [f64], from: usize| {
         let (first_row, second_row) = table[k * n..(k + 2) * n].split_at_mut(n);
         for (x, y) in first_row[from..].iter_mut().zip(&mut second_row[from..]) {
@@ -85,7 +85,7 @@ fn rotate(h: &mut [f64], n: usize, k: usize, turned: &mut [f64], [c, s]: [f64; 2
         }
     };
     rotate_rows(h, k);
-    rotate_rows(turned, 0);
+    rotate_rows(rotation, 0);
     for row in h.chunks_exact_mut(n).take(k + 2) {
         let (x, y) = (row[k], row[k + 1]);
         (row[k], row[k + 1]) = (c * x + s * y, c * y - s * x);
@@ -93,7 +93,7 @@ fn rotate(h: &mut [f64], n: usize, k: usize, turned: &mut [f64], [c, s]: [f64; 2
 }
 
 /// One double step on the block of rows `first` to `last`.
-fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turned: &mut [f64]) {
+fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, rotation: &mut [f64]) {
     let entry_index = |i: usize, j: usize| i * n + j;
     // Sum and product of the two shifts: the eigenvalues of the last 2 × 2 block, or exceptional shifts in every tenth
     // round, in case the iteration is stuck.
@@ -153,7 +153,7 @@ fn sweep(h: &mut [f64], n: usize, [first, last]: [usize; 2], round: usize, turne
             bulge_column[2] / column_length,
         ];
         reflect_rows(h, n, k, [v, w], k);
-        reflect_rows(turned, n, k, [v, w], 0);
+        reflect_rows(rotation, n, k, [v, w], 0);
         let row_limit = (last + 1).min(k + 4);
         for row in h.chunks_exact_mut(n).take(row_limit) {
             let entries = &mut row[k..k + n_rows];

@@ -6,7 +6,7 @@ use crate::spectrum::vector::{add, dot};
 /// Eigenvectors, one a row, of the matrix whose Schur form is `h` and whose Schur vectors are the rows of `schur_vectors`; a
 /// conjugate pair has two rows, the real and the imaginary part   (n, n).
 pub(super) fn vectors(h: &[f64], n: usize, values: &[(f64, f64)], schur_vectors: &[f64]) -> Vec<f64> {
-    let largest_entry = h.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    let largest_entry = h.iter().fold(0.0_f64, |largest_yet, x| largest_yet.max(x.abs()));
     let mut vectors = vec![0.0; n * n];
     let (mut real_parts, mut imaginary_parts) = (vec![0.0; n], vec![0.0; n]);
     for last in (0..n).rev() {

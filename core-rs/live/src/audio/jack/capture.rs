@@ -77,12 +77,13 @@ impl Capture {
         self.recorded.load(Ordering::Acquire)
     }
 
-    /// Let the server run as fast as its clients, or by its clock again; whether it agreed.
-    pub fn freewheel(&self, on: bool) -> bool {
-        self.active.client().set_freewheel(on)
+    /// Switch the freewheel mode of the server, in which it runs as fast as its clients; returns whether the server
+    /// accepted.
+    pub fn freewheel(&self, is_on: bool) -> bool {
+        self.active.client().set_freewheel(is_on)
     }
 
-    /// End the recording; the interleaved frames.
+    /// End the recording; returns its interleaved frames.
     #[must_use]
     pub fn finish(self) -> Vec<f32> {
         let recorded = self.recorded.clone();

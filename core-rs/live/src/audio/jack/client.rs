@@ -63,7 +63,7 @@ impl Connection for OpenClient {
 /// A client, closed when dropped, or when another one is opened after the server has ended.
 pub(super) struct Client {
     opened: Arc<OpenClient>,
-    opened_at: u32,
+    opening_rate: u32,
 }
 
 /// A port of a client; valid while the client is open.
@@ -174,7 +174,10 @@ impl Client {
             })
         })?;
         let opened_at = opened.events.rate.load(Ordering::Acquire);
-        let client = Self { opened, opened_at };
+        let client = Self {
+            opened,
+            opening_rate: opened_at,
+        };
         client.register_callbacks();
         Ok(client)
     }
@@ -204,7 +207,7 @@ impl Client {
 
     /// Whether the server still runs, at the rate that it had.
     pub(super) fn is_alive(&self) -> bool {
-        !self.opened.is_gone() && self.rate() == self.opened_at
+        !self.opened.is_gone() && self.rate() == self.opening_rate
     }
 
     pub(super) fn rate(&self) -> u32 {
@@ -272,10 +275,11 @@ impl Client {
         connect_status.is_some_and(|connect_status| connect_status == 0 || connect_status == EXISTS)
     }
 
-    /// Let the server run as fast as its clients, or by its clock again; whether it agreed.
-    pub(super) fn set_freewheel(&self, on: bool) -> bool {
+    /// Switch the freewheel mode of the server, in which it runs as fast as its clients; returns whether the server
+    /// accepted.
+    pub(super) fn set_freewheel(&self, is_on: bool) -> bool {
         // SAFETY: the client is open.
-        self.call(|api, raw| unsafe { (api.set_freewheel)(raw, on.into()) }) == Some(0)
+        self.call(|api, raw| unsafe { (api.set_freewheel)(raw, is_on.into()) }) == Some(0)
     }
 
     /// Start: `process` is called for every cycle until the client is closed, with ports `prefix_1` to `prefix_n`.
@@ -433,9 +437,9 @@ unsafe extern "C" fn sample_rate(rate: u32, arg: *mut c_void) -> c_int {
     0
 }
 
-unsafe extern "C" fn freewheel(on: c_int, arg: *mut c_void) {
+unsafe extern "C" fn freewheel(is_on: c_int, arg: *mut c_void) {
     // SAFETY: a callback of `register_callbacks`.
-    unsafe { events(arg) }.shared.set_freewheel(on != 0);
+    unsafe { events(arg) }.shared.set_freewheel(is_on != 0);
 }
 
 unsafe extern "C" fn shutdown(_: c_uint, _: *const c_char, arg: *mut c_void) {
@@ -461,7 +465,7 @@ mod tests {
     #[test]
     fn open_with_retries_explains_a_refusal() {
         let refusal_text = |status| {
-            open_with_retries(|own| (None::<()>, *own = status).0)
+            open_with_retries(|client_status| (None::<()>, *client_status = status).0)
                 .unwrap_err()
                 .to_string()
         };

@@ -41,7 +41,7 @@ fn find(wire: &mut Wire, device: Option<&str>) -> Result<SourceInfo, AudioError>
         index: None,
         name: Some(source_name.clone()),
     };
-    wire.ask(&Command::GetSourceInfo(source_query))
+    wire.request(&Command::GetSourceInfo(source_query))
         .map_err(|error| missing(format!("no source {} ({error})", words(&source_name))))
 }
 
@@ -83,7 +83,7 @@ fn begin(wire: &mut Wire, source: &SourceInfo, name: &CStr, block: u32) -> Resul
         },
         ..Default::default()
     };
-    let stream_reply: protocol::CreateRecordStreamReply = wire.ask(&Command::CreateRecordStream(params))?;
+    let stream_reply: protocol::CreateRecordStreamReply = wire.request(&Command::CreateRecordStream(params))?;
     let latency = u128::from(stream_reply.stream_latency) * u128::from(sample_rate) / 1_000_000;
     Ok((stream_reply.channel, u32::try_from(latency).unwrap_or(u32::MAX)))
 }

@@ -72,7 +72,7 @@ fn find(wire: &mut Wire, device: Option<&str>) -> Result<SinkInfo, AudioError> {
         index: None,
         name: Some(sink_name.clone()),
     };
-    wire.ask(&Command::GetSinkInfo(sink_query))
+    wire.request(&Command::GetSinkInfo(sink_query))
         .map_err(|error| missing(format!("no sink {} ({error})", words(&sink_name))))
 }
 
@@ -86,7 +86,7 @@ pub(super) fn device_name(
     if let Some(device) = device {
         return Ok(CString::new(device).unwrap_or_default());
     }
-    let server = wire.ask(&Command::GetServerInfo).map_err(missing)?;
+    let server = wire.request(&Command::GetServerInfo).map_err(missing)?;
     default(server).ok_or_else(|| missing(format!("the PulseAudio server has no {kind}")))
 }
 
@@ -107,7 +107,7 @@ struct PlayingStream {
     channels: usize,
     block: u32,
     /// Bytes that the server has asked for.
-    wanted: usize,
+    requested_bytes: usize,
     samples: Vec<f32>,
     bytes: Vec<u8>,
 }
@@ -137,7 +137,7 @@ impl PlayingStream {
             },
             ..Default::default()
         };
-        let stream_reply: protocol::CreatePlaybackStreamReply = wire.ask(&Command::CreatePlaybackStream(params))?;
+        let stream_reply: protocol::CreatePlaybackStreamReply = wire.request(&Command::CreatePlaybackStream(params))?;
         let frames_max = 4 * block as usize;
         Ok(Self {
             wire,
@@ -145,7 +145,7 @@ impl PlayingStream {
             rate,
             channels,
             block,
-            wanted: stream_reply.requested_bytes as usize,
+            requested_bytes: stream_reply.requested_bytes as usize,
             samples: vec![0.0; frames_max * channels],
             bytes: Vec::with_capacity(frames_max * channels * 4),
         })
@@ -169,7 +169,7 @@ impl PlayingStream {
             };
             match self.wire.read(&message) {
                 Some((_, Command::Request(request))) if request.channel == self.channel => {
-                    self.wanted += request.length as usize;
+                    self.requested_bytes += request.length as usize;
                 }
                 Some((_, Command::Underflow(_))) => drain.shared().add_xruns(1),
                 Some((_, Command::PlaybackStreamKilled(_))) => {
@@ -188,7 +188,7 @@ impl PlayingStream {
 
     /// Send the bytes that the server asked for; whether it had asked for any.
     fn answer(&mut self, drain: &mut Drain) -> Result<bool, String> {
-        let frames = (self.wanted / (4 * self.channels)).min(self.samples.len() / self.channels);
+        let frames = (self.requested_bytes / (4 * self.channels)).min(self.samples.len() / self.channels);
         if frames == 0 {
             return Ok(false);
         }
@@ -198,7 +198,7 @@ impl PlayingStream {
         self.bytes
             .extend(samples.iter().flat_map(|sample| sample.to_le_bytes()));
         self.wire.samples(self.channel, &self.bytes)?;
-        self.wanted -= self.bytes.len();
+        self.requested_bytes -= self.bytes.len();
         Ok(true)
     }
 
@@ -235,8 +235,8 @@ const AUX: [ChannelPosition; CHANNELS_MAX] = aux! {
 /// What the running server would play on.
 pub(in crate::audio) fn survey() -> Result<String, AudioError> {
     let mut wire = Wire::connect(c"ergon").map_err(missing)?;
-    let server: ServerInfo = wire.ask(&Command::GetServerInfo).map_err(missing)?;
-    let sink_list: protocol::SinkInfoList = wire.ask(&Command::GetSinkInfoList).map_err(missing)?;
+    let server: ServerInfo = wire.request(&Command::GetServerInfo).map_err(missing)?;
+    let sink_list: protocol::SinkInfoList = wire.request(&Command::GetSinkInfoList).map_err(missing)?;
     let default = server.default_sink_name.unwrap_or_default();
     let sink_texts: Vec<String> = sink_list
         .iter()

@@ -51,7 +51,7 @@ impl Wire {
             .set_write_timeout(Some(PATIENCE))
             .map_err(|error| error.to_string())?;
         let cookie = pulseaudio::cookie_path_from_env().and_then(|path| std::fs::read(path).ok());
-        let auth_reply: protocol::AuthReply = wire.ask(&Command::Auth(protocol::AuthParams {
+        let auth_reply: protocol::AuthReply = wire.request(&Command::Auth(protocol::AuthParams {
             version: protocol::MAX_VERSION,
             supports_shm: false,
             supports_memfd: false,
@@ -61,7 +61,7 @@ impl Wire {
         wire.version = wire.version.min(auth_reply.version);
         let mut props = protocol::Props::new();
         props.set(Prop::ApplicationName, name);
-        let _: protocol::SetClientNameReply = wire.ask(&Command::SetClientName(props))?;
+        let _: protocol::SetClientNameReply = wire.request(&Command::SetClientName(props))?;
         Ok(wire)
     }
 
@@ -74,7 +74,7 @@ impl Wire {
     }
 
     /// Send a command and wait for its reply; other messages in between are skipped.
-    pub(super) fn ask<R: CommandReply>(&mut self, command: &Command) -> Result<R, String> {
+    pub(super) fn request<R: CommandReply>(&mut self, command: &Command) -> Result<R, String> {
         let command_serial = self.send(command)?;
         let deadline = Instant::now() + PATIENCE;
         while Instant::now() < deadline {

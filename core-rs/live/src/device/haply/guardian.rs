@@ -84,7 +84,7 @@ pub fn serve() -> io::Result<()> {
     let (first_reply, mut service) = match open_result {
         Ok((service, first)) if lockstep && !first.lockstep => (Reply::OwnClock, Some(service)),
         Ok((service, first)) => (Reply::Open(first.position), Some(service)),
-        Err(OpenError::Because(why)) => (Reply::OpenError(why), None),
+        Err(OpenError::Refused(why)) => (Reply::OpenError(why), None),
         Err(OpenError::NoAnswer) => (Reply::NoAnswer, None),
     };
     put_text(&mut host_stream, &first_reply.text())?;

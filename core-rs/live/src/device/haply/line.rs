@@ -151,8 +151,8 @@ impl Line {
         }
     }
 
-    /// Hand all messages that are there to `each`; fails once the other end is gone and all its messages are read.
-    pub(super) fn take(&mut self, mut each: impl FnMut(&Bytes)) -> Result<(), Gone> {
+    /// Hand all messages that are there to `visit`; fails once the other end is gone and all its messages are read.
+    pub(super) fn take(&mut self, mut visit: impl FnMut(&Bytes)) -> Result<(), Gone> {
         loop {
             let bytes_read = match self.stream.read(&mut self.bytes[self.len..]) {
                 Ok(0) => return Err(Gone::Closed),
@@ -162,7 +162,7 @@ impl Line {
             };
             self.len += bytes_read;
             let (messages, partial_bytes) = self.bytes[..self.len].as_chunks::<LEN>();
-            messages.iter().for_each(&mut each);
+            messages.iter().for_each(&mut visit);
             let (partial_start, partial_length) = (self.len - partial_bytes.len(), partial_bytes.len());
             self.bytes.copy_within(partial_start..self.len, 0);
             self.len = partial_length;

@@ -1,4 +1,4 @@
-//! The guardian's side of the WebSocket: commands out, states in. It allocates.
+//! The guardian's end of the WebSocket, which sends commands and receives states. It allocates memory.
 
 use std::io;
 use std::net::{TcpStream, ToSocketAddrs};
@@ -22,7 +22,7 @@ pub(super) struct Service {
 
 /// Why the service could not be opened.
 pub(super) enum OpenError {
-    Because(String),
+    Refused(String),
     /// It reports no state.
     NoAnswer,
 }
@@ -30,7 +30,7 @@ pub(super) enum OpenError {
 impl Service {
     /// Connects and waits for the first state of the device `id`, or of any device.
     pub(super) fn open(target: &str, id: Option<&str>) -> Result<(Self, wire::State), OpenError> {
-        let socket = connect(target, FIRST_REPLY).map_err(OpenError::Because)?;
+        let socket = connect(target, FIRST_REPLY).map_err(OpenError::Refused)?;
         let mut new_service = Self {
             socket,
             target: target.to_owned(),
@@ -48,7 +48,7 @@ impl Service {
                 return Ok((new_service, state));
             }
             if let Err(read_error) = read_result {
-                return Err(OpenError::Because(read_error.to_string()));
+                return Err(OpenError::Refused(read_error.to_string()));
             }
         }
         Err(OpenError::NoAnswer)
@@ -58,16 +58,16 @@ impl Service {
     /// one.
     pub(super) fn command(&mut self, force: [f64; 3]) -> Result<(), Gone> {
         let command = Message::text(wire::command(&self.id, force));
-        sent(self.socket.send(command))
+        send_result(self.socket.send(command))
     }
 
-    /// Hand the states that are there to `each`; returns whether there may be more.
-    pub(super) fn read(&mut self, mut each: impl FnMut(wire::State)) -> Result<bool, Gone> {
-        sent(self.socket.flush())?;
+    /// Hand the states that are there to `visit`; returns whether there may be more.
+    pub(super) fn read(&mut self, mut visit: impl FnMut(wire::State)) -> Result<bool, Gone> {
+        send_result(self.socket.flush())?;
         let device_id = (!self.id.is_empty()).then_some(self.id.as_str());
         for _ in 0..READS_MAX {
             match self.socket.read() {
-                Ok(Message::Text(text)) => wire::parse_state(&text, device_id).into_iter().for_each(&mut each),
+                Ok(Message::Text(text)) => wire::parse_state(&text, device_id).into_iter().for_each(&mut visit),
                 Ok(Message::Close(_)) => return Err(Gone::Closed),
                 Ok(_) => {}
                 Err(Error::Io(error)) if is_quiet(&error) => return Ok(false),
@@ -105,8 +105,8 @@ impl Service {
     }
 }
 
-fn sent(done: Result<(), Error>) -> Result<(), Gone> {
-    match done {
+fn send_result(write_result: Result<(), Error>) -> Result<(), Gone> {
+    match write_result {
         Err(Error::Io(error)) if is_quiet(&error) => Ok(()),
         // The write buffer is full: the service reads nothing. `Rules` judge its silence.
         Err(Error::WriteBufferFull(_)) => Ok(()),
@@ -125,7 +125,7 @@ fn gone(error: &Error) -> Gone {
 fn connect(target: &str, patience: Duration) -> Result<WebSocket<TcpStream>, String> {
     let address = target.strip_prefix("ws://").unwrap_or(target);
     let host_and_port = address.split('/').next().unwrap_or(address);
-    let tcp_stream = reach(host_and_port, patience).map_err(|error| error.to_string())?;
+    let tcp_stream = connect_to_first(host_and_port, patience).map_err(|error| error.to_string())?;
     let set_result = tcp_stream
         .set_nodelay(true)
         .and_then(|()| tcp_stream.set_write_timeout(Some(patience)))
@@ -146,7 +146,7 @@ fn connect(target: &str, patience: Duration) -> Result<WebSocket<TcpStream>, Str
 }
 
 /// Connects to the first address of `host` that can be reached.
-fn reach(host_and_port: &str, patience: Duration) -> io::Result<TcpStream> {
+fn connect_to_first(host_and_port: &str, patience: Duration) -> io::Result<TcpStream> {
     let mut last_error = io::Error::from(io::ErrorKind::AddrNotAvailable);
     for address in host_and_port.to_socket_addrs()? {
         match TcpStream::connect_timeout(&address, patience) {

@@ -105,7 +105,7 @@ fn frame_with_ask_takes_no_step() {
         seq: 9,
         axis_count: 3,
         wide: true,
-        flags: flag::ENABLE | flag::ASK,
+        flags: flag::ENABLE | flag::REQUEST,
         force: [1.0; MAX_AXES],
     };
     let Parsed::Packet(reply, _) = frame_reply(&mut firmware, request) else {

@@ -20,7 +20,7 @@ fn reconnected_device_keeps_its_heat() {
     let (commands, mut received_commands) = RingBuffer::new(4);
     let (mut keyboard_slot, reconnector) = keyboard.split(0, Arc::new(Mutex::new(commands)));
     assert!(keyboard_slot.receive(keyboard_slot.deadline()), "where it is, first");
-    while keyboard_slot.is_there() {
+    while keyboard_slot.is_open() {
         keyboard_slot.set_force(0, 20.0);
         if keyboard_slot.send() {
             keyboard_slot.receive(keyboard_slot.deadline());

@@ -106,7 +106,10 @@ impl Player {
     fn change(&mut self, due: &mut ScheduledChange) -> bool {
         let ScheduledChange { change, outputs, .. } = due;
         let stage = &mut self.stage;
-        let simulation = change.simulation.as_ref().map_or(&stage.simulation, |(own, _)| own);
+        let simulation = change
+            .simulation
+            .as_ref()
+            .map_or(&stage.simulation, |(simulation, _)| simulation);
         let mixer = change.mixer.as_ref().unwrap_or(&stage.mixer);
         if simulation.n_out() != mixer.n_out() {
             return false;

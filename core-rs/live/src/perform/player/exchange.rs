@@ -11,7 +11,7 @@ impl Player {
     pub(in crate::perform) fn begin(&mut self) {
         self.has_positions = true;
         self.receive_positions();
-        for slot in self.slots.iter().filter(|slot| slot.is_there()) {
+        for slot in self.slots.iter().filter(|slot| slot.is_open()) {
             for &(axis, hand) in &slot.axes {
                 let key_position = slot.sample.position[axis];
                 let hand_source = &mut self.sources[hand];
@@ -41,7 +41,7 @@ impl Player {
             let (stage_hand, hand_source) = (&self.stage.hands[hand], &self.sources[hand]);
             let key_force = if hand_source.real {
                 let hand_velocity = (hand_source.x - self.previous_positions[hand]) * tick_rate;
-                let lockstep = !self.slots[slot_index].is_on_the_clock();
+                let lockstep = !self.slots[slot_index].has_clock();
                 let part_motion = stage_hand.written_motion(self.tick, tick_period, lockstep);
                 let force_scale = self.scales[hand].now();
                 let guidance = self.guidance[hand].force(part_motion, hand_source.x, hand_velocity, force_scale);
@@ -70,8 +70,8 @@ impl Player {
     }
 
     /// If a keyboard was lost, let the stand-ins of its hands play.
-    fn note_presence(&mut self, slot: usize, there: bool) {
-        if there {
+    fn note_presence(&mut self, slot: usize, is_present: bool) {
+        if is_present {
             return;
         }
         // While a performance ends, devices are not waited for: a missing reply then does not mean that the device is
@@ -90,7 +90,7 @@ impl Player {
     /// Move every hand to its position in this tick.
     pub(super) fn move_hands(&mut self) {
         for slot in 0..self.slots.len() {
-            if self.returns_at[slot].is_none_or(|tick| self.tick < tick) || !self.slots[slot].is_there() {
+            if self.returns_at[slot].is_none_or(|tick| self.tick < tick) || !self.slots[slot].is_open() {
                 continue;
             }
             self.returns_at[slot] = None;

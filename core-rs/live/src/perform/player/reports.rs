@@ -30,15 +30,19 @@ impl Player {
                 position: self.sources[hand].x,
                 force: self.piece_forces[hand],
                 sent: hand_status.sent as f32,
-                flags: row_flags.iter().filter(|(_, is)| *is).map(|(flag, _)| flag).sum(),
+                flags: row_flags
+                    .iter()
+                    .filter(|(_, is_set)| *is_set)
+                    .map(|(flag, _)| flag)
+                    .sum(),
                 clock: sample.and_then(|(sample, _)| sample.t_dev_us).unwrap_or(0),
             };
         }
         // If no clock sets the pace, wait for the disk.
         let wait_start = Instant::now();
         let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
-        while !self.paced && !row_sink.has_room() && wait_start.elapsed() < RING_TIMEOUT && !stop_requested() {
-            self.clock.nap();
+        while !self.has_pace && !row_sink.has_room() && wait_start.elapsed() < RING_TIMEOUT && !stop_requested() {
+            self.clock.wait_while_full();
         }
         if !self.hand_samples.is_empty() {
             row_sink.row(self.tick - 1, &self.hand_samples);
@@ -68,8 +72,8 @@ impl Player {
             self.send_event(EventKind::Finer);
         }
         let gained_count = self.stage.simulation.n_gains() as u32;
-        let is_increased = gained_count > self.status.gained;
-        self.status.gained = gained_count;
+        let is_increased = gained_count > self.status.n_gains;
+        self.status.n_gains = gained_count;
         if is_increased {
             self.send_event(EventKind::Gained);
         }

@@ -34,9 +34,12 @@ impl Player {
                 let wait_start = Instant::now();
                 let is_there = |frozen_stems: &Frozen| frozen_stems.is_ready(self.frame, frame_count);
                 let stop_requested = || self.connections.flags.stop.load(Ordering::Acquire);
-                while !self.paced && !is_there(frozen_stems) && wait_start.elapsed() < RING_TIMEOUT && !stop_requested()
+                while !self.has_pace
+                    && !is_there(frozen_stems)
+                    && wait_start.elapsed() < RING_TIMEOUT
+                    && !stop_requested()
                 {
-                    self.clock.nap();
+                    self.clock.wait_while_full();
                 }
                 self.status.missed += frozen_stems.join(outputs, n_outputs, self.frame);
             }
@@ -58,8 +61,8 @@ impl Player {
             mixed_sound.fill(0.0);
             limit(stage, mixed_sound, &mut self.folded);
         }
-        for (hand, own) in stage.hands.iter().enumerate() {
-            self.piece_forces[hand] = stage.simulation.hand_force(hand) * own.reach;
+        for (hand, hand_input) in stage.hands.iter().enumerate() {
+            self.piece_forces[hand] = stage.simulation.hand_force(hand) * hand_input.reach;
         }
         self.tick += 1;
         self.frame += frame_count as u64;
@@ -111,7 +114,7 @@ impl Player {
                 self.status.dropped += (samples_left.len() / channels) as u64;
                 break;
             }
-            self.clock.nap();
+            self.clock.wait_while_full();
         }
     }
 }

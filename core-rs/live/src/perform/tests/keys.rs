@@ -145,7 +145,7 @@ fn tick_does_not_allocate() {
             match tick {
                 // The search runs in another thread, which may wait; here the ticks stop until the device is found.
                 2_000 => {
-                    while !player.slots[1].is_there() && player.connections.commands.is_empty() {
+                    while !player.slots[1].is_open() && player.connections.commands.is_empty() {
                         std::thread::yield_now();
                     }
                 }

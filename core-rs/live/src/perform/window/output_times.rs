@@ -24,9 +24,9 @@ impl HeardTimes {
 
     /// The instant at which a frame is heard, by the clock that says `now` [s]; `dropped` frames before it are never
     /// heard. `None` if the output has no clock.
-    pub(super) fn when(&mut self, frame: u64, dropped: u64, now: f64) -> Option<f64> {
+    pub(super) fn sounding_at(&mut self, frame: u64, dropped: u64, now: f64) -> Option<f64> {
         self.line.add_report(self.sound_clock.sounding(), dropped, now);
-        self.line.when(frame, dropped)
+        self.line.sounding_at(frame, dropped)
     }
 }
 
@@ -67,7 +67,7 @@ impl FrameTimeLine {
         }
     }
 
-    fn when(&self, frame: u64, dropped: u64) -> Option<f64> {
+    fn sounding_at(&self, frame: u64, dropped: u64) -> Option<f64> {
         let zero_times = self.seen.iter().map(|seen| seen.1);
         let zero_time = zero_times.min_by(f64::total_cmp)?;
         Some(zero_time + (frame as f64 - self.start as f64 - dropped as f64) / self.rate)
@@ -94,18 +94,18 @@ mod tests {
     #[test]
     fn frame_time_by_the_earliest_report() {
         let mut time_line = FrameTimeLine::new(RATE, 4_410);
-        assert_eq!(time_line.when(0, 0), None);
+        assert_eq!(time_line.sounding_at(0, 0), None);
         // Most reports of a block come up to a block late; some come at once.
         for look in 0..240_u64 {
             let report_time = 4.0 + look as f64 / 60.0;
             let report_delay = (look % 7) as f64 / 7.0 * BLOCK as f64 / RATE;
             time_line.add_report(Some(sounding(report_time, report_delay, 0)), 0, report_time);
         }
-        let sound_time = time_line.when(4_410 + 44_100, 0).expect("a clock");
+        let sound_time = time_line.sounding_at(4_410 + 44_100, 0).expect("a clock");
         assert!((sound_time - 4.01).abs() < 1e-9, "{sound_time}");
         // Dropped frames are not heard: the frames after them come sooner.
         time_line.add_report(Some(sounding(9.0, 0.0, 0)), 441, 9.0);
-        let sound_time = time_line.when(4_410 + 44_100, 441).expect("a clock");
+        let sound_time = time_line.sounding_at(4_410 + 44_100, 441).expect("a clock");
         assert!((sound_time - 4.0).abs() < 1e-9, "{sound_time}");
     }
 
@@ -115,10 +115,10 @@ mod tests {
         time_line.add_report(Some(sounding(4.0, 0.0, 0)), 0, 4.0);
         // 5 ms of silence were inserted: everything after them is heard later.
         time_line.add_report(Some(sounding(4.1, 0.005, 1)), 0, 4.1);
-        let sound_time = time_line.when(0, 0).expect("a clock");
+        let sound_time = time_line.sounding_at(0, 0).expect("a clock");
         assert!((sound_time - 3.015).abs() < 1e-9, "{sound_time}");
         // Without a report the line stays.
         time_line.add_report(None, 0, 4.2);
-        assert_eq!(time_line.when(0, 0), Some(sound_time));
+        assert_eq!(time_line.sounding_at(0, 0), Some(sound_time));
     }
 }

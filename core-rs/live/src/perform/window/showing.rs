@@ -99,7 +99,7 @@ impl Relay {
     /// Send new pictures.
     pub(in super::super) fn poll(&mut self) {
         self.readers.extend(self.new_readers.try_iter());
-        let has_picture = |own: &(WindowReader, HeardTimes)| own.0.pictures.updated();
+        let has_picture = |window: &(WindowReader, HeardTimes)| window.0.pictures.updated();
         if let Some(index) = self.readers.iter().rposition(has_picture) {
             self.is_greeted &= index == 0;
             self.skipped_before += (self.readers.drain(..index))
@@ -128,7 +128,7 @@ impl Relay {
         let (recorder, hub) = (&mut reader.recorder, self.server.hub());
         let picture = reader.pictures.read();
         let seconds = recorder.seconds(picture.glance.frame);
-        let instant = times_heard.when(picture.glance.frame, picture.dropped, self.server.now());
+        let instant = times_heard.sounding_at(picture.glance.frame, picture.dropped, self.server.now());
         recorder.add_squared_levels(&picture.squares, picture.n_heard);
         for strike in &picture.strikes[..picture.n_strikes] {
             let strike_seconds = recorder.seconds(strike.frame);

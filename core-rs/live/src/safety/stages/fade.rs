@@ -11,7 +11,7 @@ impl Fade {
     pub(in crate::safety) const FULL: Self = Self(1.0);
 
     /// Advance by a tick of `period`; the whole rise takes `length` [s].
-    pub(in crate::safety) fn rise(&mut self, period: f64, length: f64) {
+    pub(in crate::safety) fn advance(&mut self, period: f64, length: f64) {
         self.0 = if length > 0.0 {
             (self.0 + period / length).min(1.0)
         } else {
@@ -20,12 +20,12 @@ impl Fade {
     }
 
     /// Whether all of the force passes.
-    pub(in crate::safety) fn is_whole(self) -> bool {
+    pub(in crate::safety) fn is_full(self) -> bool {
         self.0 >= 1.0
     }
 
     /// The part of the force that passes.
-    pub(in crate::safety) fn pass(self, force: f64, count: &mut u64) -> f64 {
+    pub(in crate::safety) fn apply(self, force: f64, count: &mut u64) -> f64 {
         scaled(force, self.0, count)
     }
 }

@@ -129,10 +129,10 @@ impl Passivity {
             axis.positions[now_slot] = x;
             for (delay, work) in axis.work[..=self.delay].iter_mut().enumerate() {
                 let newest_tick = self.sent.wrapping_sub(delay as u64);
-                let force_ago = |ago: u64| axis.forces[slot(newest_tick.wrapping_sub(ago))];
+                let force_ago = |ticks_ago: u64| axis.forces[slot(newest_tick.wrapping_sub(ticks_ago))];
                 let mean_force = (1..=ticks_passed).map(force_ago).sum::<f64>() / ticks_passed as f64;
                 let change_sum: f64 = (1..=ticks_passed)
-                    .map(|ago| (force_ago(ago) - force_ago(ago + 1)).abs())
+                    .map(|ticks_ago| (force_ago(ticks_ago) - force_ago(ticks_ago + 1)).abs())
                     .sum();
                 let work_done = mean_force * (x - position_before) + 0.5 * self.step * change_sum;
                 *work = refilled(*work + work_done, self.power * elapsed, self.energy);
@@ -161,15 +161,17 @@ impl Passivity {
     /// A force f that acts for a tick T on a mass m which then moves with w does the work f·w·T + f²T²/(2m).
     pub(in crate::safety) fn allowed_forces(&self, axis: usize) -> [f64; 2] {
         let axis_state = &self.axes[axis];
-        let force = |ago: u64| axis_state.forces[slot(self.sent.wrapping_sub(ago))];
+        let force = |ticks_ago: u64| axis_state.forces[slot(self.sent.wrapping_sub(ticks_ago))];
         let unseen_ticks = (self.delay as u64 + self.sent - self.seen).min(HISTORY as u64);
         let n_unseen = (unseen_ticks + self.span).min(HISTORY as u64);
         // Greatest change of the velocity by forces under way and by forces since it was taken.
-        let force_sum: f64 = (1..=n_unseen).map(|ago| force(ago).abs()).sum();
+        let force_sum: f64 = (1..=n_unseen).map(|ticks_ago| force(ticks_ago).abs()).sum();
         let velocity_change = force_sum * self.period / self.mass + axis_state.velocity_error;
         let speed_towards = |side: f64| side * axis_state.velocity + velocity_change;
         let possible_work = |force: f64| force.abs() * speed_towards(force.signum()).max(0.0) * self.period;
-        let reserved_work: f64 = (1..=unseen_ticks).map(|ago| possible_work(force(ago))).sum();
+        let reserved_work: f64 = (1..=unseen_ticks)
+            .map(|ticks_ago| possible_work(force(ticks_ago)))
+            .sum();
         let energy_left = (self.energy - self.work(axis) - reserved_work).max(0.0);
         let force_limit = |side: f64| {
             let w = speed_towards(side);

@@ -36,16 +36,16 @@ impl Ages {
 
     /// Whether the host was stopped since its last call.
     pub(in crate::safety) fn was_stopped(&self, now: Duration) -> bool {
-        self.is_old(self.last_call, now)
+        self.is_stale(self.last_call, now)
     }
 
-    fn is_old(&self, then: Option<Duration>, now: Duration) -> bool {
-        then.is_some_and(|then| now.saturating_sub(then) > self.limit)
+    fn is_stale(&self, since: Option<Duration>, now: Duration) -> bool {
+        since.is_some_and(|since| now.saturating_sub(since) > self.limit)
     }
 
     /// Whether forces fade in after a stale one.
     pub(in crate::safety) fn is_fading(&self) -> bool {
-        !self.fade.is_whole()
+        !self.fade.is_full()
     }
 
     /// Let later forces fade in from zero.
@@ -65,20 +65,25 @@ impl Ages {
 
     /// Advance before a force is sent; the fade takes `fade` [s] in ticks of `period`. Returns whether the force is
     /// stale.
-    pub(in crate::safety) fn sending(&mut self, now: Duration, [period, fade]: [f64; 2], counts: &mut Counts) -> bool {
+    pub(in crate::safety) fn before_send(
+        &mut self,
+        now: Duration,
+        [period, fade]: [f64; 2],
+        counts: &mut Counts,
+    ) -> bool {
         self.note_call(now, counts);
         let must_send_zero = std::mem::take(&mut self.must_send_zero);
-        let is_stale = must_send_zero || self.last_position.is_none() || self.is_old(self.last_position, now);
+        let is_stale = must_send_zero || self.last_position.is_none() || self.is_stale(self.last_position, now);
         if is_stale {
             self.restart();
         } else {
-            self.fade.rise(period, fade);
+            self.fade.advance(period, fade);
         }
         is_stale
     }
 
     /// Note a position, from a board that may have `let_go` before; returns the time since the previous position [s].
-    pub(in crate::safety) fn received(&mut self, now: Duration, let_go: bool, counts: &mut Counts) -> Option<f64> {
+    pub(in crate::safety) fn note_position(&mut self, now: Duration, let_go: bool, counts: &mut Counts) -> Option<f64> {
         self.note_call(now, counts);
         if let_go {
             counts.let_go += 1;
@@ -89,7 +94,7 @@ impl Ages {
         previous_time.map(|previous_time| now.saturating_sub(previous_time).as_secs_f64())
     }
 
-    pub(in crate::safety) fn pass(&self, force: f64, count: &mut u64) -> f64 {
-        self.fade.pass(force, count)
+    pub(in crate::safety) fn apply_fade(&self, force: f64, count: &mut u64) -> f64 {
+        self.fade.apply(force, count)
     }
 }

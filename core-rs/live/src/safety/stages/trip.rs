@@ -60,12 +60,12 @@ impl Trip {
             self.left -= period;
             self.fade = Fade::ZERO;
         } else {
-            self.fade.rise(period, fade);
+            self.fade.advance(period, fade);
         }
         is_held
     }
 
     pub(in crate::safety) fn pass(&self, force: f64, count: &mut u64) -> f64 {
-        self.fade.pass(force, count)
+        self.fade.apply(force, count)
     }
 }

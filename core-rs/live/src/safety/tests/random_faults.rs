@@ -218,7 +218,8 @@ struct Key {
     is_off: bool,
     draw: Draw,
     reported: f64,
-    /// Since the fault: work of the motor and its greatest value [J], time with a force that is felt [s], greatest force.
+    /// Since the fault: work of the motor and its greatest value [J], time with a force that is felt [s], greatest
+    /// force.
     work: f64,
     work_max: f64,
     force_time: f64,

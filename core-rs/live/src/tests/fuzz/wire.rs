@@ -11,7 +11,7 @@ use super::dice::{Dice, damaged, text};
 /// Feed bytes in pieces. The calls of the parser are counted, as a measure of its work.
 fn fed<T>(bytes: &[u8], piece: usize, parse: impl Fn(&[u8]) -> Parsed<T>, mut each: impl FnMut(T)) {
     let parse_calls = std::cell::Cell::new(0_usize);
-    let mut test_inbox = Inbox::<512>::new();
+    let mut test_inbox = Inbox::<512>::new_bytes();
     let counted = |bytes: &[u8]| {
         parse_calls.set(parse_calls.get() + 1);
         let parse_result = parse(bytes);

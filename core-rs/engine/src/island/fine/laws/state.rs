@@ -48,7 +48,7 @@ pub(in crate::island::fine) struct LawState {
     pub(super) scratch: TangentScratch,
 }
 
-crate::archive::option!(Stages, maybe);
+crate::archive::option!(Stages, optional);
 crate::archive::state!(LawState {
     force,
     before,
@@ -202,8 +202,8 @@ impl LawState {
             let by_last = laws.ahead_by_last.map(|row| dot(&row, &self.force));
             std::array::from_fn(|stage| by_before[stage] + by_last[stage])
         });
-        let guess_spread = (far_guess.iter().zip(&near_guess)).fold(0.0_f64, |most, (far_guess, near_guess)| {
-            most.max((far_guess - near_guess).abs())
+        let guess_spread = (far_guess.iter().zip(&near_guess)).fold(0.0_f64, |largest_yet, (far_guess, near_guess)| {
+            largest_yet.max((far_guess - near_guess).abs())
         });
         let is_better = EXTRAPOLATION_RANGE.contains(&(guess_spread / self.largest_force));
         self.before = Some(self.force);
@@ -283,7 +283,7 @@ impl Bent {
     fn new(laws_now: &[LawNow<'_>; STAGES], v: &Stages, h: f64) -> Option<Self> {
         let bristles = [laws_now[0].bristle()?, laws_now[1].bristle()?, laws_now[2].bristle()?];
         let (start_bend, h) = (laws_now[0].bristle, h / laws_now[0].rate());
-        let wear_pairs = [0, 1, 2].map(|stage: usize| bristles[stage].wear_and_slope(v[stage]));
+        let wear_pairs = [0, 1, 2].map(|stage: usize| bristles[stage].relaxation_and_slope(v[stage]));
         let wear_rates = wear_pairs.map(|(wear_rates, _)| wear_rates);
         let decay_matrix = square(|stage, column| {
             identity_entry(stage, column) + h * INTEGRAL_WEIGHTS[stage][column] * wear_rates[column]
@@ -295,7 +295,8 @@ impl Bent {
         // Slope of the rate of each bend over the rate of its ends.
         let rate_slopes: Stages = std::array::from_fn(|stage| 1.0 - wear_pairs[stage].1 * stage_bends[stage]);
         let stage_force = |stage: usize| {
-            laws_now[stage].gate_opening * bristles[stage].worn_force(stage_bends[stage], v[stage], wear_rates[stage])
+            laws_now[stage].gate_opening
+                * bristles[stage].force_at_relaxation(stage_bends[stage], v[stage], wear_rates[stage])
         };
         let stage_slope = |stage: usize, from: usize| {
             let deflection = (0..STAGES)

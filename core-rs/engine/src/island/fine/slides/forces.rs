@@ -202,7 +202,7 @@ fn eliminate(system: &mut [f64], n: usize) -> Option<()> {
     let row_width = n + 1;
     for column in 0..n {
         let entry_size = |row_index: &usize| system[row_index * row_width + column].abs();
-        let pivot_row = (column..n).max_by(|one, other| entry_size(one).total_cmp(&entry_size(other)))?;
+        let pivot_row = (column..n).max_by(|row, other_row| entry_size(row).total_cmp(&entry_size(other_row)))?;
         if !(entry_size(&pivot_row) > 0.0 && entry_size(&pivot_row).is_finite()) {
             return None;
         }

@@ -43,7 +43,7 @@ impl SlideScript {
             let (first_joint, second_joint) = script.ends[link];
             friction
                 .with(script.links[link].z)
-                .steps(rate * script.jump(first_joint, second_joint) * script.rate.step())
+                .steps(rate * script.velocity_step(first_joint, second_joint) * script.rate.step())
         };
         let step_factor = links.iter().zip(&dry).map(step_count).fold(1.0, f64::max);
         let slow_steps = (script.steps / 2).max(1);

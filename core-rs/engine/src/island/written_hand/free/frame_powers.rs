@@ -210,7 +210,7 @@ mod tests {
         let free_key = key();
         let mut buffers = buffers(&free_key);
         let (n, to, x) = (1_000, 86_399 * 44_100, 0.5e-3);
-        let force = free_key.aim(&moving(&free_key), n, to, x, &mut buffers);
+        let force = free_key.force_to_arrive(&moving(&free_key), n, to, x, &mut buffers);
         let mut key_motion = moving(&free_key);
         let Buffers {
             laws,

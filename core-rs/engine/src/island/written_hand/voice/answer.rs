@@ -29,10 +29,10 @@ impl Voice {
         script: &VoiceScript,
         scene: &mut Scene<'_>,
         n: u64,
-        ask: &Ask,
+        request: &Ask,
         asked_here: f64,
     ) -> f64 {
-        let wanted_force = self.wanted(script, scene, n, ask);
+        let wanted_force = self.unlimited_force(script, scene, n, request);
         let Some(running) = self.running.as_mut() else {
             return 0.0;
         };
@@ -40,7 +40,7 @@ impl Voice {
         let gesture = &scene.gestures[gesture_index];
         let manner = gesture.gesture.manner;
         let force_limit = manner.force_limit();
-        let (asked_position, target_frame) = match *ask {
+        let (asked_position, target_frame) = match *request {
             Ask::Pass(x) => (x, n + 1),
             Ask::Aim { to, x } => (x, to),
         };
@@ -50,7 +50,7 @@ impl Voice {
         }
         let is_over_limit = wanted_force.abs() > force_limit;
         scene.reports[gesture_index].missed += u64::from(is_over_limit);
-        if let (Ask::Pass(x), Touch::Tracked) = (ask, manner.touch) {
+        if let (Ask::Pass(x), Touch::Tracked) = (request, manner.touch) {
             // A tracked step that would need more than the limit leaves the key free.
             if is_over_limit {
                 return 0.0;
@@ -70,7 +70,7 @@ impl Voice {
                 .free
                 .force_to_reach(&self.free, *x, &self.targets, &mut self.buffers);
         }
-        let force = match *ask {
+        let force = match *request {
             _ if !is_over_limit => wanted_force,
             Ask::Pass(x) => self.catch_up(script, [asked_here, x], force_limit),
             Ask::Aim { .. } => maths::copysign(force_limit, wanted_force),
@@ -84,7 +84,7 @@ impl Voice {
             source,
             force,
             particle: None,
-            is_stream: matches!(ask, Ask::Pass(_)),
+            is_stream: matches!(request, Ask::Pass(_)),
         };
         if manner.ergons == Ergons::Particle {
             let flight = &mut self.flight;
@@ -118,13 +118,13 @@ impl Voice {
             .min(path_distance.abs());
         let aim_position =
             self.free.body.x[mat_index] + (asked_next - asked_here) + maths::copysign(closing_step, path_distance);
-        kernel::needed(scheme, &self.free.body, mat_index, aim_position).clamp(-force_limit, force_limit)
+        kernel::force_to_reach(scheme, &self.free.body, mat_index, aim_position).clamp(-force_limit, force_limit)
     }
 
     /// Read back the ergon that holds a tracked key, once all other forces of the frame are known.
     pub(crate) fn settle(&mut self, script: &VoiceScript, scene: &mut Scene<'_>, n: u64) {
         if let Some(tracked) = self.tracked.take() {
-            let force = kernel::needed(scene.scheme, scene.body, script.struck, tracked.x);
+            let force = kernel::force_to_reach(scene.scheme, scene.body, script.struck, tracked.x);
             let blow = Blow {
                 frame: n,
                 mat: script.struck,
@@ -140,14 +140,14 @@ impl Voice {
     }
 
     /// The force that does what is asked, without a limit [N].
-    fn wanted(&mut self, script: &VoiceScript, scene: &Scene<'_>, n: u64, ask: &Ask) -> f64 {
+    fn unlimited_force(&mut self, script: &VoiceScript, scene: &Scene<'_>, n: u64, request: &Ask) -> f64 {
         let Some(running) = &self.running else {
             return 0.0;
         };
         let free_key = &script.free;
-        match (*ask, scene.gestures[running.gesture].gesture.manner.touch) {
+        match (*request, scene.gestures[running.gesture].gesture.manner.touch) {
             (Ask::Pass(x), Touch::Open) => free_key.force_to_reach(&self.free, x, &self.targets, &mut self.buffers),
-            (Ask::Pass(x), Touch::Tracked) => kernel::needed(scene.scheme, scene.body, script.struck, x),
+            (Ask::Pass(x), Touch::Tracked) => kernel::force_to_reach(scene.scheme, scene.body, script.struck, x),
             (Ask::Aim { to, x }, touch) => {
                 if touch == Touch::Tracked {
                     // Aim from the position of the scene's key, with its loads.
@@ -157,7 +157,7 @@ impl Voice {
                     }
                     free_key.forces(&mut self.free, n, &mut self.buffers.laws, &mut self.targets);
                 }
-                free_key.aim(&self.free, n, to, x, &mut self.buffers)
+                free_key.force_to_arrive(&self.free, n, to, x, &mut self.buffers)
             }
         }
     }

@@ -16,7 +16,7 @@ pub(super) struct Joining {
     pub(super) end: f64,
 }
 
-crate::archive::option!(Joining, maybe);
+crate::archive::option!(Joining, optional);
 crate::archive::state!(Joining { curve, end });
 
 impl Joining {

@@ -1,4 +1,4 @@
-//! Energy that impulses between frames create at points that steps hold too, by springs.
+//! The energy account of stepped points: points on which impulses act between frames and springs act in the steps.
 //!
 //! Within a frame such a point moves as if it were free, and what holds it acts at frames only. So the work of an
 //! impulse along that motion, which is what the contact or law gives or takes, is not its work in the steps. The
@@ -12,7 +12,7 @@ use crate::network::{LinkKind, Network};
 use crate::scheme::Scheme;
 use crate::state::Body;
 
-/// A point that steps hold too.
+/// A point on which impulses act between frames, and springs in the steps.
 #[derive(Clone, Debug)]
 struct Point {
     joint: usize,
@@ -20,7 +20,7 @@ struct Point {
     /// A link between frames that ends there.
     link: usize,
     /// Its velocity at the start of this frame [m/frame] and its acceleration [m/frame²], if no link pushes it.
-    free: [f64; 2],
+    free_motion: [f64; 2],
     /// In the step before: the force in the steps that replaces impulses [N], and the last step [m].
     force: f64,
     step: f64,
@@ -30,9 +30,9 @@ struct Point {
 
 crate::archive::state!(Point { force, step, created });
 
-/// All points that steps hold too, and their account.
+/// All stepped points of an island, and their energy account.
 #[derive(Clone, Debug)]
-pub(in crate::island) struct Sprung {
+pub(in crate::island) struct SteppedPoints {
     points: Vec<Point>,
     account: Account,
     /// The most energy that was created, and a link at the point where most of it was.
@@ -40,16 +40,16 @@ pub(in crate::island) struct Sprung {
     link: usize,
 }
 
-crate::archive::state!(Sprung {
+crate::archive::state!(SteppedPoints {
     points,
     account,
     worst,
     link
 });
 
-impl Sprung {
-    /// None of a mesh: the energy of one that is a body is its own account's, and many hardening springs are bounded by
-    /// the guard, which begins accounts anew too often for this one.
+impl SteppedPoints {
+    /// Points of a mesh are left out. A mesh that is a body has its own energy account; a mesh of many hardening
+    /// springs is bounded by the guard, which restarts accounts too often for this one.
     pub(super) fn new(script: &Script, network: &Network) -> Self {
         let hardens = |kind: &LinkKind| match kind {
             LinkKind::Lnl(law) => law.hardening_spring().is_some(),
@@ -72,7 +72,7 @@ impl Sprung {
                 joint: index,
                 mat: joint.mat,
                 link: script.links[link_index].first,
-                free: [0.0; 2],
+                free_motion: [0.0; 2],
                 force: 0.0,
                 step: 0.0,
                 created: 0.0,
@@ -90,12 +90,12 @@ impl Sprung {
     /// forces that last [m].
     pub(super) fn record_free_motion(&mut self, joint: usize, step: f64, curvature: f64) {
         if let Some(point) = self.points.iter_mut().find(|point| point.joint == joint) {
-            point.free = [step - curvature, 2.0 * curvature];
+            point.free_motion = [step - curvature, 2.0 * curvature];
         }
     }
 
     /// Count the work that the impulses of the step before did in the steps: ½(d[n] + d[n+1])·f.
-    pub(super) fn settle(&mut self, scheme: &Scheme, body: &Body) {
+    pub(super) fn count_step_work(&mut self, scheme: &Scheme, body: &Body) {
         let (mut impulse_work, mut kinetic_energy) = (0.0, 0.0);
         for point in &mut self.points {
             let (last_step, w) = (body.d[point.mat], scheme.w[point.mat]);
@@ -111,7 +111,8 @@ impl Sprung {
         }
     }
 
-    /// Note the forces that the frame before left to this one, of those of all joints [N].
+    /// Record the forces that impulses of the previous frame carry over into this frame, for each point [N];
+    /// `carried_forces` has an entry for each joint.
     pub(super) fn record_carried_forces(&mut self, carried_forces: &[f64], body: &Body) {
         for point in &mut self.points {
             (point.force, point.step) = (carried_forces[point.joint], body.d[point.mat]);
@@ -132,9 +133,9 @@ impl Sprung {
                 force_moment += impulse * frame_rate * s;
                 point.force += impulse * share_now;
             }
-            let [velocity, acceleration] = point.free;
-            let halfway = velocity + 0.5 * scheme.w[point.mat] * force_sum;
-            let frame_work = force_sum * halfway + force_moment * acceleration;
+            let [velocity, acceleration] = point.free_motion;
+            let mean_velocity = velocity + 0.5 * scheme.w[point.mat] * force_sum;
+            let frame_work = force_sum * mean_velocity + force_moment * acceleration;
             point.created -= frame_work;
             self.account.take(frame_work);
         }
@@ -148,19 +149,19 @@ impl Sprung {
         }
     }
 
-    /// The energy created by frame `n`, if it is worth reporting: a link and the MAT where most of it was, and the
-    /// energy; `around` is that of all that moves, `put_in` what hands put in.
+    /// The energy created by frame `n`, if it is worth reporting: a link and the MAT where most of it was created, and
+    /// the energy. `moving_energy` gives the energy of everything that moves, `hand_work` the work of hands.
     pub(in crate::island) fn check(
         &mut self,
-        (around, put_in): (impl Fn() -> f64, f64),
+        (moving_energy, hand_work): (impl Fn() -> f64, f64),
         n: u64,
     ) -> Option<(usize, usize, Gain)> {
         if !self.account.is_overdrawn() {
             return None;
         }
-        let gain = self.account.gain(0.0, around(), n).with_reference_min(put_in);
+        let gain = self.account.gain(0.0, moving_energy(), n).with_reference_min(hand_work);
         let points = self.points.iter();
-        let worst_point = points.max_by(|one, other| one.created.total_cmp(&other.created))?;
+        let worst_point = points.max_by(|point, other_point| point.created.total_cmp(&other_point.created))?;
         if !gain.is_reportable() {
             return None;
         }

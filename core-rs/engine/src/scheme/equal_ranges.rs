@@ -29,7 +29,7 @@ impl Scheme {
             let is_alike_mat = |mat: &usize| {
                 self.mat_coefficients()
                     .iter()
-                    .all(|coefficients| same(coefficients[*mat], coefficients[range_start]))
+                    .all(|coefficients| have_same_bits(coefficients[*mat], coefficients[range_start]))
             };
             let range_end = range_start + (range_start..mat_count).take_while(is_alike_mat).count();
             alike_ranges.push(EqualRange {
@@ -42,28 +42,28 @@ impl Scheme {
     }
 
     /// A copy in which the coefficients of MATs may change: without ranges of equal ones.
-    pub(crate) fn changing(&self) -> Box<Self> {
+    pub(crate) fn with_changing_coefficients(&self) -> Box<Self> {
         let mut scheme_copy = Box::new(self.clone());
-        scheme_copy.alike = Vec::new();
+        scheme_copy.equal_ranges = Vec::new();
         scheme_copy
     }
 
     /// Whether the MATs of each range still have the same coefficients.
-    pub(crate) fn are_alike(&self) -> bool {
+    pub(crate) fn are_ranges_valid(&self) -> bool {
         let mat_coefficients = self.mat_coefficients();
-        self.alike.iter().all(|alike| {
-            let coefficients = mat_coefficients.iter().zip(alike.coefficients);
-            alike.mats.end <= self.n_mat()
+        self.equal_ranges.iter().all(|equal_range| {
+            let coefficients = mat_coefficients.iter().zip(equal_range.coefficients);
+            equal_range.mats.end <= self.n_mat()
                 && coefficients.into_iter().all(|(coefficients, coefficient)| {
-                    let mut numbers = coefficients[alike.mats.clone()].iter();
-                    numbers.all(|&number| same(number, coefficient))
+                    let mut numbers = coefficients[equal_range.mats.clone()].iter();
+                    numbers.all(|&number| have_same_bits(number, coefficient))
                 })
         })
     }
 }
 
 /// Whether two numbers have the same bits: 0 and −0 have not.
-fn same(a: f64, b: f64) -> bool {
+fn have_same_bits(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits()
 }
 
@@ -89,12 +89,12 @@ mod tests {
     fn equal_ranges_cover_all_masses_in_order() {
         let scheme = scheme(&[(100, 1e-3), (1, 2e-3), (400, 1e-3)]);
         let alike_ranges: Vec<_> = scheme
-            .alike
+            .equal_ranges
             .iter()
             .map(|alike_range| alike_range.mats.clone())
             .collect();
         assert_eq!(alike_ranges, [0..100, 100..101, 101..501]);
-        assert!(scheme.are_alike() && scheme.changing().alike.is_empty());
+        assert!(scheme.are_ranges_valid() && scheme.with_changing_coefficients().equal_ranges.is_empty());
     }
 
     #[test]
@@ -103,14 +103,14 @@ mod tests {
             let mass_kinds: Vec<_> = (1..=n_kinds)
                 .map(|kind| (MATS_PER_RANGE_MIN, 1e-3 * kind as f64))
                 .collect();
-            assert_eq!(scheme(&mass_kinds).alike.len(), n_kinds);
+            assert_eq!(scheme(&mass_kinds).equal_ranges.len(), n_kinds);
         }
         assert!(
             scheme(&[(MATS_PER_RANGE_MIN, 1e-3), (MATS_PER_RANGE_MIN - 1, 2e-3)])
-                .alike
+                .equal_ranges
                 .is_empty()
         );
-        assert!(scheme(&[]).alike.is_empty());
+        assert!(scheme(&[]).equal_ranges.is_empty());
     }
 
     #[test]
@@ -125,9 +125,9 @@ mod tests {
                 }
             }
             let mut scheme = Scheme::new(&network, Rate::new(44_100.0).unwrap()).unwrap();
-            assert_eq!(scheme.alike.len(), 2);
+            assert_eq!(scheme.equal_ranges.len(), 2);
             scheme.zeta[3] = 0.5;
-            assert!(!scheme.are_alike());
+            assert!(!scheme.are_ranges_valid());
         }
     }
 }

@@ -1,0 +1,54 @@
+"""Masses and cells of a score as stepped points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ergon.workshop.models.programs.elements import Point
+from ergon.workshop.models.programs.first_step import last_step, ratios
+
+
+def _sol(fields: Any, name: str, ca_rate: float | None, rate: float) -> Point:
+    return Point(name, fields["X0"], "SOL")
+
+
+def _mas(mass_fields: Any, mass_name: str, ca_rate: float | None, rate: float) -> Point:
+    m, v0 = mass_fields["M"], mass_fields.get("V0", 0.0)
+    gain = step_per_newton(m, ca_rate, rate)
+    description = f"MAS: M = {m!r}{'' if ca_rate else ' kg'}"
+    return Point(mass_name, mass_fields.get("X0", 0.0), description, m, gain, v0=v0, d0=v0 / rate)
+
+
+def _cel(cel_fields: Any, cel_name: str, ca_rate: float | None, rate: float) -> Point:
+    m, v0, rest_length = cel_fields["M"], cel_fields.get("V0", 0.0), cel_fields.get("rest", 0.0)
+    x0, f, t60 = cel_fields.get("X0", 0.0), cel_fields.get("f"), cel_fields.get("t60")
+    K, Z = cel_fields.get("K") or 0.0, cel_fields.get("Z") or 0.0
+    kappa, zeta = (K / m, Z / m) if ca_rate and f is None else ratios(m, K, Z, f, t60, rate)
+    d0 = v0 / rate if ca_rate else last_step(m, K, Z, f, t60, rate, x0 - rest_length, v0)
+    tie = f"f = {f!r} Hz, t60 = {t60!r} s" if f is not None else f"K = {K!r}, Z = {Z!r}"
+    description = f"CEL: M = {m!r}, {tie}"
+    return Point(
+        cel_name,
+        x0,
+        description,
+        m,
+        step_per_newton(m, ca_rate, rate),
+        kappa,
+        zeta,
+        rest_length,
+        v0,
+        d0,
+    )
+
+
+def step_per_newton(m: float, ca_rate: float | None, rate: float) -> float:
+    """The step for a force of one newton [m/N]."""
+    return 1.0 / m if ca_rate else 1.0 / (m * rate * rate)
+
+
+POINTS: dict[str, Callable[[Any, str, float | None, float], Point]] = {
+    "SOL": _sol,
+    "MAS": _mas,
+    "CEL": _cel,
+}
