@@ -44,9 +44,9 @@ edit this page.
 before they were worked at by this table, {right_before} and {among_before} of {n_before}. What is
 newer has a dash.
 
-{within} of {n} are within what one source is from the others: {within_several} of the {n_several}
-that have several sources, and {within_one} of the {n_one} that have one lie within 95 % of its
-recordings.
+{within} of the older {n_older} are within what one source is from the others: {within_several} of
+the {n_several} that have several sources, and {within_one} of the {n_one} that have one lie within
+95 % of its recordings.
 
 """
 
@@ -139,8 +139,9 @@ def text(recorded: Recorded, verdicts: Sequence[Verdict], pitches: dict[str, flo
     """The page."""
     ranks = [rank for each in recorded.ranks_without_source().values() for rank in each]
     verdicts_before = before()
-    several = [v for v in verdicts if v.distances_of_sources]
-    one = [v for v in verdicts if not v.distances_of_sources]
+    older = [v for v in verdicts if v.name in verdicts_before]
+    several = [v for v in older if v.distances_of_sources]
+    one = [v for v in older if not v.distances_of_sources]
     earlier = [int(verdicts_before[v.name]["rank"]) for v in verdicts if v.name in verdicts_before]
     head = _HEAD.format(
         n_classes=len(recorded.learnt.classes),
@@ -153,7 +154,8 @@ def text(recorded: Recorded, verdicts: Sequence[Verdict], pitches: dict[str, flo
         among_before=sum(rank <= 3 for rank in earlier),
         n_before=len(earlier),
         several=_listed(sorted({v.wanted for v in several})),
-        within=sum(v.within for v in verdicts),
+        within=sum(v.within for v in older),
+        n_older=len(older),
         within_several=sum(v.within for v in several),
         n_several=len(several),
         within_one=sum(v.within for v in one),

@@ -168,6 +168,6 @@ def test_ear_page_row_of_each_verdict(recorded: Recorded) -> None:
         f"| bell | 4 ({old['rank']}) | 2.50 ({float(old['distance']):.2f}) [1.00; 2.60–3.10] |"
         in first
     )
-    assert "1 of 1 are within what one source is from the others: 1 of the 1" in text
+    assert "1 of the older 1 are within what one source is from the others: 1 of" in text
     assert "| `piano` | -40.0 / -30.0 / -20.0 | 20.0 |" in text
     assert "0 of 1 are taken for what they are" in text
