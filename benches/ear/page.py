@@ -141,7 +141,7 @@ def text(recorded: Recorded, verdicts: Sequence[Verdict], pitches: dict[str, flo
     verdicts_before = before()
     older = [v for v in verdicts if v.name in verdicts_before]
     several = [v for v in older if v.distances_of_sources]
-    one = [v for v in older if not v.distances_of_sources]
+    single = [v for v in older if not v.distances_of_sources]
     earlier = [int(verdicts_before[v.name]["rank"]) for v in verdicts if v.name in verdicts_before]
     head = _HEAD.format(
         n_classes=len(recorded.learnt.classes),
@@ -158,8 +158,8 @@ def text(recorded: Recorded, verdicts: Sequence[Verdict], pitches: dict[str, flo
         n_older=len(older),
         within_several=sum(v.within for v in several),
         n_several=len(several),
-        within_one=sum(v.within for v in one),
-        n_one=len(one),
+        within_one=sum(v.within for v in single),
+        n_one=len(single),
     )
     parts = [
         head + verdicts_table(verdicts),
