@@ -29,8 +29,13 @@ edit this page.
   place of the right one among them. Of recordings whose source was not learnt from {first:.0%} are
   put first and {third:.0%} among the first three.
 * *Distance* is from the mean of the recordings near the same pitch, in their standard deviations:
-  the root mean square over seven groups of figures. 95 % of the recordings lie within the figure in
-  brackets. Distances are of figures, not of listeners.
+  the root mean square over seven groups of figures. Distances are of figures, not of listeners.
+* In brackets is the distance within which 95 % of the recordings lie, and *another source*: how far
+  the recordings of each source lie, in the median, from the mean of the others, in standard
+  deviations of those (the nearest and the farthest of the sources). Only of {several}
+  there are three recordings of a source and six of others near the pitch. All others are of FluidR3
+  alone, the tabla of Sonic Pi: these have a dash and are judged by the 95 %, which is stricter, as
+  one hand played and one room answered.
 * *Cost* is what the plan of one voice states, as a share of a core of the reference machine.
 * Recorded were FluidR3 GM (MIT), the Salamander grand piano (CC BY), AVL Drumkits and the samples
   of Sonic Pi. Rooms and loops are in them: what a hall does to a drum is no aim for a skin.
@@ -38,6 +43,10 @@ edit this page.
 {right} of {n} are taken for what they are, {among} are among the first three; on 28 November 2026,
 before they were worked at by this table, {right_before} and {among_before} of {n_before}. What is
 newer has a dash.
+
+{within} of the older {n_older} are within what one source is from the others: {within_several} of
+the {n_several} that have several sources, and {within_one} of the {n_one} that have one lie within
+95 % of its recordings.
 
 """
 
@@ -50,6 +59,16 @@ def _three(values: Sequence[float], form: str = ".0f") -> str:
     return " / ".join(format(v, form) if math.isfinite(v) else "–" for v in values)
 
 
+def extent(values: Sequence[float]) -> str:
+    """From the least to the greatest, once if they are alike, a dash if there is none."""
+    ends = [f"{end(values):.2f}" for end in (min, max) if values]
+    return "–".join(dict.fromkeys(ends)) or "–"
+
+
+def _listed(words: Sequence[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), *words[-1:]] if len(words) > 1 else words)
+
+
 def before() -> dict[str, dict[str, str]]:
     """The verdicts of the first run: rank, distance and cost of each instrument."""
     with BEFORE.open(encoding="utf-8") as file:
@@ -59,8 +78,8 @@ def before() -> dict[str, dict[str, str]]:
 def verdicts_table(verdicts: Sequence[Verdict]) -> str:
     """A row for each instrument, now and before."""
     rows = [
-        "| instrument | class | taken for | rank (before) | distance (before) [95 %] | "
-        "cost (before) | most off |",
+        "| instrument | class | taken for | rank (before) | "
+        "distance (before) [95 %; another source] | cost (before) | most off |",
         f"|{'---|' * 7}",
     ]
     earlier = before()
@@ -72,9 +91,10 @@ def verdicts_table(verdicts: Sequence[Verdict]) -> str:
                 f"{float(old['distance']):.2f}",
                 f"{float(old['cost']):.2%}",
             )
+        limits = f"{v.distance_95:.2f}; {extent(v.distances_of_sources)}"
         rows.append(
             f"| `{v.name}` | {v.wanted} | {v.taken_for} | {v.rank} ({rank}) | "
-            f"{v.distance:.2f} ({distance}) [{v.distance_95:.2f}] | "
+            f"{v.distance:.2f} ({distance}) [{limits}] | "
             f"{v.cost:.2%} ({cost}) | {'; '.join(v.off)} |"
         )
     return "\n".join(rows) + "\n"
@@ -119,6 +139,9 @@ def text(recorded: Recorded, verdicts: Sequence[Verdict], pitches: dict[str, flo
     """The page."""
     ranks = [rank for each in recorded.ranks_without_source().values() for rank in each]
     verdicts_before = before()
+    older = [v for v in verdicts if v.name in verdicts_before]
+    several = [v for v in older if v.distances_of_sources]
+    single = [v for v in older if not v.distances_of_sources]
     earlier = [int(verdicts_before[v.name]["rank"]) for v in verdicts if v.name in verdicts_before]
     head = _HEAD.format(
         n_classes=len(recorded.learnt.classes),
@@ -130,6 +153,13 @@ def text(recorded: Recorded, verdicts: Sequence[Verdict], pitches: dict[str, flo
         right_before=sum(rank == 1 for rank in earlier),
         among_before=sum(rank <= 3 for rank in earlier),
         n_before=len(earlier),
+        several=_listed(sorted({v.wanted for v in several})),
+        within=sum(v.within for v in older),
+        n_older=len(older),
+        within_several=sum(v.within for v in several),
+        n_several=len(several),
+        within_one=sum(v.within for v in single),
+        n_one=len(single),
     )
     parts = [
         head + verdicts_table(verdicts),

@@ -25,6 +25,8 @@ _SHRINKAGE = 0.3  # of the covariance: the best of 0.1, 0.3 and 0.6 on sources t
 _SHARPNESS = 0.3  # of the discriminants: figures depend on each other, so they vote too surely
 _NEAR = 7  # semitones from the pitch, within which recordings are what a sound is compared with
 _FEWEST = 9  # recordings within that; otherwise those of the class
+_FEWEST_OF_SOURCE = 3  # recordings of a source that is compared with the others
+_FEWEST_OF_OTHERS = 6  # recordings of those
 _WITHIN = 0.4  # weight of the variance within classes, as some have few recordings
 _FARTHEST = 6.0  # standard deviations that count for a feature
 _GROUPS = {g: [i for i, name in enumerate(NAMES) if FEATURES[name].group == g] for g in GROUPS}
@@ -121,18 +123,36 @@ class Recorded:
         if pitch is not None:
             near = inside & (np.abs(self.pitches - pitch) <= _NEAR)
             inside = near if near.sum() >= _FEWEST else inside
-        figures = self.figures[inside]
+        return self._kin(np.flatnonzero(inside))
+
+    def _kin(self, rows: NDArray[np.intp]) -> Kin:
+        figures = self.figures[rows]
         finite = np.isfinite(figures)
         count = np.maximum(finite.sum(axis=0), 1)
         mean = np.where(finite, figures, 0.0).sum(axis=0) / count
         variance = np.where(finite, (figures - mean) ** 2, 0.0).sum(axis=0) / count
         mean = np.where(finite.mean(axis=0) < 0.3, math.nan, mean)
         spread = np.sqrt((1 - _WITHIN) * variance + _WITHIN * self._within)
-        return Kin(np.flatnonzero(inside), mean, spread)
+        return Kin(rows, mean, spread)
 
     def distances(self, kin: Kin) -> Samples:
         """Of the recordings themselves."""
         return np.array([distance(kin.deviations(self.figures[i])) for i in kin.rows])
+
+    def other_sources(self, kin: Kin) -> dict[str, float]:
+        """How far a source's recordings lie from those of the others, in the median; of each source
+        that has enough, where the others have.
+        """
+        distances = {}
+        sources = self.sources[kin.rows]
+        for source in sorted(set(sources.tolist())):
+            rows = kin.rows[sources == source]
+            others = kin.rows[sources != source]
+            if len(rows) < _FEWEST_OF_SOURCE or len(others) < _FEWEST_OF_OTHERS:
+                continue
+            deviations = self._kin(others).deviations(self.figures[rows])
+            distances[source] = float(np.median([distance(row) for row in deviations]))
+        return distances
 
     def ranks_without_source(self) -> dict[str, list[int]]:
         """The rank of the right class of each recording, by source, where only other sources were

@@ -39,7 +39,10 @@ def ear(names: Sequence[str] = (), write: bool = False) -> list[Row]:
 
 def _row(v: Verdict) -> Row:
     ours = f"{v.distance:.2f} from {v.wanted}, rank {v.rank}, cost {v.cost:.2%} of a core"
-    reference = f"95 % of recordings within {v.distance_95:.2f}; taken for {v.taken_for}"
+    reference = (
+        f"95 % of recordings within {v.distance_95:.2f}, another source within "
+        f"{page.extent(v.distances_of_sources)}; taken for {v.taken_for}"
+    )
     values = {"distance": v.distance, "rank": v.rank, "cost": v.cost, "taken for": v.taken_for}
     return Row(f"ear of {v.name}", ours, reference, v.distance / v.distance_95, _SENSE, values)
 

@@ -29,7 +29,8 @@ class Verdict:
 
     `wanted` is the class that it is meant to be. `figures` are (3, n_features), `levels` the
     loudest 400 ms of each stroke [LUFS], `cost` a share of a core. `distance_95` is that within
-    which 95 % of the recordings of its class lie.
+    which 95 % of the recordings of its class lie, `distances_of_sources` how far each of its
+    sources lies from the others; none where the class has one.
     """
 
     family: str
@@ -43,6 +44,12 @@ class Verdict:
     levels: tuple[float, ...]
     figures: Samples
     off: tuple[str, ...] = field(default=())
+    distances_of_sources: tuple[float, ...] = field(default=())
+
+    @property
+    def within(self) -> bool:
+        """Whether it lies as near as another source of recordings, or 95 % where there is none."""
+        return self.distance <= max(self.distances_of_sources, default=self.distance_95)
 
     def column(self, feature: str) -> list[float]:
         """A feature at three strengths, in the unit of its words."""
@@ -77,6 +84,7 @@ def judge(recorded: Recorded, family: str, name: str, card: Mapping[str, Any]) -
         tuple(_loudest(stroke, rate) for stroke in samples),
         figures,
         _off(figures, kin),
+        tuple(sorted(recorded.other_sources(kin).values())),
     )
 
 

@@ -112,6 +112,23 @@ def test_distance_of_recordings_and_of_noise(recorded: Recorded) -> None:
     assert distance(kin.deviations(measure(noise, RATE))) > 2 * inside
 
 
+def test_other_sources_of_class_with_several(recorded: Recorded) -> None:
+    """Salamander's pianos lie farther from FluidR3's than 95 % of all pianos from their mean."""
+    kin = recorded.kin("piano", 48)
+    others = recorded.other_sources(kin)
+    assert set(others) == {"FluidR3", "Salamander"}
+    assert min(others.values()) > np.percentile(recorded.distances(kin), 95)
+
+
+def test_other_sources_of_class_with_one(recorded: Recorded) -> None:
+    assert recorded.other_sources(recorded.kin("marimba", 53)) == {}
+
+
+def test_other_sources_with_few_recordings(recorded: Recorded) -> None:
+    """Sonic Pi has two snares: too few to be compared, but of the others' recordings."""
+    assert set(recorded.other_sources(recorded.kin("snare"))) == {"FluidR3", "AVL Drumkits"}
+
+
 def test_ear_data_file_size_limit() -> None:
     assert DATA.stat().st_size < 300_000
 
@@ -131,11 +148,26 @@ def test_ear_classes_of_cards_in_recorded_data(recorded: Recorded) -> None:
 def test_ear_page_row_of_each_verdict(recorded: Recorded) -> None:
     row = np.array([measure(tone(130.8, 5.0), RATE)] * 3)
     verdict = Verdict(
-        "strings", "piano", "piano", "bell", 4, 2.5, 1.0, 0.01, (-40.0, -30.0, -20.0), row, ("x",)
+        "strings",
+        "piano",
+        "piano",
+        "bell",
+        4,
+        2.5,
+        1.0,
+        0.01,
+        (-40.0, -30.0, -20.0),
+        row,
+        ("x",),
+        (2.6, 3.1),
     )
     text = page.text(recorded, [verdict], {"piano": 48.0})
     (first,) = [line for line in text.splitlines() if line.startswith("| `piano` | piano |")]
     old = page.before()["piano"]
-    assert f"| bell | 4 ({old['rank']}) | 2.50 ({float(old['distance']):.2f}) [1.00] |" in first
+    assert (
+        f"| bell | 4 ({old['rank']}) | 2.50 ({float(old['distance']):.2f}) [1.00; 2.60–3.10] |"
+        in first
+    )
+    assert "1 of the older 1 are within what one source is from the others: 1 of" in text
     assert "| `piano` | -40.0 / -30.0 / -20.0 | 20.0 |" in text
     assert "0 of 1 are taken for what they are" in text
