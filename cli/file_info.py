@@ -17,7 +17,8 @@ from .outcome import Refused
 
 _BYTES_MAX = 64 << 20
 _LAYOUT = re.compile(rb"^(speakers[ \t]*:|-[ \t]*\{?[ \t]*channel[ \t]*:)", re.MULTILINE)
-_MUSICXML = re.compile(rb"<score-(?:partwise|timewise)\b")
+_MUSICXML = re.compile(rb"<(?:\w+:)?score-(?:partwise|timewise)\b")
+_SPATGRIS = re.compile(rb"<SPEAKER_SETUP\b")
 _OURS = re.compile(rb"^ergon[ \t]*:", re.MULTILINE)
 
 
@@ -222,7 +223,15 @@ def _sofa(path: Path) -> Content:
 
 def _xml(path: Path) -> Content | None:
     """A score of MusicXML, loudspeakers, or a model of another program."""
-    return _musicxml(path) if _MUSICXML.search(_data(path)) else _layout(path)
+    from ergon.common.xml_text import XmlError, narrow
+
+    try:
+        xml_bytes = narrow(_data(path))
+    except XmlError as error:
+        raise Refused(f"{path}: {error}") from None
+    if _MUSICXML.search(xml_bytes):
+        return _musicxml(path)
+    return _layout(path) if _SPATGRIS.search(xml_bytes) else _model(path)
 
 
 def _musicxml(path: Path) -> Content:
@@ -242,8 +251,6 @@ def _layout(path: Path) -> Content | None:
     try:
         layout = layout_form.read(file_bytes)
     except LayoutFileError as error:
-        if path.suffix.lower() == ".xml":
-            return _model(path)
         raise Refused(f"{path}: {error}") from None
     passed_over = [*layout.left_out, "names"]
     read = {"loudspeakers": len(layout.speakers), "outputs": _numbers(layout.outputs)}
