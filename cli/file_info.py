@@ -16,7 +16,12 @@ from .console import Console, plural
 from .outcome import Refused
 
 _BYTES_MAX = 64 << 20
-_LAYOUT = re.compile(rb"^(speakers[ \t]*:|-[ \t]*\{?[ \t]*channel[ \t]*:)", re.MULTILINE)
+# A table with `speakers`, or a list: no score is one.
+_LAYOUT = re.compile(
+    rb"""^["']?speakers["']?[ \t]*:"""
+    rb"""|\A(?:[ \t]*(?:[#%].*|---.*)?\r?\n)*[ \t]*(?:-\s|\[|\{\s*["']?speakers)""",
+    re.MULTILINE,
+)
 _MUSICXML = re.compile(rb"<(?:\w+:)?score-(?:partwise|timewise)\b")
 _SPATGRIS = re.compile(rb"<SPEAKER_SETUP\b")
 _OURS = re.compile(rb"^ergon[ \t]*:", re.MULTILINE)
@@ -260,13 +265,20 @@ def _layout(path: Path) -> Content | None:
 def _yaml(path: Path) -> Content | None:
     """Loudspeakers, of ergon or of the EBU ADM renderer; None for a score."""
     file_bytes = _data(path)
-    if not _LAYOUT.search(file_bytes):
+    if file_bytes[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        file_bytes = file_bytes.decode("utf-16", "replace").encode()
+    if not _LAYOUT.search(file_bytes.removeprefix(b"\xef\xbb\xbf")):
         return None
     if not _OURS.search(file_bytes):
         return _layout(path)
+    from ergon.api.errors import ScoreError
     from ergon.api.layouts import read_layout
 
-    layout = read_layout(path)
+    try:
+        layout = read_layout(path)
+    except ScoreError as error:
+        mistakes = (f"{each.place}: {each.message}" for each in error.diagnostics)
+        raise Refused("; ".join(mistakes)) from None
     figures_read = {
         "title": layout.title or "none",
         "loudspeakers": len(layout.speakers),
