@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ergon.common.regular import read_bounded
+from ergon.common.structured import parse_json
 from ergon.common.terminal import printable
 
 from .console import Console, plural
@@ -149,10 +150,6 @@ def _n_bodies(n: int, edges: object) -> int:
     return len({top(point) for point in range(n)})
 
 
-# What a glTF file may hold beside the shapes of its scene.
-_GLTF_OTHERS = ("materials", "textures", "images", "animations", "skins", "cameras")
-
-
 def _gltf(path: Path) -> Content:
     from ergon.instruments.space import gltf_file
     from ergon.instruments.space.mesh import MeshFileError
@@ -163,14 +160,8 @@ def _gltf(path: Path) -> Content:
     except (MeshFileError, UnicodeDecodeError) as error:
         raise Refused(f"{path}: {error}") from None
     size = int.from_bytes(file_bytes[12:16], "little")
-    gltf_root = json.loads(file_bytes[20 : 20 + size] if is_binary else file_bytes)
-    passed_over = [
-        plural(len(gltf_root[name]), name.removesuffix("s"))
-        for name in _GLTF_OTHERS
-        if gltf_root.get(name)
-    ]
-    passed_over += [f"extension {name}" for name in gltf_root.get("extensionsUsed", [])]
-    return Content("mesh (glTF 2)", _counts(mesh), passed_over)
+    root = parse_json(file_bytes[20 : 20 + size] if is_binary else file_bytes)
+    return Content("mesh (glTF 2)", _counts(mesh), gltf_file.passed_over(root))
 
 
 # --- tunings ------------------------------------------------------------------------------------

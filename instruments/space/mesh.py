@@ -56,7 +56,9 @@ def merged(mesh: Mesh) -> Mesh:
     corners_of_faces = {number for face in mesh.faces for number in face}
     if not corners_of_faces:
         return mesh
-    size = max(max(axis) - min(axis) for axis in zip(*mesh.points, strict=True))
+    axes = [*zip(*mesh.points, strict=True)]
+    lows = [min(axis) for axis in axes]  # a small mesh may lie far away
+    size = max(max(axis) - low for axis, low in zip(axes, lows, strict=True))
     near_distance = _NEAR * size
     if not near_distance:
         return mesh
@@ -68,7 +70,9 @@ def merged(mesh: Mesh) -> Mesh:
             merged_indices.append(len(merged_points))
             merged_points.append(mesh_point)
             continue
-        point_cell = tuple(math.floor(x / near_distance) for x in mesh_point)
+        point_cell = tuple(
+            math.floor((x - low) / near_distance) for x, low in zip(mesh_point, lows, strict=True)
+        )
         around = (
             number
             for step in product((-1, 0, 1), repeat=3)
