@@ -212,9 +212,7 @@ def _sofa(path: Path) -> Content:
         "rate": f"{sofa_header.rate:g} Hz",
         "delays": f"up to {longest:.3g} ms apart",
     }
-    return Content(
-        "head (SOFA)", figures_read, ["distances, and places of the listener and the ears"]
-    )
+    return Content("head (SOFA)", figures_read, list(sofa_header.passed_over))
 
 
 def _xml(path: Path) -> Content | None:
