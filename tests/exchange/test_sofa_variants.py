@@ -154,7 +154,7 @@ _EARS = [[[0, 0], [0.1, -0.1], [0, 0]], [[0, 0], [-0.1, 0.1], [0, 0]]]
         (_with("ListenerPosition", [(np.nan, 0, 1)]), "ListenerPosition is not finite"),
         (_with("ReceiverPosition", _EARS), "change sides"),
         (_with("ListenerUp", np.bytes_("up")), "does not hold numbers"),
-        (lambda file: file.create_dataset("ListenerView", (1 << 24, 3)), "values; at most"),
+        (lambda file: file.create_dataset("ListenerView", (1 << 24, 3), "f4"), "values; at most"),
     ],
 )
 def test_heads_of_two_meanings_are_refused(

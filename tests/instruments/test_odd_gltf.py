@@ -108,7 +108,8 @@ def test_what_a_gltf_file_holds_beside_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("place", "value", "words"),
     [(4, 1, "version 1"), (4, 0, "version 0"), (8, 0, "longer than it says"),
-     (8, 2**32 - 1, "incomplete"), (12, 2**32 - 1, "longer than the file"), (12, 0, "longer than the file")],
+     (8, 2**32 - 1, "incomplete"), (12, 2**32 - 1, "longer than the file"), 
+     (12, 0, "longer than the file")],
 )  # fmt: skip
 def test_heads_of_binary_gltf(place: int, value: int, words: str) -> None:
     data = bytearray(binary(tetrahedron()))
