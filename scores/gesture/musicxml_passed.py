@@ -40,7 +40,8 @@ _SOUND = frozenset(
 )
 # What only says how things are drawn, and what is read elsewhere; any other element is named.
 _KNOWN = {
-    "measure": "note backup forward direction attributes print sound barline grouping link bookmark",
+    "measure": "note backup forward direction attributes print sound barline grouping link "
+    "bookmark",
     "note": "chord pitch unpitched rest duration tie instrument voice type dot accidental stem "
     "time-modification notehead notehead-text staff beam notations lyric grace cue footnote level",
     "direction": "direction-type offset footnote level voice staff sound",
