@@ -69,7 +69,8 @@ def directions(source: Places, head: Mapping[str, Places]) -> NDArray[np.float64
         raise SofaSpaceError("a direction is the place of the head itself")
     left = np.cross(above, front)
     x, y, z = ((towards * axis).sum(axis=1) for axis in (front, left, above))
-    return np.degrees(np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1))
+    radians = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1)
+    return radians * (180.0 / np.pi)
 
 
 def _seen(name: str, head: Mapping[str, Places], n: int) -> NDArray[np.float64]:

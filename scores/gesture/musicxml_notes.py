@@ -27,9 +27,8 @@ _STROKES = {"sf", "sfz", "sffz", "fz", "rf", "rfz"}  # marks that hold for one i
 # Marks of two levels: at their instant, and after it.
 _FALLS = {"fp": ("f", "p"), "pf": ("p", "f")}
 _FALLS |= {"sfp": ("f", "p"), "sfzp": ("f", "p"), "sfpp": ("f", "pp")}
-_UNIT_NAMES = ("maxima", "long", "breve", "whole", "half", "quarter", "eighth", "16th", "32nd")
-_UNIT_NAMES += ("64th", "128th", "256th", "512th", "1024th")
-_UNITS = {name: Fraction(32, 2**place) for place, name in enumerate(_UNIT_NAMES)}
+_UNIT_NAMES = "maxima long breve whole half quarter eighth 16th 32nd 64th 128th 256th 512th 1024th"
+_UNITS = {name: Fraction(32, 2**place) for place, name in enumerate(_UNIT_NAMES.split())}
 _DIVISIONS_MAX = 10**15  # smallest common multiple of the divisions of a part
 _NUMBER = re.compile(r"\s*([+-]?[0-9]{1,12}(\.[0-9]{1,12})?)\s*")
 _FIRST_NUMBER = re.compile(r"[0-9]{1,6}(\.[0-9]{1,6})?")
