@@ -198,8 +198,8 @@ def _check(header: dict[str, Any], path: Path) -> None:
 def _check_kind(kind: str, units: str, path: Path) -> None:
     """Raise SofaError unless places are angles in degrees, or lengths."""
     if kind not in ("spherical", "cartesian"):
-        said = printable(kind) or "not said to be either"
-        raise SofaError(f"{path}: directions are {said}, not spherical or cartesian")
+        kind_text = printable(kind) or "not said to be either"
+        raise SofaError(f"{path}: directions are {kind_text}, not spherical or cartesian")
     if kind == "spherical" and "rad" in units:
         raise SofaError(f"{path}: directions are read in degrees, here they are in radians")
     if units.startswith("met") if kind == "spherical" else "deg" in units:

@@ -91,12 +91,12 @@ def read_binary(file_bytes: bytes) -> Mesh:
 
 def passed_over(root: Mapping[str, Any]) -> list[str]:
     """What the file of a mesh that was read holds beside it."""
-    found: list[str] = []
+    listed: list[str] = []
 
     def count(n: int, noun: str) -> None:
         first, _, others = noun.partition(" ")
         if n:
-            found.append(f"{n:,} {first}{'' if n == 1 else 's'} {others}".rstrip())
+            listed.append(f"{n:,} {first}{'' if n == 1 else 's'} {others}".rstrip())
 
     for name in _OTHERS:
         others = root.get(name)
@@ -107,7 +107,7 @@ def passed_over(root: Mapping[str, Any]) -> list[str]:
     scenes, extensions = root.get("scenes"), root.get("extensionsUsed")
     count(max(0, len(scenes) - 1) if isinstance(scenes, list) else 0, "scene beside the first")
     names = extensions if isinstance(extensions, list) else []
-    return found + [f"extension {str(name)[:60]}" for name in names]
+    return listed + [f"extension {str(name)[:60]}" for name in names]
 
 
 def _parts(root: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:

@@ -70,7 +70,7 @@ class Passed:
 
     def note(self, note: Element) -> None:
         """What a note has beside its pitch and length."""
-        self._found(note, _NOTE)
+        self._count_paths(note, _NOTE)
         self.counts["time-only note"] += note.get("time-only") is not None
         for child in note:
             self._unknown("note", child)
@@ -97,9 +97,9 @@ class Passed:
 
     def attributes(self, attributes: Element) -> None:
         """What attributes have beside divisions, meters and transpositions."""
-        self._found(attributes, _ATTRIBUTES)
+        self._count_paths(attributes, _ATTRIBUTES)
 
-    def _found(self, element: Element, nouns: Mapping[str, str]) -> None:
+    def _count_paths(self, element: Element, nouns: Mapping[str, str]) -> None:
         for path, noun in nouns.items():
             self.counts[noun] += element.find(path) is not None
 

@@ -59,7 +59,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_odd_layouts_that_are_refused(name: str) -> None:
+def test_odd_layouts_are_refused(name: str) -> None:
     form, data, words = REFUSED[name]
     with pytest.raises(LayoutFileError, match=words):
         FORMS[form].read(data)
@@ -89,7 +89,7 @@ READ = {
 
 
 @pytest.mark.parametrize("name", READ)
-def test_odd_layouts_that_are_read(name: str) -> None:
+def test_odd_layouts_with_right_places(name: str) -> None:
     form, data, azimuth, left_out = READ[name]
     layout = FORMS[form].read(data)
     assert layout.outputs == [1]

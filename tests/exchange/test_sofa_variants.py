@@ -167,11 +167,11 @@ def test_heads_of_two_meanings_are_refused(
 def test_kind_of_places_by_their_units(tmp_path: Path) -> None:
     places = _places(np.array(_PLACES))
     path = _file(tmp_path / "a.sofa", _with("SourcePosition", places, Type=None, Units="metre"))
-    heard = sofa.read(path).angles
-    np.testing.assert_allclose(heard[:, 0] % 360.0, [60.0 * i for i in range(6)], atol=1e-9)
+    angles = sofa.read(path).angles
+    np.testing.assert_allclose(angles[:, 0] % 360.0, [60.0 * i for i in range(6)], atol=1e-9)
 
 
-def test_views_of_zeros_are_not_said(tmp_path: Path) -> None:
+def test_views_of_zeros_count_as_usual(tmp_path: Path) -> None:
     path = _file(tmp_path / "a.sofa", _with("ListenerView", [(0.0, 0.0, 0.0)]))
     np.testing.assert_array_equal(sofa.read(path).angles, np.array(_PLACES)[:, :2])
 

@@ -52,7 +52,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_odd_gltf_files_that_are_refused(name: str) -> None:
+def test_odd_gltf_files_are_refused(name: str) -> None:
     root, words = REFUSED[name]
     for read, data in ((gltf_file.read, json.dumps(root)), (gltf_file.read_binary, binary(root))):
         with pytest.raises(MeshFileError, match=words):
@@ -80,16 +80,16 @@ SAME = {
 
 
 @pytest.mark.parametrize("name", SAME)
-def test_odd_gltf_files_that_are_read(name: str, tmp_path: Path) -> None:
-    whole = gltf_file.read(json.dumps(tetrahedron()))
-    assert gltf_file.read(json.dumps(SAME[name])) == whole
-    assert gltf_file.read_binary(binary(SAME[name])) == whole
+def test_odd_gltf_files_equal_plain_mesh(name: str, tmp_path: Path) -> None:
+    plain = gltf_file.read(json.dumps(tetrahedron()))
+    assert gltf_file.read(json.dumps(SAME[name])) == plain
+    assert gltf_file.read_binary(binary(SAME[name])) == plain
     (tmp_path / "a.gltf").write_text(json.dumps(SAME[name]))
     done = forked(["info", "a.gltf"], tmp_path)
     assert done.returncode == 0, done.stderr
 
 
-def test_what_a_gltf_file_holds_beside_is_named(tmp_path: Path) -> None:
+def test_other_content_of_gltf_is_named(tmp_path: Path) -> None:
     root = _with([{"nodes": [0]}, {"nodes": []}, {"nodes": [1]}], "scenes")
     root["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": 0}]
     root["meshes"][0]["primitives"] += [{"attributes": {"NORMAL": 0}}]

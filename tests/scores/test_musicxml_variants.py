@@ -22,7 +22,7 @@ _GRACE = Fraction(1, 12)
 class Note(NamedTuple):
     """What is to be read: quarters, a name, a length in quarters."""
 
-    at: Fraction
+    begin: Fraction
     word: str
     lasting: Fraction
 
@@ -73,7 +73,7 @@ class Writer:
         left, voice = 4 * divisions, self.chance.choice(["1", "2", "", None])
         while left:
             ticks = min(left, self.chance.choice([1, 2, 3, 4, divisions]))
-            at = Fraction(4 * bar) + 4 - Fraction(left, divisions)
+            begin = Fraction(4 * bar) + 4 - Fraction(left, divisions)
             lasting = Fraction(ticks, divisions)
             kind = self.chance.choice(["note", "note", "chord", "rest", "forward", "grace"])
             if kind == "forward" and left > ticks:
@@ -84,11 +84,11 @@ class Writer:
                 if kind == "grace":
                     for part_of_chord in range(self.chance.choice([1, 2])):
                         word = self._pitch(self._note(measure, None, voice, part_of_chord > 0))
-                        begin = max(at - _GRACE, Fraction(0))
-                        self.notes.append(Note(begin, word, _GRACE))
+                        grace = max(begin - _GRACE, Fraction(0))
+                        self.notes.append(Note(grace, word, _GRACE))
                 for part_of_chord in range(1 + (kind == "chord")):
                     note = self._note(measure, ticks, voice, part_of_chord > 0)
-                    self.notes.append(Note(at, self._pitch(note), lasting))
+                    self.notes.append(Note(begin, self._pitch(note), lasting))
             left -= ticks
 
     def _note(
@@ -175,7 +175,7 @@ def test_musicxml_of_other_programs(seed: int, tmp_path: Path) -> None:
         return
     read, length = notes_of(path, None)
     assert length == 4 * writer.n_bars
-    expected = sorted((float(n.at), n.word, float(n.lasting)) for n in writer.notes)
+    expected = sorted((float(n.begin), n.word, float(n.lasting)) for n in writer.notes)
     assert sorted((n.at, n.word, n.lasting) for n in read) == expected
 
 
@@ -250,7 +250,7 @@ def test_metronome_marks_as_programs_write(mark: str, bpm: float, tmp_path: Path
          "dynamic mark"),
     ],
 )  # fmt: skip
-def test_what_no_part_of_musicxml_plays_is_named(text: str, noun: str, tmp_path: Path):
+def test_unplayed_musicxml_content_is_named(text: str, noun: str, tmp_path: Path):
     path = tmp_path / "a.musicxml"
     path.write_text(score(text + note()))
     assert {name: n for name, n in read_score(path).passed.items() if n} == {noun: 1}
@@ -264,7 +264,7 @@ def test_marks_of_dynamics_at_notes(tmp_path: Path):
     assert [round(7 * (n.strength or 0.0)) for n in notes_of(path, None)[0]] == [5, 2, 3]
 
 
-def test_parts_that_a_measure_lacks_are_silent(tmp_path: Path):
+def test_missing_parts_of_measures_are_silent(tmp_path: Path):
     path = tmp_path / "a.musicxml"
     bars = ("<part id='a'>{0}</part><part id='b'>{1}</part>", "<part id='a'>{0}</part>") * 2
     texts = (f"<measure>{bar.format(note('A'), note('B'))}</measure>" for bar in bars)
@@ -273,7 +273,7 @@ def test_parts_that_a_measure_lacks_are_silent(tmp_path: Path):
 
 
 @pytest.mark.parametrize("ids", [("P1", "P1"), ("", "")])
-def test_two_parts_of_one_id_are_refused(ids: tuple[str, ...], tmp_path: Path):
+def test_parts_with_equal_ids_are_refused(ids: tuple[str, ...], tmp_path: Path):
     path = tmp_path / "a.musicxml"
     path.write_text(score(note(), ids=ids))
     with pytest.raises(TakeError, match="two of its parts have the id"):

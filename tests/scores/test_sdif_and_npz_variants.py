@@ -165,15 +165,15 @@ _ODD: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", _ODD)
-def test_what_odd_sdif_files_hold_is_said(name: str, tmp_path: Path) -> None:
+def test_odd_sdif_content_is_named(name: str, tmp_path: Path) -> None:
     """Nothing is left out in silence: it is named, or the file is refused."""
     data, words = _ODD[name]
     path = tmp_path / "x.sdif"
     path.write_bytes(_HEAD + _FIRST + data + _LAST)
-    assert any(words in said for said in _said(path))
+    assert any(words in sentence for sentence in _sentences(path))
 
 
-def _said(path: Path) -> tuple[str, ...]:
+def _sentences(path: Path) -> tuple[str, ...]:
     """What a summary says beside the columns, or why there is none."""
     try:
         table = summary(path)
