@@ -107,7 +107,8 @@ def measure(
     search.add_parts()
     while search.add_against_held_out() or search.remove_doubtful():
         search.add_parts()
-    return Measured(tuple(search.stages), search.best.fit, search.best.replay, noise)
+    final = search.judge.begun_beside(search.best)
+    return Measured(tuple(search.stages), final.fit, final.replay, noise)
 
 
 class _Search:
