@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -10,14 +9,21 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ergon.common.regular import read_bounded
+from ergon.common.structured import parse_json
 from ergon.common.terminal import printable
 
 from .console import Console, plural
 from .outcome import Refused
 
 _BYTES_MAX = 64 << 20
-_LAYOUT = re.compile(rb"^(speakers[ \t]*:|-[ \t]*\{?[ \t]*channel[ \t]*:)", re.MULTILINE)
-_MUSICXML = re.compile(rb"<score-(?:partwise|timewise)\b")
+# A table with `speakers`, or a list: no score is one.
+_LAYOUT = re.compile(
+    rb"""^["']?speakers["']?[ \t]*:"""
+    rb"""|\A(?:[ \t]*(?:[#%].*|---.*)?\r?\n)*[ \t]*(?:-\s|\[|\{\s*["']?speakers)""",
+    re.MULTILINE,
+)
+_MUSICXML = re.compile(rb"<(?:\w+:)?score-(?:partwise|timewise)\b")
+_SPATGRIS = re.compile(rb"<SPEAKER_SETUP\b")
 _ERGON_LINE = re.compile(rb"^ergon[ \t]*:", re.MULTILINE)
 
 
@@ -145,10 +151,6 @@ def _n_bodies(n: int, edges: object) -> int:
     return len({top(point) for point in range(n)})
 
 
-# What a glTF file may hold beside the shapes of its scene.
-_GLTF_OTHERS = ("materials", "textures", "images", "animations", "skins", "cameras")
-
-
 def _gltf(path: Path) -> Content:
     from ergon.instruments.space import gltf_file
     from ergon.instruments.space.mesh import MeshFileError
@@ -159,14 +161,8 @@ def _gltf(path: Path) -> Content:
     except (MeshFileError, UnicodeDecodeError) as error:
         raise Refused(f"{path}: {error}") from None
     size = int.from_bytes(file_bytes[12:16], "little")
-    gltf_root = json.loads(file_bytes[20 : 20 + size] if is_binary else file_bytes)
-    passed_over = [
-        plural(len(gltf_root[name]), name.removesuffix("s"))
-        for name in _GLTF_OTHERS
-        if gltf_root.get(name)
-    ]
-    passed_over += [f"extension {name}" for name in gltf_root.get("extensionsUsed", [])]
-    return Content("mesh (glTF 2)", _mesh_figures(mesh), passed_over)
+    root = parse_json(file_bytes[20 : 20 + size] if is_binary else file_bytes)
+    return Content("mesh (glTF 2)", _mesh_figures(mesh), gltf_file.passed_over(root))
 
 
 # --- tunings ------------------------------------------------------------------------------------
@@ -217,14 +213,20 @@ def _sofa(path: Path) -> Content:
         "rate": f"{sofa_header.rate:g} Hz",
         "delays": f"up to {delay_spread_ms:.3g} ms apart",
     }
-    return Content(
-        "head (SOFA)", figures_read, ["distances, and places of the listener and the ears"]
-    )
+    return Content("head (SOFA)", figures_read, list(sofa_header.passed_over))
 
 
 def _xml(path: Path) -> Content | None:
     """A score of MusicXML, loudspeakers, or a model of another program."""
-    return _musicxml(path) if _MUSICXML.search(_read_bytes(path)) else _layout(path)
+    from ergon.common.xml_text import XmlError, narrow
+
+    try:
+        xml_bytes = narrow(_read_bytes(path))
+    except XmlError as error:
+        raise Refused(f"{path}: {error}") from None
+    if _MUSICXML.search(xml_bytes):
+        return _musicxml(path)
+    return _layout(path) if _SPATGRIS.search(xml_bytes) else _model(path)
 
 
 def _musicxml(path: Path) -> Content:
@@ -244,8 +246,6 @@ def _layout(path: Path) -> Content | None:
     try:
         layout = layout_form.read(file_bytes)
     except LayoutFileError as error:
-        if path.suffix.lower() == ".xml":
-            return _model(path)
         raise Refused(f"{path}: {error}") from None
     passed_over = [*layout.left_out, "names"]
     read = {"loudspeakers": len(layout.speakers), "outputs": _numbers(layout.outputs)}
@@ -255,13 +255,20 @@ def _layout(path: Path) -> Content | None:
 def _yaml(path: Path) -> Content | None:
     """Loudspeakers, of ergon or of the EBU ADM renderer; None for a score."""
     file_bytes = _read_bytes(path)
-    if not _LAYOUT.search(file_bytes):
+    if file_bytes[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        file_bytes = file_bytes.decode("utf-16", "replace").encode()
+    if not _LAYOUT.search(file_bytes.removeprefix(b"\xef\xbb\xbf")):
         return None
     if not _ERGON_LINE.search(file_bytes):
         return _layout(path)
+    from ergon.api.errors import ScoreError
     from ergon.api.layouts import read_layout
 
-    layout = read_layout(path)
+    try:
+        layout = read_layout(path)
+    except ScoreError as error:
+        mistakes = (f"{each.place}: {each.message}" for each in error.diagnostics)
+        raise Refused("; ".join(mistakes)) from None
     figures_read = {
         "title": layout.title or "none",
         "loudspeakers": len(layout.speakers),

@@ -101,12 +101,12 @@ def _pack(console: Console, path: Path) -> None:
 
 
 def _render(console: Console, path: Path, source: str | None, trust: bool) -> None:
-    from ergon.exchange.sound import hash_samples, read_info
+    from ergon.exchange.sound import read_info, survey
     from ergon.exchange.wave_header import NotWaveError
 
     try:
         wav = read_info(path)
-        samples = hash_samples(path)
+        samples, first = survey(path)
     except NotWaveError as error:
         raise Refused(f"{path}: {error}") from None
     if console.json:
@@ -115,7 +115,7 @@ def _render(console: Console, path: Path, source: str | None, trust: bool) -> No
         console.data(_lines(path, wav, samples))
     if wav.damage is not None:
         console.warn(f"{path}: {wav.damage}")
-    if (first := _not_finite(path, wav)) is not None:
+    if first is not None:
         seconds_there = first / wav.format.rate
         message = f"frame {first + 1:,} ({seconds_there:.6g} s) is not a number"
         console.warn(f"{path}: {message}; no command plays, folds or measures such a sound")
@@ -127,23 +127,6 @@ def _render(console: Console, path: Path, source: str | None, trust: bool) -> No
     if score.digest(piece) != wav.score:
         raise Findings(f"{path} was rendered from another score than {source}, or an earlier state")
     console.say(f"{path} was rendered from {source} as it is now")
-
-
-def _not_finite(path: Path, wav: WaveInfo) -> int | None:
-    """The first frame with a sample that is not finite; only floats can have one."""
-    if wav.format.bits not in ("float", "double"):
-        return None
-    import numpy as np
-
-    from ergon.exchange.sound import read_blocks
-
-    n_before = 0
-    for block in read_blocks(path):
-        is_finite = np.isfinite(block).all(axis=1)
-        if not is_finite.all():
-            return n_before + int(is_finite.argmin())
-        n_before += len(block)
-    return None
 
 
 def _fields(path: Path, wav: WaveInfo) -> dict[str, object]:

@@ -12,6 +12,11 @@ BYTES_MAX = 4 << 20  # bytes
 ELEMENTS_MAX = 100_000
 _TYPE = re.compile(rb"<!DOCTYPE[^\[\]<>]*>")  # a DOCTYPE without definitions of its own
 _DEFINES = re.compile(rb"<!\s*(DOCTYPE|ENTITY)", re.IGNORECASE)
+# Encodings by the first bytes of a document, with a mark of the order of bytes or without.
+_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb": "utf-8-sig"}
+_MARKS |= {b"<\0": "utf-16-le", b"\0<": "utf-16-be"}
+# Programs that make a text first and encode it later write so into files of UTF-8.
+_SAYS_WIDE = re.compile(rb"<\?xml[^>]*encoding=[\"']utf-?16[^>]*\?>", re.IGNORECASE)
 
 
 class XmlError(ErgonError, ValueError):
@@ -32,9 +37,10 @@ def parse_xml(
     """
     if len(xml_bytes) > bytes_max:
         raise XmlError(f"the XML is larger than {bytes_max >> 20} MB")
-    # A zero byte means UTF-16 or UTF-32, in which the search below would miss a document type.
+    xml_bytes = narrow(xml_bytes)
+    # A zero byte means UTF-32, in which the search below would miss a document type.
     if b"\0" in xml_bytes.rstrip(b"\0"):
-        raise XmlError("the XML is not in UTF-8")
+        raise XmlError("the XML is neither in UTF-8 nor in UTF-16")
     if has_type:
         xml_bytes = _TYPE.sub(b"", xml_bytes, count=1)
     if _DEFINES.search(xml_bytes):
@@ -57,3 +63,21 @@ def parse_xml(
     if root_element is None:
         raise XmlError("the XML is empty")
     return root_element
+
+
+def narrow(xml_bytes: bytes) -> bytes:
+    """A document in UTF-16 as one in UTF-8, without what it says of its encoding; others as they
+    are. Raises XmlError.
+    """
+    encoding = _MARKS.get(xml_bytes[:2])
+    if encoding is None:
+        says_wide = _SAYS_WIDE.match(xml_bytes)
+        return xml_bytes[says_wide.end() :] if says_wide else xml_bytes
+    try:
+        xml_text = xml_bytes.decode(encoding)
+    except UnicodeDecodeError:
+        name = "UTF-8" if encoding == "utf-8-sig" else "UTF-16"
+        raise XmlError(f"the XML is not in {name}, as it begins") from None
+    if xml_text.startswith("<?xml"):
+        xml_text = xml_text.partition("?>")[2]
+    return xml_text.encode()

@@ -7,7 +7,6 @@ libsndfile (src/aiff.c). Nothing is written.
 
 from __future__ import annotations
 
-import hashlib
 import math
 import struct
 from collections.abc import Iterator
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, BinaryIO
 
 from ergon.common.regular import open_regular
 
-from .wave import blocks_of_bytes
+from .wave import blocks_of_bytes, survey_of_bytes
 from .wave_header import BYTES, Bits, NotWaveError, WaveFormat, WaveInfo, read_exactly
 
 if TYPE_CHECKING:
@@ -63,12 +62,12 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     yield from blocks_of_bytes(_samples(path), format)
 
 
-def hash_samples(path: Path) -> str:
-    """SHA-256 of the samples as a WAVE file has them. Raises NotWaveError or OSError."""
-    digest = hashlib.sha256()
-    for data in _samples(path):
-        digest.update(data)
-    return digest.hexdigest()
+def survey(path: Path) -> tuple[str, int | None]:
+    """SHA-256 of the samples as a WAVE file has them, and the first frame that is not finite.
+
+    Raises NotWaveError or OSError.
+    """
+    return survey_of_bytes(_samples(path), read_info(path).format)
 
 
 def _samples(path: Path) -> Iterator[bytes]:

@@ -154,13 +154,15 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
         yield block / 2.0**31
 
 
-def hash_samples(path: Path) -> str:
-    """SHA-256 of the sample bytes, as `FlacWriter.sha256` gives it. Raises NotWaveError."""
+def survey(path: Path) -> tuple[str, None]:
+    """SHA-256 of the sample bytes, as `FlacWriter.sha256` gives it; integers are all finite. Raises
+    NotWaveError.
+    """
     format = read_info(path).format
     digest = hashlib.sha256()
     for block in _integers(path):
         digest.update(encode(block, format))
-    return digest.hexdigest()
+    return digest.hexdigest(), None
 
 
 def _integers(path: Path) -> Iterator[NDArray[np.int32]]:

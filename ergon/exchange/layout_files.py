@@ -8,16 +8,15 @@ loudspeaker is, and its output.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
-
-import yaml
 
 from ergon.common.errors import ErgonError
 from ergon.common.structured import MalformedTextError, parse_json
 from ergon.common.terminal import printable
 from ergon.common.xml_text import XmlError, parse_xml
+from ergon.common.yaml_text import YamlError, parse_yaml
 from ergon.space.directions import Angles, angles, point, unit_vectors
 
 from .speaker_labels import is_effects
@@ -26,7 +25,8 @@ FILE_BYTES_MAX = 4 << 20  # bytes of a file
 SPEAKERS_MAX = 1024
 _DISTANCE_MAX = 100.0  # [m]
 _DISTANCE_MIN = 0.01
-_DEPTH_MAX = 32
+_OUTPUT_MAX = 65_536
+_YAML_MAX = 64 * SPEAKERS_MAX  # events of a file of YAML, whose reader takes 30 µs for each
 
 
 class LayoutFileError(ErgonError, ValueError):
@@ -109,9 +109,12 @@ def _read_iem(data: bytes) -> ReadLayout:
     speaker_rows = layout.get("Loudspeakers") if isinstance(layout, dict) else None
     if not isinstance(speaker_rows, list) or not all(isinstance(row, dict) for row in speaker_rows):
         raise LayoutFileError("it has no list `LoudspeakerLayout: Loudspeakers`")
-    real_rows = [row for row in speaker_rows if not row.get("IsImaginary")]
+    real_rows = [row for row in speaker_rows if not _is_true(row.get("IsImaginary"))]
     numbered: list[tuple[float, Angles]] = []
     left_out: list[str] = []
+    if n_imaginary := len(speaker_rows) - len(real_rows):
+        speakers_are = "loudspeaker is" if n_imaginary == 1 else "loudspeakers are"
+        left_out.append(f"{n_imaginary:,} imaginary {speakers_are} left out")
     for i, speaker_row in enumerate(real_rows, 1):
         channel = _number(speaker_row.get("Channel", i), "Channel")
         speaker_angles = _angles(
@@ -120,7 +123,16 @@ def _read_iem(data: bytes) -> ReadLayout:
         numbered.append((channel, speaker_angles))
         if _number(speaker_row.get("Gain", 1.0), "Gain") != 1.0:
             left_out.append(_dropped_note("gain", channel))
+        left_out += _unread(speaker_row, _IEM, channel)
     return _in_order(numbered, left_out)
+
+
+_IEM = ("Azimuth", "Elevation", "Radius", "IsImaginary", "Channel", "Gain")
+
+
+def _is_true(value: Any) -> bool:
+    """Whether a switch is on, also one that is a text or a number."""
+    return str(value).strip().lower() not in ("none", "false", "0", "0.0", "no", "")
 
 
 # --- EBU ADM renderer ---------------------------------------------------------------------------
@@ -140,21 +152,9 @@ def _write_ear(speakers: Sequence[Angles], outputs: Sequence[int], title: str) -
 
 def _read_ear(data: bytes) -> ReadLayout:
     try:
-        layout_text = data.decode("utf-8-sig")
-        depth = 0
-        for yaml_event in yaml.parse(layout_text, Loader=yaml.SafeLoader):
-            if isinstance(yaml_event, yaml.AliasEvent):
-                raise LayoutFileError("its YAML has aliases, which are not read")
-            depth += isinstance(yaml_event, yaml.CollectionStartEvent)
-            depth -= isinstance(yaml_event, yaml.CollectionEndEvent)
-            if depth > _DEPTH_MAX:
-                raise LayoutFileError("its YAML is nested too deeply")
-        document = yaml.safe_load(layout_text)
-    except (UnicodeDecodeError, ValueError, yaml.YAMLError) as error:
-        if isinstance(error, LayoutFileError):
-            raise
-        reason = " ".join(str(error).split())
-        raise LayoutFileError(f"this is not YAML: {reason}") from None
+        document = parse_yaml(data, _YAML_MAX)
+    except YamlError as error:
+        raise LayoutFileError(str(error)) from None
     speaker_rows = document.get("speakers") if isinstance(document, dict) else document
     if not isinstance(speaker_rows, list) or not all(isinstance(row, dict) for row in speaker_rows):
         raise LayoutFileError("it has no list `speakers`")
@@ -179,7 +179,12 @@ def _read_ear(data: bytes) -> ReadLayout:
         numbered.append((channel_number, speaker_angles))
         if _number(speaker_row.get("gain_linear", 1.0), "gain") != 1.0:
             left_out.append(_dropped_note("gain", channel_number + 1))
+        left_out += _unread(speaker_row, _EAR, channel_number + 1)
+        left_out += _unread(speaker_place, ("az", "el", "r"), channel_number + 1)
     return _in_order(numbered, left_out, 0)
+
+
+_EAR = ("channel", "names", "position", "gain_linear")
 
 
 def _names(row: dict[str, Any]) -> list[str]:
@@ -191,6 +196,8 @@ def _names(row: dict[str, Any]) -> list[str]:
 # --- SpatGRIS -----------------------------------------------------------------------------------
 
 _SPATGRIS, _PLACE = "SPEAKER_SETUP", "CARTESIAN_POSITION"
+_STATED = ("SPEAKER_PATCH_ID", "DIRECT_OUT_ONLY", "STATE", "IO_STATE", "GAIN", _PLACE)
+_ONLY_SHOWN = ("UUID", "SPEAKER_GROUP_NAME", "COLOUR", "COLOR")
 
 
 def _write_spatgris(speakers: Sequence[Angles], output_numbers: Sequence[int], title: str) -> str:
@@ -233,7 +240,7 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
         )
         if not is_speaker:
             continue
-        if element.get("DIRECT_OUT_ONLY") == "1":
+        if _is_true(element.get("DIRECT_OUT_ONLY")):
             label = printable(number_element[:20])
             left_out.append(
                 f"output {label} is a direct out, no loudspeaker of the room: it is left out"
@@ -245,11 +252,15 @@ def _read_spatgris(xml_bytes: bytes) -> ReadLayout:
             raise LayoutFileError(f"loudspeaker {printable(number_element[:20])} has no position")
         x, y, z = (_number(axis, "position") for axis in axes)
         output_number = _number(number_element, "number of an output")
-        numbered.append((output_number, angles((x, y, z))))
+        numbered.append((output_number, _angles(*angles((x, y, z)))))
         if _number(element.get("GAIN", 0.0), "gain"):
             left_out.append(_dropped_note("gain", output_number))
         if element.find("HIGHPASS") is not None:
             left_out.append(_dropped_note("high-pass filter", output_number))
+        left_out += _unread(element.keys(), (*_STATED, *_ONLY_SHOWN), output_number)
+        left_out += _unread(
+            (child.tag for child in element), ("POSITION", "HIGHPASS"), output_number
+        )
         state_text = element.get("IO_STATE", element.get("STATE", "normal"))
         if state_text != "normal":
             left_out.append(
@@ -279,6 +290,11 @@ def _in_order(
         raise LayoutFileError("two of its loudspeakers have one channel")
     if not all(number.is_integer() for number in speaker_numbers):
         raise LayoutFileError("the number of an output is not whole")
+    if not all(first_channel <= number <= _OUTPUT_MAX for number in speaker_numbers):
+        raise LayoutFileError(
+            f"outputs are counted from {first_channel} to {_OUTPUT_MAX:,}, here from "
+            f"{min(speaker_numbers):.10g} to {max(speaker_numbers):.10g}"
+        )
     in_order = sorted(numbered, key=lambda pair: pair[0])
     outputs = [int(number) + 1 - first_channel for number, _ in in_order]
     return ReadLayout([speaker_angles for _, speaker_angles in in_order], outputs, list(left_out))
@@ -286,6 +302,13 @@ def _in_order(
 
 def _dropped_note(what: str, output: float) -> str:
     return f"the {what} of output {output:g} is not kept"
+
+
+def _unread(fields: Iterable[str], known: Container[str], output: float) -> list[str]:
+    """A sentence for each field of a loudspeaker that is not read."""
+    return [
+        _dropped_note(printable(str(field)[:40]), output) for field in fields if field not in known
+    ]
 
 
 def _angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:
@@ -303,7 +326,7 @@ def _angles(azimuth: Any, elevation: Any, distance: Any) -> Angles:
 
 def _number(json_value: Any, noun: str) -> float:
     try:
-        if isinstance(json_value, bool) or json_value is None:
+        if isinstance(json_value, bool) or json_value is None or "_" in str(json_value):
             raise ValueError
         finite_number = float(json_value)
         if abs(finite_number) > 1e9 or finite_number != finite_number:

@@ -21,6 +21,16 @@ from ergon.common.extras import install_command
 from ergon.common.regular import open_regular
 from ergon.common.structured import MalformedTextError, parse_json
 from ergon.common.terminal import printable
+from ergon.exchange.sofa_space import (
+    EARS,
+    LISTENER,
+    UP,
+    VIEW,
+    Places,
+    SofaSpaceError,
+    directions,
+    is_right_first,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -32,6 +42,7 @@ _HEAD_MAX = 4096  # bytes of the first line of an answer
 _SECONDS = 600.0  # clock time, where the system sets no limit on the reader
 _DELAY_MAX = 0.1  # [s] between two responses; sound goes around a head in 1 ms
 _CONVENTION = "SimpleFreeFieldHRIR"
+_NAMES = ("SourcePosition", "Data.IR", "Data.SamplingRate", "Data.Delay", LISTENER, VIEW, UP, EARS)
 _READER = Path(__file__).with_name("sofa_reader.py")
 
 
@@ -42,12 +53,14 @@ class SofaError(ErgonError, ValueError):
 @dataclass(frozen=True, slots=True)
 class HeadResponses:
     """`angles` (n, 2): azimuth and elevation [degrees]; `responses` (n, 2, n_samples), left first;
-    `rate` [Hz]; `delays` (n, 2): how much later each response comes [s] (AES69, Data.Delay)."""
+    `rate` [Hz]; `delays` (n, 2): how much later each response comes [s] (AES69, Data.Delay);
+    `passed_over`: what is not read."""
 
     angles: NDArray[np.float64]
     responses: NDArray[np.float64]
     rate: float
     delays: NDArray[np.float64]
+    passed_over: tuple[str, ...] = ()
 
 
 def read(path: Path) -> HeadResponses:
@@ -96,12 +109,18 @@ def responses_of(reader_answer: IO[bytes], path: Path) -> HeadResponses:
     if "error" in header:
         raise SofaError(f"{path}: {printable(header['error'])}")
     _check(header, path)
-    measured_places, responses, rates, delays = (
-        _array(reader_answer, shape, path) for shape in header["shapes"]
-    )
+    arrays = {
+        name: _array(reader_answer, shape, path)
+        for name, shape in zip(_NAMES, header["shapes"], strict=False)
+    }
+    measured_places, responses, rates, delays = (arrays[name] for name in _NAMES[:4])
+    if not delays.size:
+        delays = np.zeros((1, 2))
     rate = float(rates.flat[0])
     if not 1_000.0 <= rate <= 768_000.0:
         raise SofaError(f"{path}: a rate of {rate:g} Hz")
+    if (rates != rate).any():
+        raise SofaError(f"{path}: rates from {rates.min():g} to {rates.max():g} Hz; one is read")
     if (
         not (np.isfinite(measured_places).all() and np.isfinite(responses).all())
         or not responses.any()
@@ -111,35 +130,51 @@ def responses_of(reader_answer: IO[bytes], path: Path) -> HeadResponses:
         refusal_reason = f"its delays (Data.Delay, in samples) differ by more than {_DELAY_MAX:g} s"
         raise SofaError(f"{path}: {refusal_reason}; the ears of a head are nearer")
     delay_seconds = np.broadcast_to(delays, (len(responses), 2)) / rate
-    directions = measured_places[:, :2]
-    if header["type"] == "cartesian":
-        directions = _directions(measured_places, path)
-    return HeadResponses(directions, responses, rate, delay_seconds)
+    kinds = dict(zip(_NAMES, header["types"], strict=False))
+    head = {
+        name: Places(arrays[name], kinds[name] or "cartesian")
+        for name in _NAMES[4:]
+        if name in arrays and arrays[name].size
+    }
+    source = Places(measured_places, _kind(header))
+    try:
+        angles = directions(source, head)
+        if is_right_first(head.get(EARS)):
+            responses, delay_seconds = responses[:, ::-1], delay_seconds[:, ::-1]
+    except SofaSpaceError as error:
+        raise SofaError(f"{path}: {error}") from None
+    return HeadResponses(angles, responses, rate, delay_seconds, _passed_over(source))
 
 
-def _directions(places: NDArray[np.float64], path: Path) -> NDArray[np.float64]:
-    """Azimuth and elevation [degrees] of places: x to the front, y to the left (AES69)."""
+def _kind(header: dict[str, Any]) -> str:
+    """What places are; a writer that leaves it out tells it by their units."""
+    kind, units = header["types"][0], header["units"]
+    if kind or not units:
+        return str(kind)
+    return "spherical" if "deg" in units or "rad" in units else "cartesian"
+
+
+def _passed_over(source: Places) -> tuple[str, ...]:
     import numpy as np
 
-    x, y, z = places.T
-    if not places.any(axis=1).all():
-        raise SofaError(f"{path}: a direction is the place of the head itself")
-    angles = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1)
-    return angles * (180.0 / np.pi)
+    distances = source.rows[:, 2]
+    if source.kind == "cartesian":
+        distances = np.linalg.norm(source.rows, axis=1)
+    low, high = float(distances.min()), float(distances.max())
+    if high - low <= 1e-3 * high:
+        return ("distances",)
+    return (f"distances, {low:.3g} to {high:.3g} m: a direction is heard as from all of them",)
 
 
 def _check(header: dict[str, Any], path: Path) -> None:
     """Raise SofaError unless the arrays are those of responses at two ears."""
-    convention, (place_shape, array_shape, rates, delays) = header["convention"], header["shapes"]
-    if convention != _CONVENTION:
+    convention, (place_shape, array_shape, rates, delays) = (
+        header["convention"],
+        header["shapes"][:4],
+    )
+    if convention.lower() != _CONVENTION.lower():
         convention_text = printable(convention) or "no"
         raise SofaError(f"{path} is of {convention_text} convention; a head is {_CONVENTION}")
-    if header["type"] not in ("spherical", "cartesian"):
-        raise SofaError(
-            f"{path}: directions are {printable(header['type'])}, not spherical or cartesian"
-        )
-    if header["type"] == "spherical" and "rad" in header.get("units", "").lower():
-        raise SofaError(f"{path}: directions are read in degrees, here they are in radians")
     if len(array_shape) != 3 or array_shape[1] != 2 or array_shape[0] < 4 or array_shape[2] < 8:
         sizes_text = " by ".join(map(str, array_shape))
         raise SofaError(
@@ -148,13 +183,29 @@ def _check(header: dict[str, Any], path: Path) -> None:
     if place_shape != [array_shape[0], 3]:
         sizes_text = " by ".join(map(str, place_shape))
         raise SofaError(f"{path}: {sizes_text} directions for {array_shape[0]} responses")
-    if delays not in ([1, 2], [array_shape[0], 2]):
+    _check_kind(_kind(header), header["units"], path)
+    if delays not in ([0], [1, 2], [array_shape[0], 2]):
         sizes_text = " by ".join(map(str, delays))
         raise SofaError(
             f"{path}: its delays (Data.Delay) are {sizes_text}; expected 1 or {array_shape[0]} by 2"
         )
-    if not 1 <= math.prod(rates) <= _VALUES_MAX or math.prod(array_shape) > _VALUES_MAX:
+    if not 1 <= math.prod(rates) <= _VALUES_MAX or any(
+        math.prod(shape) > _VALUES_MAX for shape in header["shapes"]
+    ):
         raise SofaError(f"{path}: it has no rate, or more responses than are read")
+
+
+def _check_kind(kind: str, units: str, path: Path) -> None:
+    """Raise SofaError unless places are angles in degrees, or lengths."""
+    if kind not in ("spherical", "cartesian"):
+        kind_text = printable(kind) or "not said to be either"
+        raise SofaError(f"{path}: directions are {kind_text}, not spherical or cartesian")
+    if kind == "spherical" and "rad" in units:
+        raise SofaError(f"{path}: directions are read in degrees, here they are in radians")
+    if units.startswith("met") if kind == "spherical" else "deg" in units:
+        raise SofaError(
+            f"{path}: its places are {kind}, in {printable(units)}: one of both is wrong"
+        )
 
 
 def _array(reader_answer: IO[bytes], array_shape: list[int], path: Path) -> NDArray[np.float64]:

@@ -5,8 +5,9 @@ process has bounds that the system keeps: memory, time, and no file that is not 
 
     python -P sofa_reader.py < FILE.sofa
 
-The answer is a line of JSON, {"convention", "type", "units", "shapes"}, and the numbers of ARRAYS
-one after the other as little-endian doubles; or {"error": a sentence without the name of the file}.
+The answer is a line of JSON, {"convention", "types", "units", "shapes"}, and the numbers of ARRAYS
+one after the other as little-endian doubles, none of an array that the file lacks; or {"error": a
+sentence without the name of the file}.
 """
 
 from __future__ import annotations
@@ -23,9 +24,11 @@ import numpy as np
 if TYPE_CHECKING:
     import h5py
 
-ARRAYS = ("SourcePosition", "Data.IR", "Data.SamplingRate", "Data.Delay")
-_DELAYS = ARRAYS[3]  # files of before AES69 leave them out: no delay
+ARRAYS = ("SourcePosition", "Data.IR", "Data.SamplingRate", "Data.Delay", "ListenerPosition",
+          "ListenerView", "ListenerUp", "ReceiverPosition")  # fmt: skip
+_NEEDED = ARRAYS[:3]  # files of before AES69 leave delays out, some writers the rest
 VALUES_MAX = 1 << 26  # largest array: 12,000 directions, 2,800 samples, both ears
+_PLACES_MAX = 1 << 20  # largest array of another kind
 _MEMORY = 2 << 30  # bytes of addresses: an array as it is read and as doubles is 1 GB
 _SECONDS = 60  # processor time
 _TEXT_MAX = 200  # characters of a text of the file
@@ -91,15 +94,18 @@ def _read(sofa_source: BinaryIO) -> tuple[list[np.ndarray[Any, Any]], dict[str, 
 
     with h5py.File(sofa_source, "r") as sofa_file, np.errstate(all="ignore"):
         datasets = [
-            _checked(sofa_file, name) for name in ARRAYS if name != _DELAYS or name in sofa_file
+            _checked(sofa_file, name) if name in _NEEDED or name in sofa_file else None
+            for name in ARRAYS
         ]
         header = {
-            "convention": _text(sofa_file.attrs.get("SOFAConventions")),
-            "type": _text(datasets[0].attrs.get("Type", b"spherical")),
-            "units": _text(datasets[0].attrs.get("Units", b"degree")),
+            "convention": _attribute(sofa_file, "SOFAConventions"),
+            "types": [_attribute(dataset, "Type").lower() for dataset in datasets],
+            "units": _attribute(datasets[0], "Units").lower(),
         }
-        arrays = [np.ascontiguousarray(dataset[...], "<f8") for dataset in datasets]
-        arrays += [np.zeros((1, 2), "<f8")] * (len(ARRAYS) - len(arrays))
+        arrays = [
+            np.zeros(0, "<f8") if dataset is None else np.ascontiguousarray(dataset[...], "<f8")
+            for dataset in datasets
+        ]
         return arrays, {**header, "shapes": [array.shape for array in arrays]}
 
 
@@ -134,15 +140,20 @@ def _checked(sofa_file: h5py.File, data_name: str) -> h5py.Dataset:
             raise _RefusedError(message + "`h5repack -f GZIP=4 IN OUT` compresses it anew")
     if dataset.dtype.kind not in "fiu":
         raise _RefusedError(f"its {data_name} does not hold numbers")
-    if dataset.size is None or dataset.size > VALUES_MAX:
-        count = f"{dataset.size or 0:,} values; at most {VALUES_MAX:,} are read"
+    values_max = VALUES_MAX if data_name == "Data.IR" else _PLACES_MAX
+    if dataset.size is None or dataset.size > values_max:
+        count = f"{dataset.size or 0:,} values; at most {values_max:,} are read"
         raise _RefusedError(f"its {data_name} has {count}")
     return dataset
 
 
-def _text(value: Any) -> str:
+def _attribute(holder: Any, name: str) -> str:
+    """A text of the file, without what fills its room; netCDF keeps texts in arrays of one."""
+    value = None if holder is None else holder.attrs.get(name)
+    if isinstance(value, np.ndarray):
+        value = value.flat[0] if value.size == 1 else None
     text = value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value or "")
-    return text[:_TEXT_MAX]
+    return text.partition("\0")[0].strip()[:_TEXT_MAX]
 
 
 if __name__ == "__main__":

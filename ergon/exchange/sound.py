@@ -29,7 +29,7 @@ _RATES = (1_000, 1_000_000)  # [Hz] of scores; the work of filters grows with th
 class _Reader(Protocol):
     def read_info(self, path: Path) -> WaveInfo: ...
     def read_blocks(self, path: Path) -> Iterator[NDArray[np.float64]]: ...
-    def hash_samples(self, path: Path) -> str: ...
+    def survey(self, path: Path) -> tuple[str, int | None]: ...
 
 
 _READERS: Mapping[str, _Reader] = {"wave": wave, "flac": flac, "aiff": aiff}
@@ -76,9 +76,11 @@ def read_blocks(path: Path) -> Iterator[NDArray[np.float64]]:
     return _reader(path).read_blocks(path)
 
 
-def hash_samples(path: Path) -> str:
-    """SHA-256 of the sample bytes, as the writer gave it. Raises NotWaveError or OSError."""
-    return _reader(path).hash_samples(path)
+def survey(path: Path) -> tuple[str, int | None]:
+    """SHA-256 of the sample bytes, as the writer gave it, and the first frame with a sample that is
+    not finite. Raises NotWaveError or OSError.
+    """
+    return _reader(path).survey(path)
 
 
 def _reader(path: Path) -> _Reader:

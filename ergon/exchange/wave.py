@@ -145,6 +145,33 @@ def hash_samples(path: Path) -> str:
     return digest.hexdigest()
 
 
+def survey(path: Path) -> tuple[str, int | None]:
+    """The same hash, and the first frame with a sample that is not finite. Raises NotWaveError or
+    OSError.
+    """
+    info = read_info(path)
+    return survey_of_bytes(_samples(path, info, 1 << 20), info.format)
+
+
+def survey_of_bytes(pieces: Iterable[bytes], format: WaveFormat) -> tuple[str, int | None]:
+    """The SHA-256 of pieces that hold complete frames, and the first frame with a sample that is
+    not finite; only floats can have one.
+    """
+    import numpy as np
+
+    digest, n_before, first = hashlib.sha256(), 0, None
+    for frame_bytes in pieces:
+        digest.update(frame_bytes)
+        if format.bits not in ("float", "double") or first is not None:
+            continue
+        samples = np.frombuffer(frame_bytes, "<f4" if format.bits == "float" else "<f8")
+        is_finite = np.isfinite(samples)
+        if not is_finite.all():
+            first = n_before + int(is_finite.argmin()) // format.n_channels
+        n_before += samples.size // format.n_channels
+    return digest.hexdigest(), first
+
+
 def _samples(path: Path, info: WaveInfo, n_bytes: int) -> Iterator[bytes]:
     """The bytes of the samples, at most `n_bytes` at a time."""
     with open_regular(path) as open_file:

@@ -39,6 +39,9 @@ MAGIC = b"glTF"
 _HEAD = struct.Struct("<4sII")  # magic, version, length of the file
 _CHUNK = struct.Struct("<I4s")  # length, kind
 _JSON, _BIN = b"JSON", b"BIN\0"
+# What a file that lacks something, or has something of another kind, is refused by.
+_BROKEN = (KeyError, IndexError, TypeError, AttributeError, ValueError, OverflowError, struct.error)
+_OTHERS = ("materials", "textures", "images", "animations", "skins", "cameras")
 _INDICES = {5121: ("B", 1), 5123: ("H", 2), 5125: ("I", 4)}
 
 
@@ -53,7 +56,7 @@ def read(gltf_text: str | bytes, binary: bytes | None = None) -> Mesh:
         raise MeshFileError("it is not the JSON of a glTF file") from error
     try:
         return _Reader(root, binary).mesh()
-    except (KeyError, IndexError, TypeError, AttributeError, struct.error) as error:
+    except _BROKEN as error:
         raise MeshFileError("it is incomplete: something that it refers to is missing") from error
 
 
@@ -65,8 +68,9 @@ def read_binary(file_bytes: bytes) -> Mesh:
     if version != 2:
         raise MeshFileError(f"glTF 2 is read, not version {version}")
     if file_length != len(file_bytes):
+        state = "incomplete" if file_length > len(file_bytes) else "longer than it says"
         raise MeshFileError(
-            f"it is incomplete: {file_length:,} bytes are promised, {len(file_bytes):,} there"
+            f"it is {state}: {file_length:,} bytes are promised, {len(file_bytes):,} there"
         )
     chunks: list[tuple[bytes, bytes]] = []
     chunk_offset = _HEAD.size
@@ -85,6 +89,36 @@ def read_binary(file_bytes: bytes) -> Mesh:
     return read(chunks[0][1], binary)
 
 
+def passed_over(root: Mapping[str, Any]) -> list[str]:
+    """What the file of a mesh that was read holds beside it."""
+    listed: list[str] = []
+
+    def count(n: int, noun: str) -> None:
+        first, _, others = noun.partition(" ")
+        if n:
+            listed.append(f"{n:,} {first}{'' if n == 1 else 's'} {others}".rstrip())
+
+    for name in _OTHERS:
+        others = root.get(name)
+        count(len(others) if isinstance(others, (list, dict)) else bool(others), name[:-1])
+    parts = [*_parts(root)]
+    count(sum("POSITION" not in part["attributes"] for part in parts), "part without places")
+    count(sum(bool(part.get("targets")) for part in parts), "part that bends by morph targets")
+    scenes, extensions = root.get("scenes"), root.get("extensionsUsed")
+    count(max(0, len(scenes) - 1) if isinstance(scenes, list) else 0, "scene beside the first")
+    names = extensions if isinstance(extensions, list) else []
+    return listed + [f"extension {str(name)[:60]}" for name in names]
+
+
+def _parts(root: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """All parts of meshes; those that no node shows may be broken, and are not read."""
+    for mesh in root["meshes"]:
+        parts = mesh.get("primitives") if isinstance(mesh, dict) else None
+        for part in parts if isinstance(parts, list) else []:
+            if isinstance(part, dict) and isinstance(part.get("attributes"), dict):
+                yield part
+
+
 class _Reader:
     def __init__(self, gltf_root: Any, binary: bytes | None) -> None:
         self._root = gltf_root
@@ -94,7 +128,7 @@ class _Reader:
             raise MeshFileError(f"glTF 2 is read, not version {version[:20]}")
         for needed in gltf_root.get("extensionsRequired", ()):
             raise MeshFileError(f"it needs the extension {str(needed)[:60]}, which is not read")
-        self._buffers: dict[int, bytes] = {}
+        self._buffers: dict[int, memoryview] = {}
         self._numbers: dict[_Point, int] = {}
         self._edges: dict[tuple[int, int], None] = {}
         self._faces: list[tuple[int, int, int]] = []
@@ -120,7 +154,9 @@ class _Reader:
             matrix = _product(outer, _placed(scene_node))
             if "mesh" in scene_node:
                 for part in self._root["meshes"][_index(scene_node["mesh"])]["primitives"]:
-                    self._part(part, matrix)
+                    self._count(4)
+                    if "POSITION" in part["attributes"]:
+                        self._part(part, matrix)
             if scenes is not None:
                 waiting += [(_index(child), matrix) for child in scene_node.get("children", ())]
         if not self._edges:
@@ -174,10 +210,9 @@ class _Reader:
             byte_offset : byte_offset + _index(view["byteLength"])
         ]
         item_count, byte_step = _index(accessor["count"]), _index(view.get("byteStride", size))
-        # The limit counts repeated reads, because many nodes may show one mesh.
-        self._n_read += item_count
-        if self._n_read > _READ_MAX:
-            raise MeshFileError(f"its nodes show more than {_READ_MAX:,} vertices", "E105")
+        if byte_step < size:
+            raise MeshFileError(f"its values of {size} bytes lie {byte_step} bytes apart")
+        self._count(item_count)
         if item_count > 3 * MAX_EDGES:
             raise MeshFileError(f"the file has more than {MAX_EDGES:,} edges", "E105")
         byte_offset = _index(accessor.get("byteOffset", 0))
@@ -186,12 +221,19 @@ class _Reader:
             for i in range(item_count)
         )
 
-    def _buffer(self, number: int) -> bytes:
+    def _count(self, n: int) -> None:
+        """Count what was read: also again, because many nodes may show one mesh."""
+        self._n_read += n
+        if self._n_read > _READ_MAX:
+            raise MeshFileError(f"its nodes show more than {_READ_MAX:,} vertices", "E105")
+
+    def _buffer(self, number: int) -> memoryview:
+        """The bytes of a buffer; a slice of them is no copy."""
         if number not in self._buffers:
             buffer = self._root["buffers"][number]
             if number == 0 and self._binary is not None and "uri" not in buffer:
-                self._buffers[number] = self._binary
-                return self._binary
+                self._buffers[number] = memoryview(self._binary)
+                return self._buffers[number]
             address = str(buffer.get("uri", ""))
             head, comma, buffer_bytes = address.partition(",")
             if not head.startswith(_EMBEDDED) or not comma or not head.endswith(";base64"):
@@ -200,14 +242,18 @@ class _Reader:
                     "Embedded (.gltf)"
                 )
             try:
-                self._buffers[number] = base64.b64decode(buffer_bytes, validate=True)
+                self._buffers[number] = memoryview(base64.b64decode(buffer_bytes, validate=True))
             except (binascii.Error, ValueError) as error:
                 raise MeshFileError("its data is not base64") from error
         return self._buffers[number]
 
 
 def _index(index_value: Any) -> int:
-    """A non-negative integer; a negative index would count from the end of a list."""
+    """A non-negative integer; a negative index would count from the end of a list. Some programs
+    write every number with a point: 6.0.
+    """
+    if isinstance(index_value, float) and index_value.is_integer():
+        return _index(int(index_value))
     if not isinstance(index_value, int) or isinstance(index_value, bool) or index_value < 0:
         raise TypeError
     return index_value
@@ -256,6 +302,8 @@ def _placed(scene_node: Mapping[str, Any]) -> _Matrix:
         m = _floats(scene_node["matrix"], 16)
         return tuple((m[row], m[4 + row], m[8 + row], m[12 + row]) for row in range(3))
     x, y, z, w = _floats(scene_node.get("rotation", (0, 0, 0, 1)), 4)
+    if not 0.99 < x * x + y * y + z * z + w * w < 1.01:
+        raise MeshFileError("a rotation of it is no unit quaternion")
     scale = _floats(scene_node.get("scale", (1, 1, 1)), 3)
     to = _floats(scene_node.get("translation", (0, 0, 0)), 3)
     turn = (
@@ -270,6 +318,8 @@ def _placed(scene_node: Mapping[str, Any]) -> _Matrix:
 
 
 def _floats(values: Any, n: int) -> list[float]:
+    if any(isinstance(value, (str, bool)) for value in values):
+        raise TypeError
     number_list = [float(value) for value in values]
     if len(number_list) != n or not all(map(math.isfinite, number_list)):
         raise TypeError

@@ -51,14 +51,17 @@ def placed(
 
 
 def merged(mesh: Mesh) -> Mesh:
-    """The mesh with corners of faces that are nearer than _NEAR of its size made one: writers round
-    the places of nodes, and a seam would leave two bodies. Points of lines alone stay: who joins
-    points by lines means each of them.
+    """The mesh with corners of faces made one that are nearer than _SAME_PLACE_SHARE of its size.
+
+    Writers round the places of nodes, and a seam would leave two bodies. Points of lines alone
+    stay: who joins points by lines means each of them.
     """
     corners_of_faces = {number for face in mesh.faces for number in face}
     if not corners_of_faces:
         return mesh
-    size = max(max(axis) - min(axis) for axis in zip(*mesh.points, strict=True))
+    axes = [*zip(*mesh.points, strict=True)]
+    lows = [min(axis) for axis in axes]  # a small mesh may lie far away
+    size = max(max(axis) - low for axis, low in zip(axes, lows, strict=True))
     near_distance = _SAME_PLACE_SHARE * size
     if not near_distance:
         return mesh
@@ -70,7 +73,9 @@ def merged(mesh: Mesh) -> Mesh:
             merged_indices.append(len(merged_points))
             merged_points.append(mesh_point)
             continue
-        point_cell = tuple(math.floor(x / near_distance) for x in mesh_point)
+        point_cell = tuple(
+            math.floor((x - low) / near_distance) for x, low in zip(mesh_point, lows, strict=True)
+        )
         corner_faces = (
             number
             for step in product((-1, 0, 1), repeat=3)

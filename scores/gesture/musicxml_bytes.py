@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import io
 import zipfile
-import zlib
 from pathlib import Path
+from urllib.parse import unquote
 from xml.etree.ElementTree import Element
 
 from ergon.common.regular import read_bounded
@@ -17,7 +17,7 @@ MAX_BYTES = 16 << 20  # largest file, packed and unpacked
 MAX_ELEMENTS = 1_000_000
 MAX_ENTRIES = 1_000  # entries of a ZIP
 _CONTAINER = "META-INF/container.xml"
-_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
+_SCORES = (".musicxml", ".xml")
 
 
 def read_root(path: Path) -> Element:
@@ -29,56 +29,59 @@ def read_root(path: Path) -> Element:
         if score_bytes[:2] == b"PK":
             score_bytes = _unpacked(score_bytes)
         score_root = _parsed(score_bytes)
-    except (XmlError, zipfile.BadZipFile, zlib.error, EOFError) as error:
+        if score_root.tag == "score-timewise":
+            return _by_parts(score_root)
+    except XmlError as error:
         raise TakeError(str(error), path) from None
-    except (NotImplementedError, RuntimeError, OSError) as error:  # a ZIP of a kind of its own
-        raise TakeError(f"it cannot be unpacked: {error}", path) from None
-    if score_root.tag == "score-timewise":
-        return _by_parts(score_root)
     if score_root.tag != "score-partwise":
         raise TakeError(f"it is not a score of MusicXML: its root is {score_root.tag[:40]}", path)
     return score_root
 
 
 def _parsed(xml_bytes: bytes) -> Element:
-    for mark, encoding in _MARKS.items():
-        if xml_bytes.startswith(mark):
-            try:
-                xml_text = xml_bytes.decode(encoding)
-            except UnicodeDecodeError:
-                raise XmlError(f"the XML is not in {encoding.upper()}, as it begins") from None
-            if xml_text.startswith("<?xml"):  # which names an encoding
-                xml_text = xml_text.partition("?>")[2]
-            xml_bytes = xml_text.encode()
     return parse_xml(xml_bytes, bytes_max=2 * MAX_BYTES, elements_max=MAX_ELEMENTS, has_type=True)
 
 
 def _unpacked(data: bytes) -> bytes:
-    """The score in a compressed file."""
-    with zipfile.ZipFile(io.BytesIO(data)) as zip_file:
-        member_names = zip_file.namelist()
-        if len(member_names) > MAX_ENTRIES:
-            raise XmlError(f"it holds more than {MAX_ENTRIES:,} files")
-        member_name = _named(_entry(zip_file, _CONTAINER)) if _CONTAINER in member_names else None
-        if member_name is None:
-            scores = (
-                entry_name for entry_name in member_names if not entry_name.startswith("META-INF/")
-            )
-            member_name = next(
-                (entry_name for entry_name in scores if entry_name.endswith((".xml", ".musicxml"))),
-                None,
-            )
-        if member_name is None or member_name not in member_names:
-            raise XmlError(
-                "it holds no score" if member_name is None else f"it holds no {member_name[:80]}"
-            )
+    """The score in a compressed file. Raises XmlError."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as zip_file:
+            return _score(zip_file)
+    except XmlError:
+        raise
+    # Damaged archives raise errors of many types: of each compression, of names, of numbers.
+    except Exception as error:
+        raise XmlError(f"this zip file cannot be unpacked: {error}") from None
+
+
+def _score(zip_file: zipfile.ZipFile) -> bytes:
+    member_names = zip_file.namelist()
+    if len(member_names) > MAX_ENTRIES:
+        raise XmlError(f"it holds more than {MAX_ENTRIES:,} files")
+    named = _named(_entry(zip_file, _CONTAINER)) if _CONTAINER in member_names else None
+    if named is not None:
+        spelled = (name for name in (named, unquote(named)) if name in member_names)
+        if (member_name := next(spelled, None)) is None:
+            raise XmlError(f"it holds no {named[:80]}")
         return _entry(zip_file, member_name)
+    # Archives of macOS hold a hidden file beside each file, `__MACOSX/._score.xml`.
+    scores = [
+        name
+        for name in member_names
+        if name.endswith(_SCORES)
+        and not name.startswith(("META-INF/", "__MACOSX/"))
+        and not name.rpartition("/")[2].startswith(".")
+    ]
+    if not scores:
+        raise XmlError("it holds no score")
+    return _entry(zip_file, scores[0])
 
 
 def _named(container: bytes) -> str | None:
-    """The file that a container names first."""
-    rootfile = parse_xml(container, has_type=True).find("rootfiles/rootfile")
-    return None if rootfile is None else rootfile.get("full-path")
+    """The first score that a container names; beside it may stand a PDF of the same score."""
+    files = parse_xml(container, has_type=True).findall("rootfiles/rootfile")
+    scores = [file for file in files if "xml" in file.get("media-type", "xml")]
+    return next((file.get("full-path") for file in scores or files), None)
 
 
 def _entry(file: zipfile.ZipFile, entry_name: str) -> bytes:
@@ -93,6 +96,7 @@ def _by_parts(root: Element) -> Element:
     """A score by measures as one by parts."""
     score = Element("score-partwise")
     parts_by_id: dict[str, Element] = {}
+    n_measures = 0
     for root_child in root:
         if root_child.tag != "measure":
             score.append(root_child)
@@ -101,8 +105,14 @@ def _by_parts(root: Element) -> Element:
             part_id = part_element.get("id", "")
             if part_id not in parts_by_id:
                 parts_by_id[part_id] = Element("part", {"id": part_id})
+            part = parts_by_id[part_id]
+            if len(part) > n_measures:
+                raise XmlError(f"a measure has the part {part_id[:80]!r} twice")
+            # A part that a measure lacks is silent there.
+            part.extend(Element("measure") for _ in range(n_measures - len(part)))
             measure = Element("measure", root_child.attrib)
             measure.extend(part_element)
-            parts_by_id[part_id].append(measure)
+            part.append(measure)
+        n_measures += 1
     score.extend(parts_by_id.values())
     return score

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
+from operator import itemgetter
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
@@ -21,6 +23,8 @@ from ergon.scores.gesture.musicxml_bytes import read_root
 from ergon.scores.gesture.musicxml_notes import Event, Loudness, MeasureContent, Pitch, XmlNotes
 from ergon.scores.gesture.musicxml_order import TooLongError, played, turns
 from ergon.scores.gesture.take_file import TakeError
+
+_GRID_MAX = 10**40  # parts of a quarter at which bars may begin
 
 
 class XmlNote(NamedTuple):
@@ -92,6 +96,8 @@ def _read(path: Path, _: FileState) -> XmlScore:
 
 def _score(score_root: Element) -> XmlScore:
     ids = [part.get("id", "") for part in score_root.iterfind("part")]
+    if (twice := next((name for name, n in Counter(ids).items() if n > 1), None)) is not None:
+        raise ValueError(f"two of its parts have the id {twice[:80]!r}")
     part_names = {
         score_part.get("id", ""): " ".join((score_part.findtext("part-name") or "").split())[:80]
         for score_part in score_root.iterfind("part-list/score-part")
@@ -162,6 +168,8 @@ def _bars(
             placed_meters.append((measure_start if turn_number else Fraction(0), text))
         starts.append(measure_start)
         measure_start += measure_column.length
+        if measure_start.denominator > _GRID_MAX:
+            raise ValueError("the lengths of its bars fit no common grid")
     return starts, measure_start, placed_meters
 
 
@@ -212,7 +220,8 @@ def _measure_length(
 
 def _current(meters: Sequence[tuple[int, str]], index: int) -> str:
     """The meter of a measure."""
-    return next((meter for start_index, meter in reversed(meters) if start_index <= index), "4/4")
+    n_before = bisect_right(meters, index, key=itemgetter(0))
+    return meters[n_before - 1][1] if n_before else "4/4"
 
 
 def _fitted(meter: str, measure_length: Fraction) -> str:
@@ -237,18 +246,16 @@ def _notes(placed_events: Sequence[tuple[Fraction, Event]]) -> Iterator[XmlNote]
     """The notes of a part as they are played: ties join, and levels go by hairpins."""
     loudness = Loudness([(start + event.at, event) for start, event in placed_events])
     joined: list[tuple[Fraction, Fraction, Pitch, float | None]] = []
-    open_ties: dict[tuple[str, str], int] = {}  # by pitch and voice: the index of the note
+    open_ties: dict[str, dict[str, int]] = {}  # by pitch, then by voice: the index of the note
     for start_quarter, part_event in placed_events:
         if part_event.pitch is None:
             continue
-        begins, tie_key = start_quarter + part_event.at, (part_event.pitch.word, part_event.voice)
-        if part_event.is_tied_from and tie_key not in open_ties:  # a tie into another voice
-            tie_key = next(
-                (open_key for open_key in open_ties if open_key[0] == tie_key[0]), tie_key
-            )
-        joined_index = open_ties.pop(
-            tie_key, None
-        )  # many files say where ties begin, and not where they end
+        begins, voice = start_quarter + part_event.at, part_event.voice
+        ties_of_pitch = open_ties.setdefault(part_event.pitch.word, {})
+        if part_event.is_tied_from and voice not in ties_of_pitch:  # a tie into another voice
+            voice = next(iter(ties_of_pitch), voice)
+        # Many files say where ties begin, and not where they end.
+        joined_index = ties_of_pitch.pop(voice, None)
         if joined_index is not None and joined[joined_index][0] + joined[joined_index][1] == begins:
             begin, lasting, note_pitch, strength = joined[joined_index]
             joined[joined_index] = begin, lasting + part_event.lasting, note_pitch, strength
@@ -263,7 +270,7 @@ def _notes(placed_events: Sequence[tuple[Fraction, Event]]) -> Iterator[XmlNote]
                 )
             )
         if part_event.is_tied_to:
-            open_ties[part_event.pitch.word, part_event.voice] = joined_index
+            ties_of_pitch[part_event.voice] = joined_index
     for begins, lasting, note_pitch, strength in sorted(
         joined, key=lambda note: (note[0], note[2].key)
     ):

@@ -6,7 +6,7 @@ import math
 import re
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import NamedTuple
@@ -14,6 +14,7 @@ from xml.etree.ElementTree import Element
 
 from ergon.notation.tables import notes
 from ergon.notation.tables.strengths import DYNAMICS
+from ergon.scores.gesture.musicxml_passed import ACCENTS, SHORT, Passed
 
 _GRACE = Fraction(1, 12)  # length of a grace note before the beat, in quarters
 _STEPS = {"C": 0, "D": 2, "E": 4, "F": 5, "G": 7, "A": 9, "B": 11}
@@ -22,39 +23,16 @@ _SIGNS = {-2: "bb", -1: "b", 0: "", 1: "#", 2: "##"}
 _STEP = 1.0 / (len(DYNAMICS) - 1)  # strength between two dynamic words
 _MEZZO_FORTE = DYNAMICS.index("mf") * _STEP
 _FORTE = 90.0 / 127.0  # `dynamics="100"` as a share of the largest velocity
-_STROKES = {
-    "sf",
-    "sfz",
-    "sffz",
-    "fz",
-    "rf",
-    "rfz",
-    "sfzp",
-    "sfp",
-    "sfpp",
-}  # marks that hold for one instant
-_UNITS = {
-    "breve": 8,
-    "whole": 4,
-    "half": 2,
-    "quarter": 1,
-    "eighth": 0.5,
-    "16th": 0.25,
-    "32nd": 0.125,
-}
+_STROKES = {"sf", "sfz", "sffz", "fz", "rf", "rfz"}  # marks that hold for one instant
+# Marks of two levels: at their instant, and after it.
+_FALLS = {"fp": ("f", "p"), "pf": ("p", "f")}
+_FALLS |= {"sfp": ("f", "p"), "sfzp": ("f", "p"), "sfpp": ("f", "pp")}
+_UNIT_NAMES = "maxima long breve whole half quarter eighth 16th 32nd 64th 128th 256th 512th 1024th"
+_UNITS = {name: Fraction(32, 2**place) for place, name in enumerate(_UNIT_NAMES.split())}
+_DIVISIONS_MAX = 10**15  # smallest common multiple of the divisions of a part
 _NUMBER = re.compile(r"\s*([+-]?[0-9]{1,12}(\.[0-9]{1,12})?)\s*")
+_FIRST_NUMBER = re.compile(r"[0-9]{1,6}(\.[0-9]{1,6})?")
 _METER = re.compile(r"[0-9]{1,3}(\+[0-9]{1,3}){0,15}/[0-9]{1,3}")
-# What a note or a direction may have that nothing plays.
-_PASSED = {
-    "notations/ornaments": "ornament",
-    "notations/arpeggiate": "arpeggio",
-    "notations/fermata": "fermata",
-    "notations/glissando": "glide",
-    "notations/slide": "glide",
-    "lyric": "syllable",
-    "direction-type/pedal": "pedal mark",
-    "direction-type/words": "direction",
-}
 
 
 class Pitch(NamedTuple):
@@ -109,8 +87,9 @@ class XmlNotes:
 
     def __init__(self, passed: Counter[str]) -> None:
         """Start; what nothing plays is counted in `passed`."""
-        self._passed = passed
+        self._passed = Passed(passed)
         self._divisions = Fraction(1)
+        self._multiple = 1
         self._diatonic, self._chromatic = 0, Fraction(0)
         self._is_respelled = False
 
@@ -118,7 +97,7 @@ class XmlNotes:
         """The content of the next measure."""
         measure_content = MeasureContent()
         cursor = onset = Fraction(0)
-        graces: list[Event] = []
+        graces: list[list[Event]] = []  # notes of a chord are together
         for element in measure:
             if element.tag == "attributes":
                 self._attributes(element, measure_content)
@@ -129,9 +108,9 @@ class XmlNotes:
                 )
             elif element.tag == "direction" or element.tag == "sound":
                 measure_content.events += self._direction(element, cursor)
-            elif element.tag == "harmony":
-                self._passed["chord symbol"] += 1
-            elif element.tag == "note":
+            elif element.tag != "note":
+                self._passed.measure(element)
+            else:
                 is_chord = element.find("chord") is not None
                 begin_beat = onset if is_chord else cursor
                 is_grace, lasting = element.find("grace") is not None, self._duration(element)
@@ -142,8 +121,14 @@ class XmlNotes:
                 xml_note = self._note(element, begin_beat, _GRACE if is_grace else lasting)
                 if element.find("rest") is None:
                     measure_content.sounding = max(measure_content.sounding, cursor)
-                if xml_note is not None:
-                    (graces if is_grace else measure_content.events).append(xml_note)
+                measure_content.events += self._dynamics(
+                    element.iterfind("notations/dynamics"), begin_beat
+                )
+                if xml_note is not None and not is_grace:
+                    measure_content.events.append(xml_note)
+                elif xml_note is not None:
+                    graces += [] if is_chord and graces else [[]]
+                    graces[-1].append(xml_note)
             measure_content.length = max(measure_content.length, cursor)
         measure_content.events += _before(graces, cursor)
         return measure_content
@@ -155,14 +140,20 @@ class XmlNotes:
 
     def _attributes(self, attributes: Element, measure_content: MeasureContent) -> None:
         divisions = number(attributes.findtext("divisions"))
+        self._passed.attributes(attributes)
         if divisions is not None and divisions > 0:
             self._divisions = divisions
+            self._multiple = math.lcm(self._multiple, divisions.numerator)
+            if self._multiple > _DIVISIONS_MAX:
+                raise ValueError("its divisions of a quarter fit no common grid")
         time = attributes.find("time")
         if time is not None and time.find("beats") is not None:
             pairs = zip(time.iterfind("beats"), time.iterfind("beat-type"), strict=False)
-            measure_content.meter = _meter([(a.text or "", b.text or "") for a, b in pairs])
+            measure_content.meter = _meter(
+                ["/".join("".join((part.text or "").split()) for part in pair) for pair in pairs]
+            )
             if measure_content.meter is None:
-                self._passed["meter"] += 1
+                self._passed.counts["meter"] += 1
         transpose = attributes.find("transpose")
         if transpose is not None:
             octaves = int(number(transpose.findtext("octave-change")) or 0)
@@ -173,21 +164,20 @@ class XmlNotes:
             self._chromatic = chromatic + 12 * octaves
 
     def _note(self, note: Element, cursor: Fraction, lasting: Fraction) -> Event | None:
+        self._passed.note(note)
         if note.find("rest") is not None:
             return None
-        for path, noun in _PASSED.items():
-            self._passed[noun] += note.find(path) is not None
-        if note.find("cue") is not None or lasting <= 0:
-            self._passed["cue note"] += 1
-            return None
-        note_pitch = self._pitch(note.find("pitch"))
-        if note_pitch is None:
-            self._passed["unpitched note"] += 1
+        pitch_element = note.find("pitch")
+        note_pitch = self._pitch(pitch_element)
+        if note.find("cue") is not None or lasting <= 0 or note_pitch is None:
+            noun = "unpitched note" if pitch_element is None else "unplayable note"
+            if note_pitch is not None:
+                noun = "cue note" if note.find("cue") is not None else "durationless note"
+            self._passed.counts[noun] += 1
             return None
         ties = {tie.get("type") for tie in note.iterfind("tie")}
-        played = note.find("notations/articulations")
-        played_marks = set() if played is None else {mark.tag for mark in played}
-        if {"staccato", "staccatissimo", "spiccato"} & played_marks and not ties:
+        played_marks = {mark.tag for mark in note.iterfind("notations/articulations/*")}
+        if played_marks & SHORT and not ties:
             lasting /= 2
         loud = number(note.get("dynamics"))
         return Event(
@@ -197,7 +187,7 @@ class XmlNotes:
             note.findtext("voice") or "",
             is_tied_from="stop" in ties,
             is_tied_to="start" in ties,
-            is_accented=bool({"accent", "strong-accent"} & played_marks),
+            is_accented=bool(played_marks & ACCENTS),
             strength=None if loud is None else _share(loud),
         )
 
@@ -235,31 +225,43 @@ class XmlNotes:
         if (offset := number(direction.findtext("offset"))) is not None:
             event_start = max(Fraction(0), cursor + offset / self._divisions)
         sound_element = direction if direction.tag == "sound" else direction.find("sound")
-        for path, noun in _PASSED.items():
-            self._passed[noun] += direction.find(path) is not None
-        mark = _dynamics(direction)
+        self._passed.direction(direction)
+        if sound_element is not None:
+            self._passed.sound(sound_element)
+        marks = self._dynamics(direction.iterfind("direction-type/dynamics"), event_start)
+        yield from marks
         loud = None if sound_element is None else number(sound_element.get("dynamics"))
-        if mark is not None:
-            yield replace(mark, at=event_start)
-        elif loud is not None:
+        if not marks and loud is not None:
             yield Event(event_start, level=_share(loud))
         for wedge in direction.iterfind("direction-type/wedge"):
             kinds = {"crescendo": 1, "diminuendo": -1, "stop": 0}
             if (swells := kinds.get(wedge.get("type", ""))) is not None:
                 yield Event(event_start, swells=swells)
-        tempo = None if sound_element is None else number(sound_element.get("tempo"))
-        if tempo is None:
-            tempo = next(
-                filter(None, map(_metronome, direction.iterfind("direction-type/metronome"))), None
-            )
+        yield from self._tempo(direction, sound_element, event_start)
+
+    def _tempo(self, direction: Element, sound: Element | None, begin: Fraction) -> Iterator[Event]:
+        stated = None if sound is None else sound.get("tempo")
+        marks = direction.findall("direction-type/metronome")
+        tempo = number(stated) or next(filter(None, map(_metronome, marks)), None)
         if tempo is not None and tempo > 0:
-            yield Event(event_start, tempo=float(tempo))
+            yield Event(begin, tempo=float(tempo))
+        elif marks or stated is not None:
+            self._passed.counts["tempo"] += 1
+
+    def _dynamics(self, groups: Iterable[Element], begin: Fraction) -> list[Event]:
+        """The mark of dynamics of a direction or of a note, or none."""
+        words = [mark.tag for group in groups for mark in group]
+        mark = next(filter(None, map(_dynamic, words)), None)
+        if words and mark is None:
+            self._passed.counts["dynamic mark"] += 1
+        return [] if mark is None else [replace(mark, at=begin)]
 
 
-def _before(graces: Sequence[Event], main_beat: Fraction) -> Iterator[Event]:
-    """Grace notes, one after the other before an instant."""
-    for index, grace in enumerate(graces):
-        yield replace(grace, at=main_beat - (len(graces) - index) * _GRACE)
+def _before(graces: Sequence[Sequence[Event]], main_beat: Fraction) -> Iterator[Event]:
+    """Grace notes and chords of them, one after the other before an instant."""
+    for index, chord in enumerate(graces):
+        for grace in chord:
+            yield replace(grace, at=main_beat - (len(graces) - index) * _GRACE)
 
 
 def _height(place: int) -> int:
@@ -271,9 +273,8 @@ def _share(percent: Fraction) -> float:
     return min(1.0, max(0.0, float(percent) / 100.0 * _FORTE))
 
 
-def _meter(parts: Sequence[tuple[str, str]]) -> str | None:
+def _meter(meter_texts: Sequence[str]) -> str | None:
     """A meter as a score writes it; of several parts as one sum over their smallest note."""
-    meter_texts = [f"{beats.strip()}/{unit.strip()}" for beats, unit in parts]
     if not meter_texts or not all(_METER.fullmatch(text) for text in meter_texts):
         return None
     meter_units = [int(text.partition("/")[2]) for text in meter_texts]
@@ -288,33 +289,27 @@ def _meter(parts: Sequence[tuple[str, str]]) -> str | None:
     return f"{'+'.join(beat_groups)}/{smallest_unit}" if sum(map(int, beat_groups)) else None
 
 
-def _dynamics(direction: Element) -> Event | None:
-    """The dynamics of a direction."""
-    for dynamics in direction.iterfind("direction-type/dynamics"):
-        for mark in dynamics:
-            dynamics_word = mark.tag
-            if dynamics_word in _STROKES:
-                return Event(Fraction(0), is_accented=True)
-            if dynamics_word in ("fp", "pf"):
-                level_before, level_after = (DYNAMICS.index(sign) * _STEP for sign in dynamics_word)
-                return Event(Fraction(0), level=level_before, then=level_after)
-            if set(dynamics_word) <= {"p"} or set(dynamics_word) <= {"f"}:
-                dynamics_word = dynamics_word[:3]
-            if dynamics_word in DYNAMICS:
-                return Event(Fraction(0), level=DYNAMICS.index(dynamics_word) * _STEP)
-    return None
+def _dynamic(word: str) -> Event | None:
+    """What a mark of dynamics means; None for one that is not known."""
+    if word in _STROKES:
+        return Event(Fraction(0), is_accented=True)
+    if word in _FALLS:
+        level, then = (DYNAMICS.index(sign) * _STEP for sign in _FALLS[word])
+        return Event(Fraction(0), level=level, then=then)
+    if set(word) <= {"p"} or set(word) <= {"f"}:
+        word = word[:3]
+    return Event(Fraction(0), level=DYNAMICS.index(word) * _STEP) if word in DYNAMICS else None
 
 
 def _metronome(metronome: Element) -> Fraction | None:
     """Quarters a minute of a metronome mark."""
-    beat_unit, tempo_value = (
-        _UNITS.get(metronome.findtext("beat-unit") or ""),
-        number(metronome.findtext("per-minute")),
-    )
-    if beat_unit is None or tempo_value is None or len(metronome.findall("beat-unit")) != 1:
+    beat_unit = _UNITS.get((metronome.findtext("beat-unit") or "").strip())
+    # The first number of "c. 80" and of "80-84".
+    stated = _FIRST_NUMBER.search(metronome.findtext("per-minute") or "")
+    if beat_unit is None or stated is None or len(metronome.findall("beat-unit")) != 1:
         return None
-    dots = len(metronome.findall("beat-unit-dot"))
-    return tempo_value * Fraction(beat_unit) * (2 - Fraction(1, 2**dots))
+    dots = min(len(metronome.findall("beat-unit-dot")), 4)
+    return Fraction(stated[0]) * beat_unit * (2 - Fraction(1, 2**dots))
 
 
 class Loudness:
@@ -327,6 +322,7 @@ class Loudness:
         self._levels = [(beat, event) for beat, event in marks if event.level is not None]
         self._instants = [beat for beat, _ in self._levels]
         self._swells: list[tuple[Fraction, Fraction, float, float]] = []
+        self._ends: list[Fraction] = []  # of these, one after the other
         open_swell: tuple[Fraction, int] | None = None
         for mark_beat, mark_event in marks:
             if mark_event.swells:
@@ -346,14 +342,14 @@ class Loudness:
             high_strength = self._levels[mark_place][1].level or 0.0
         if end > begin:
             self._swells.append((begin, end, low_strength, high_strength))
+            self._ends.append(end)
 
     def _level_from(self, event_beat: Fraction) -> float | None:
         """The strength without hairpins that go on at an instant."""
         place = bisect_right(self._instants, event_beat)
         mark = self._levels[place - 1] if place else None
-        last_swell = next(
-            (swell for swell in reversed(self._swells) if swell[1] <= event_beat), None
-        )
+        n_over = bisect_right(self._ends, event_beat)
+        last_swell = self._swells[n_over - 1] if n_over else None
         if mark is None or (last_swell is not None and last_swell[1] > mark[0]):
             return None if last_swell is None else last_swell[3]
         instant, event = mark

@@ -5,6 +5,7 @@ Repeats are played before a jump (da capo, dal segno) and not after it; then the
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
@@ -68,8 +69,7 @@ def _marks(measures: Sequence[Element], part_turns: Turns) -> tuple[frozenset[in
     for measure in measures:
         for ending in measure.iterfind("barline/ending"):
             if ending.get("type") == "start":
-                words = ending.get("number", "").replace(",", " ").split()
-                opened = frozenset(int(word) for word in words if word.isdigit() and len(word) < 3)
+                opened = _passes(ending.get("number", ""))
             else:
                 closed = True
         for repeat in measure.iterfind("barline/repeat"):
@@ -82,6 +82,12 @@ def _marks(measures: Sequence[Element], part_turns: Turns) -> tuple[frozenset[in
         for sound in (*measure.iterfind("sound"), *measure.iterfind("direction/sound")):
             _sound(sound, part_turns)
     return opened, closed
+
+
+def _passes(text: str) -> frozenset[int]:
+    """The passes of an ending: `1, 2`, and as some programs write them `1.` and `1-3`."""
+    ranges = re.findall(r"(?<!\d)(\d{1,2})(?:\s*-\s*(\d{1,2}))?(?!\d)", text)
+    return frozenset(n for a, b in ranges for n in range(int(a), int(b or a) + 1))
 
 
 def _sound(sound_element: Element, part_turns: Turns) -> None:

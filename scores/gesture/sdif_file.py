@@ -34,6 +34,8 @@ _TEXT_CHUNKS = (b"1NVT", b"1IDS")
 _TEXT_MAX = 1 << 20  # largest text of declarations
 _DECLARED = re.compile(r"1MTD\s+(\S{4})\s*\{([^{}]*)\}")
 _STREAMS_LISTED_MAX = 12
+_INSTANT_MAX = 1e9  # [s]; IRCAM's library writes the largest number where a frame has no instant
+_KINDS_MAX = 64  # kinds of what is passed over that are counted each
 _TOO_MANY = f"the file has more than {MAX_CHANNELS:,} columns in its matrices"
 
 _Key = tuple[bytes, int, int, int]  # matrix, stream, row, column; from 0
@@ -143,14 +145,21 @@ def _matrices(
                 _declare(frame_bytes, declared)
                 continue
             if frame_header in _TEXT_CHUNKS or len(frame_bytes) < _FRAME.size:
-                skipped[f"frame {_printable_name(frame_header)} without columns"] += 1
+                _pass(skipped, f"frame {_printable_name(frame_header)} without columns")
                 continue
             t, stream, matrix_count = _FRAME.unpack_from(frame_bytes)
-            if not math.isfinite(t):  # it applies to the whole file
-                skipped[f"frame {_printable_name(frame_header)} without an instant"] += 1
+            if not (math.isfinite(t) and abs(t) <= _INSTANT_MAX):  # it applies to the whole file
+                _pass(skipped, f"frame {_printable_name(frame_header)} without an instant")
                 continue
+            if matrix_count < 0:
+                raise TakeError(f"the file has a frame with {matrix_count:,} matrices", path)
             matrices = _frame_matrices(frame_bytes, matrix_count, path, skipped)
             yield from ((name, t, stream, x) for name, x in matrices)
+
+
+def _pass(skipped: Counter[str], noun: str) -> None:
+    """Count what is passed over; a damaged file may have a name for each frame."""
+    skipped[noun if noun in skipped or len(skipped) < _KINDS_MAX else "anything else"] += 1
 
 
 def _printable_name(name: bytes) -> str:
@@ -196,5 +205,7 @@ def _frame_matrices(
             )
             yield matrix_name, cell_values.astype(np.float64).reshape(n_rows, n_columns)
         else:
-            skipped[f"matrix {_printable_name(matrix_name)} without numbers"] += 1
+            _pass(skipped, f"matrix {_printable_name(matrix_name)} without numbers")
         matrix_offset += matrix_bytes + -matrix_bytes % 8  # padded
+    if len(frame_bytes) - matrix_offset >= _MATRIX.size:
+        _pass(skipped, "rest of a frame behind the matrices that it counts")

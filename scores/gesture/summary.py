@@ -234,7 +234,10 @@ def _sdif(path: Path) -> Table:
     columns, times = [], Column("t [s]")
     n_rows = 0
     passed_over = Counter[str]()
+    note = None
     for name, column in sdif_file.columns(path, passed_over).items():
+        if note is None and not (np.diff(np.frombuffer(column.t)) > 0.0).all():
+            note = f"the instants of {name[:40]!r} do not rise: a take of it is refused"
         columns.append(Column(name))
         columns[-1].add(np.frombuffer(column.x))
         if len(column.t) > n_rows:
@@ -244,7 +247,7 @@ def _sdif(path: Path) -> Table:
         f"{matrix_type}, {n} times" if n > 1 else matrix_type
         for matrix_type, n in passed_over.items()
     )
-    return Table(n_rows, (times, *columns), None, tuple(passed))
+    return Table(n_rows, (times, *columns), note, tuple(passed))
 
 
 _SUMMARIES: dict[str, Callable[[Path], Table]] = {

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +16,7 @@ from one_bell import SCORE
 
 from ergon.cli.app import run
 from ergon.cli.file_info import READERS
+from ergon.exchange import wave
 from ergon.exchange.iff import chunks
 
 TUNE = (
@@ -179,6 +183,27 @@ def test_info_of_score_without_suffix_and_bundled(tmp_path: Path):
     done = forked(["info", "one-gesture"], tmp_path)
     assert done.returncode == 0, done.stderr
     assert "One gesture" in done.stdout
+
+
+def test_info_reads_the_samples_of_a_sound_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    samples = np.zeros((400_000, 2))
+    samples[300_000, 1] = np.inf
+    soundfile.write(tmp_path / "a.wav", samples, 48000, "FLOAT")
+    pieces, read = [], wave._samples
+
+    def counted(*words: Any) -> Iterator[bytes]:
+        for piece in read(*words):
+            pieces.append(len(piece))
+            yield piece
+
+    monkeypatch.setattr(wave, "_samples", counted)
+    assert run(["info", str(tmp_path / "a.wav")]) == 0
+    assert sum(pieces) == samples.size * 4
+    shown = capsys.readouterr()
+    assert f"sha256 {sha256(samples.astype('<f4').tobytes()).hexdigest()}" in shown.out
+    assert "frame 300,001" in shown.err
 
 
 @pytest.mark.parametrize(("subtype", "value"), [("FLOAT", np.nan), ("DOUBLE", -np.inf)])

@@ -142,7 +142,7 @@ def iem(*rows: str) -> bytes:
         ("iem", iem(SPEAKER % (0, 1, 1), SPEAKER % (9, 1, 1)), "one channel"),
         ("iem", iem(*(SPEAKER % (0, 1, i) for i in range(1025))), "1,025 loudspeakers"),
         ("ear", b"a: &b [*b, *b]", "aliases"),
-        ("ear", b"!!python/object/apply:os.system [ls]", "not YAML"),
+        ("ear", b"!!python/object/apply:os.system [ls]", "no list"),
         ("ear", b"[" * 5000 + b"]" * 5000, "nested|not YAML"),
         ("ear", b"speakers: 3", "no list"),
         ("ear", b"speakers: [{channel: 0, names: a}]", "no position"),

@@ -189,7 +189,7 @@ def test_broken_answer_of_the_sofa_reader_is_reported(tmp_path: Path):
     for answer in (b"", b'{"convention"', b"\0\0\0\n"):
         with pytest.raises(sofa.SofaError, match="it is damaged"):
             sofa.responses_of(io.BytesIO(answer), tmp_path / "a.sofa")
-    head = {"convention": "SimpleFreeFieldHRIR", "type": "spherical"}
+    head = {"convention": "SimpleFreeFieldHRIR", "types": ["spherical"] * 4, "units": ""}
     shapes = [[12, 3], [12, 2, 64], [1], [1, 2]]
     line = json.dumps({**head, "shapes": shapes}).encode() + b"\n"
     with pytest.raises(sofa.SofaError, match="broke off"):

@@ -3,28 +3,52 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from sweep import few
 
 from ergon.exchange import sofa
 
 
 def _text(chance: random.Random, text: str) -> object:
-    """A text as netCDF, MATLAB and h5py keep it."""
-    kind = chance.choice(["fixed", "longer", "variable"])
-    if kind == "variable":
-        return text
-    return np.bytes_(text) if kind == "fixed" else np.array(text.encode(), f"S{len(text) + 3}")
+    """A text as netCDF, MATLAB, Fortran and h5py keep it."""
+    longer = np.array(text.encode(), f"S{len(text) + 3}")
+    in_array = np.array([text], dtype=h5py.string_dtype())
+    return chance.choice([np.bytes_(text), longer, text, text + "  ", in_array, longer[None]])
 
 
 def _places(angles: np.ndarray) -> np.ndarray:
     """Azimuths, elevations [degrees] and distances as places: x to the front, y to the left."""
     az, el, r = np.radians(angles[:, 0]), np.radians(angles[:, 1]), angles[:, 2]
     return np.stack([r * np.cos(el) * np.cos(az), r * np.cos(el) * np.sin(az), r * np.sin(el)], 1)
+
+
+def _head(
+    chance: random.Random, file: h5py.File, n: int
+) -> tuple[bool, Callable[[np.ndarray], np.ndarray]]:
+    """Write where the head is; whether its right ear is first, and the places of sources in the
+    room by those that it hears.
+    """
+    is_right_first = chance.random() < 0.3
+    y = -0.09 if is_right_first else 0.09
+    ears = np.array([[0.0, y, 0.0], [0.0, -y, 0.0]])[:, :, None]
+    if is_right_first or chance.random() < 0.5:
+        ears = chance.choice([ears, np.repeat(ears, n, axis=2)])
+        file.create_dataset("ReceiverPosition", data=ears)
+    place, turn = np.zeros(3), np.eye(3)
+    if chance.random() < 0.5:
+        place = np.array([chance.uniform(-1, 1) for _ in range(3)])
+        turn = Rotation.from_euler("zyx", [chance.uniform(-180, 180), 20, 30], True).as_matrix()
+        for name, row in (("Position", place), ("View", turn[:, 0] * 2), ("Up", turn[:, 2])):
+            rows = chance.choice([row[None], np.repeat(row[None], n, axis=0)])
+            file.create_dataset(f"Listener{name}", data=rows)
+            file[f"Listener{name}"].attrs["Type"] = _text(chance, "cartesian")
+    return is_right_first, lambda heard: heard @ turn.T + place
 
 
 @pytest.mark.parametrize("seed", few(range(40), range(16)))
@@ -54,24 +78,105 @@ def test_heads_of_other_programs(seed: int, tmp_path: Path) -> None:
         if delays is not None:
             file.create_dataset("Data.Delay", data=delays)
         kind = chance.choice(["spherical", "spherical", "cartesian"])
-        places = angles if kind == "spherical" else _places(angles)
+        is_right_first, in_room = _head(chance, file, n)
+        x, y, z = in_room(_places(angles)).T
+        if "ListenerView" in file:
+            angles_of_room = np.degrees([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))])
+            written = np.stack([*angles_of_room, np.sqrt(x * x + y * y + z * z)], axis=1)
+        else:
+            written = angles
+        places = written if kind == "spherical" else np.stack([x, y, z], axis=1)
         file.create_dataset("SourcePosition", data=places.astype(form))
         file["SourcePosition"].attrs["Type"] = _text(chance, kind)
         units = {"spherical": "degree, degree, metre", "cartesian": "metre"}
         file["SourcePosition"].attrs["Units"] = _text(chance, units[kind])
-        for name in chance.sample(["ListenerView", "ReceiverPosition", "EmitterUp"], 2):
-            file.create_dataset(name, data=numbers.normal(size=(2, 3, 1)))
+        has_view = "ListenerView" in file
+        file.create_dataset("EmitterUp", data=numbers.normal(size=(2, 3, 1)))
         if chance.random() < 0.5:  # dimensions as netCDF has them
             file.create_dataset("M", data=np.zeros(n, "f4")).make_scale("M")
             file["Data.IR"].dims[0].attach_scale(file["M"])
     head = sofa.read(path)
     assert head.rate == rate
-    if kind == "spherical":
+    if kind == "spherical" and not has_view:
         np.testing.assert_array_equal(head.angles, angles.astype(form)[:, :2])
     else:
         distances = np.full((n, 1), 1.4)
         seen = _places(np.concatenate([head.angles, distances], axis=1))
-        np.testing.assert_allclose(seen, _places(angles), atol=1e-6)
-    np.testing.assert_array_equal(head.responses, responses.astype(form))
+        np.testing.assert_allclose(seen, _places(angles), atol=1e-5)
+    order = [1, 0] if is_right_first else [0, 1]
+    np.testing.assert_array_equal(head.responses[:, order], responses.astype(form))
     expected = np.zeros((n, 2)) if delays is None else np.broadcast_to(delays, (n, 2)) / rate
-    np.testing.assert_allclose(head.delays, expected, rtol=1e-6)
+    np.testing.assert_allclose(head.delays[:, order], expected, rtol=1e-6)
+
+
+def _file(path: Path, change: Callable[[h5py.File], object]) -> Path:
+    with h5py.File(path, "w") as file:
+        file.attrs["SOFAConventions"] = "SimpleFreeFieldHRIR"
+        file["SourcePosition"] = [(60.0 * i, 10.0, 1.4) for i in range(6)]
+        file["SourcePosition"].attrs["Type"] = "spherical"
+        file["SourcePosition"].attrs["Units"] = "degree, degree, metre"
+        file["Data.IR"] = np.random.default_rng(1).normal(size=(6, 2, 16))
+        file["Data.SamplingRate"] = [48_000.0]
+        change(file)
+    return path
+
+
+def _with(name: str, data: object, **attributes: object) -> Callable[[h5py.File], None]:
+    def change(file: h5py.File) -> None:
+        old = {**file[name].attrs} if name in file else {}
+        if name in file:
+            del file[name]
+        file[name] = data
+        for key, value in {**old, **attributes}.items():
+            if value is not None:
+                file[name].attrs[key] = value
+
+    return change
+
+
+_PLACES = [(60.0 * i, 10.0, 1.4) for i in range(6)]
+_EARS = [[[0, 0], [0.1, -0.1], [0, 0]], [[0, 0], [-0.1, 0.1], [0, 0]]]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (_with("Data.SamplingRate", [48e3] * 5 + [44.1e3]), "rates from 44100 to 48000 Hz"),
+        (_with("Data.SamplingRate", [48e3, np.nan]), "rates"),
+        (_with("Data.SamplingRate", [44.1], Units="kilohertz"), "a rate of 44.1 Hz"),
+        (_with("SourcePosition", _PLACES, Type=None, Units=None), "not said to be either"),
+        (_with("SourcePosition", _PLACES, Type="spherical", Units="metre"), "one of both is wrong"),
+        (_with("SourcePosition", _PLACES, Type="cartesian"), "one of both is wrong"),
+        (_with("SourcePosition", [(0, 100.0, 1)] * 6), "beyond 90°"),
+        (_with("SourcePosition", [(1e4, 0, 1)] * 6), "beyond 360°"),
+        (_with("ListenerView", [(1.0, 0, 0)] * 4), "ListenerView is 4 by 3; expected 1 or 6 by 3"),
+        (_with("ListenerView", [(0.0, 0, 1)]), "ListenerUp points where ListenerView does"),
+        (_with("ListenerPosition", [(np.nan, 0, 1)]), "ListenerPosition is not finite"),
+        (_with("ReceiverPosition", _EARS), "change sides"),
+        (_with("ListenerUp", np.bytes_("up")), "does not hold numbers"),
+        (lambda file: file.create_dataset("ListenerView", (1 << 24, 3), "f4"), "values; at most"),
+    ],
+)
+def test_heads_of_two_meanings_are_refused(
+    change: Callable[[h5py.File], None], words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(sofa.SofaError, match=words):
+        sofa.read(_file(tmp_path / "a.sofa", change))
+
+
+def test_kind_of_places_by_their_units(tmp_path: Path) -> None:
+    places = _places(np.array(_PLACES))
+    path = _file(tmp_path / "a.sofa", _with("SourcePosition", places, Type=None, Units="metre"))
+    angles = sofa.read(path).angles
+    np.testing.assert_allclose(angles[:, 0] % 360.0, [60.0 * i for i in range(6)], atol=1e-9)
+
+
+def test_views_of_zeros_count_as_usual(tmp_path: Path) -> None:
+    path = _file(tmp_path / "a.sofa", _with("ListenerView", [(0.0, 0.0, 0.0)]))
+    np.testing.assert_array_equal(sofa.read(path).angles, np.array(_PLACES)[:, :2])
+
+
+def test_several_distances_of_a_head_are_named(tmp_path: Path) -> None:
+    places = [(60.0 * i, 10.0, 0.5 + i / 2) for i in range(6)]
+    path = _file(tmp_path / "a.sofa", _with("SourcePosition", places))
+    assert sofa.read(path).passed_over[0].startswith("distances, 0.5 to 3 m")

@@ -15,7 +15,8 @@ from numpy.lib import format as npy
 
 from ergon.scores.gesture import sdif_file
 from ergon.scores.gesture.npz import npz
-from ergon.scores.gesture.take_file import Floats
+from ergon.scores.gesture.summary import summary
+from ergon.scores.gesture.take_file import Floats, TakeError
 
 # The code of a type of numbers in a matrix, and its form.
 _NUMBERS = {0x004: ">f4", 0x008: ">f8", 0x101: "i1", 0x102: ">i2", 0x104: ">i4", 0x108: ">i8"}
@@ -125,6 +126,70 @@ def test_sdif_files_of_other_programs(seed: int, tmp_path: Path) -> None:
         np.testing.assert_array_equal(columns[name].t, writer.times[stream])
         values = [each[row, column] for each in writer.values[stream]]
         np.testing.assert_array_equal(columns[name].x, values)
+
+
+def _matrix(name: bytes = b"XPOS", kind: int = 8, rows: int = 1, columns: int = 1,
+            data: bytes = struct.pack(">d", 5.0)) -> bytes:  # fmt: skip
+    data = struct.pack(">4sIII", name, kind, rows, columns) + data
+    return data + bytes(-len(data) % 8)
+
+
+def _frame(t: float, *matrices: bytes, count: int | None = None, size: int | None = None) -> bytes:
+    count = len(matrices) if count is None else count
+    body = struct.pack(">dii", t, 1, count) + b"".join(matrices)
+    return b"XMOV" + struct.pack(">I", len(body) if size is None else size) + body
+
+
+_HEAD = b"SDIF" + struct.pack(">III", 8, 3, 1)
+_FIRST, _LAST = _frame(0.0, _matrix()), _frame(1.0, _matrix())
+_MORE = _matrix(b"XTRA")
+_ODD: dict[str, tuple[bytes, str]] = {
+    "a frame of -1 matrices": (_frame(0.5, _matrix(), count=-1), "a frame with -1 matrices"),
+    "a frame of more matrices": (_frame(0.5, _matrix(), count=2), "too short for its matrices"),
+    "a frame of 0 matrices": (_frame(0.5, _matrix(), count=0), "rest of a frame behind"),
+    "a frame of fewer matrices": (_frame(0.5, _MORE, _matrix(), count=1), "rest of a frame"),
+    "a frame of -1 bytes": (_frame(0.5, size=2**32 - 1), "ends within a frame"),
+    "a frame of 0 bytes": (b"XMOV" + bytes(4), "frame XMOV without columns"),
+    "a frame without an instant": (_frame(np.nan, _matrix()), "without an instant"),
+    "the instant of IRCAM's library": (_frame(-np.finfo(float).max, _MORE), "without an instant"),
+    "an instant of ages": (_frame(1e300, _MORE), "without an instant"),
+    "a matrix of 2**62 values": (_frame(0.5, _matrix(rows=2**31, columns=2**31)), "longer than"),
+    "a matrix of no rows": (_frame(0.5, _matrix(rows=0, data=b"")), "matrix XPOS without numbers"),
+    "a matrix of no type": (_frame(0.5, _matrix(kind=0, data=b"")), "matrix XPOS without numbers"),
+    "a second head": (_HEAD, "frame SDIF without columns"),
+    "an instant twice": (_FIRST, "the instants of 'XPOS.1' do not rise"),
+    "an instant before": (_frame(-1.0, _matrix()), "the instants of 'XPOS.1' do not rise"),
+    "a matrix twice": (_frame(0.5, _matrix(), _matrix()), "do not rise"),
+    "zeros": (bytes(64), "without columns"),
+}
+
+
+@pytest.mark.parametrize("name", _ODD)
+def test_odd_sdif_content_is_named(name: str, tmp_path: Path) -> None:
+    """Nothing is left out in silence: it is named, or the file is refused."""
+    data, words = _ODD[name]
+    path = tmp_path / "x.sdif"
+    path.write_bytes(_HEAD + _FIRST + data + _LAST)
+    assert any(words in sentence for sentence in _sentences(path))
+
+
+def _sentences(path: Path) -> tuple[str, ...]:
+    """What a summary says beside the columns, or why there is none."""
+    try:
+        table = summary(path)
+    except TakeError as error:
+        return (error.message,)
+    return table.note or "", *table.passed_over
+
+
+def test_names_in_damaged_sdif_are_few(tmp_path: Path) -> None:
+    """A name for each of 2000 frames was a line for each."""
+    frames = (b"A%03d" % (i % 1000) + _frame(np.nan)[4:] for i in range(2000))
+    path = tmp_path / "x.sdif"
+    path.write_bytes(_HEAD + _FIRST + b"".join(frames) + _LAST)
+    passed_over = summary(path).passed_over
+    assert len(passed_over) == 65
+    assert passed_over[-1] == "anything else, 1872 times"
 
 
 # --- npz ------------------------------------------------------------------------------------------

@@ -22,6 +22,7 @@ _ROUGH_ITERATIONS = 5  # iterations from each of several starts
 _RELATIVE_DEVIATION_MAX = 0.5  # relative deviation above which a part is not significant
 _BIC_FALL_MIN = 10.0  # fall of BIC: very strong evidence (Kass and Raftery 1995)
 _BIC_FALL_CERTAIN = 100.0  # fall of BIC that residuals which are correlated do not explain either
+_BESIDE = 10.0  # deviations of a delay from which a fit begins anew
 _HIDDEN = 0.1  # of the relative fall of the error in the takes: so little a replay may rise
 
 
@@ -102,6 +103,24 @@ class Judge:
         )
         is_accepted = is_worth and (stage_before is None or model_replay < stage_before.replay)
         return Stage(name, fit, model_replay, is_accepted, score, is_worth=is_worth)
+
+    def begun_beside(self, stage: Stage) -> Stage:
+        """The stage, fitted anew from a shorter and a longer delay if that explains the takes
+        better. Where dry friction holds and lets go tick by tick the cost has dents along the
+        delay, in which a fit may end.
+        """
+        delay = INDEX["delay"]
+        if delay not in stage.fit.columns:
+            return stage
+        reach = min(_BESIDE * stage.fit.deviation(delay), 1e-3)
+        better = stage
+        for delay_start in (stage.fit.row[delay] - reach, stage.fit.row[delay] + reach):
+            row = with_values(stage.fit.row, {"delay": max(0.0, delay_start)})
+            gestures, starts = stage.fit.recovered(self.gestures), stage.fit.starts
+            fit = output_error.fit(gestures, row, stage.fit.columns, starts, _ITERATIONS)
+            if fit.bic < better.fit.bic:
+                better = replace(stage, fit=fit, replay=self._replay(fit))
+        return better
 
     def _replay(self, fit: Fit) -> float:
         """Rms of the difference from the held-out positions [m]."""

@@ -43,6 +43,7 @@ _PLAIN_PARAMETERS = {
 # better than each of them; the rest by their logarithms.
 _FACTOR = np.e  # largest factor of a positive parameter in one step
 _STIFFEST = {INDEX["presliding"]: 1e6}  # N/m; a stiffer contact holds rigidly
+_SAME_PITCH = 0.05  # of the logarithm of a pitch: modes that are one
 
 
 def name(parameter_index: int) -> str:
@@ -126,3 +127,18 @@ def is_stiffest(row: Floats, index: int) -> bool:
 def total_mass(row: Floats) -> float:
     """Mass of the key with its modes [kg]."""
     return float(row[0] + row[N_KEY::N_MODE].sum())
+
+
+def joined_modes(row: Floats) -> Floats | None:
+    """The row with the two modes of nearest pitch as one of their mass; None if all differ."""
+    modes = row[N_KEY:].reshape(-1, N_MODE)
+    pitches = np.log(modes[:, 1])
+    order = np.argsort(pitches)
+    steps = np.diff(pitches[order])
+    if not steps.size or steps.min() > _SAME_PITCH:
+        return None
+    pair = np.sort(order[int(steps.argmin()) :][:2])
+    masses = modes[pair, 0]
+    joined = np.delete(modes, pair[1], axis=0)
+    joined[pair[0]] = masses.sum(), *(masses @ modes[pair, 1:] / masses.sum())
+    return np.concatenate([row[:N_KEY], joined.ravel()])

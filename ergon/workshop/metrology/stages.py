@@ -22,7 +22,7 @@ from .first_guess import first_guess
 from .gesture import sensor_noise
 from .judging import Judge, Stage, knows, with_values
 from .mode_search import SCORE_MIN, highest_peak
-from .parameters import INDEX, mode_indices, n_modes
+from .parameters import INDEX, joined_modes, mode_indices, n_modes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -107,7 +107,8 @@ def measure(
     search.add_parts()
     while search.add_against_held_out() or search.remove_doubtful():
         search.add_parts()
-    return Measured(tuple(search.stages), search.best.fit, search.best.replay, noise)
+    final = search.judge.begun_beside(search.best)
+    return Measured(tuple(search.stages), final.fit, final.replay, noise)
 
 
 class _Search:
@@ -183,11 +184,21 @@ class _Search:
         trial_columns = dict.fromkeys(
             (*best_before.fit.columns, INDEX["delay"], *mode_indices(mode_number))
         )
-        return self._decide(
-            self.judge.best_of(
-                stage_name, parameter_rows, tuple(trial_columns), best_before, peak.score
-            )
+        trial = self.judge.best_of(
+            stage_name, parameter_rows, tuple(trial_columns), best_before, peak.score
         )
+        return self._decide(trial) or self._join_modes(trial, best_before)
+
+    def _join_modes(self, trial: Stage, best_before: Stage) -> bool:
+        """Whether the modes of a refused trial were kept with two of one pitch as one. A mode that
+        was fitted before the next one was known may stay far from its values; the rest of it then
+        looks like a mode of the same pitch, which frees the others.
+        """
+        joined = joined_modes(trial.fit.row)
+        if joined is None or not trial.explains_more(best_before):
+            return False
+        columns = tuple(index for index in trial.fit.columns if index < joined.size)
+        return self._decide(self.judge.stage("modes anew", joined, columns, best_before))
 
     def add_against_held_out(self) -> bool:
         """Whether parts were kept after one that was refused, though it explains the takes.

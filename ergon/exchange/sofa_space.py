@@ -1,0 +1,102 @@
+"""Where sources are as a head of a SOFA file hears them (AES69): by its place and its view."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ergon.common.errors import ErgonError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+LISTENER, VIEW, UP, EARS = "ListenerPosition", "ListenerView", "ListenerUp", "ReceiverPosition"
+_SEEN = {LISTENER: (0.0, 0.0, 0.0), VIEW: (1.0, 0.0, 0.0), UP: (0.0, 0.0, 1.0)}  # AES69
+_AZIMUTH_MAX, _ELEVATION_MAX = 360.0, 90.0 + 1e-6  # degrees
+
+
+class SofaSpaceError(ErgonError, ValueError):
+    """The places of a file cannot be those of a head and sources around it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Rows of three numbers, and what they are: `spherical` (azimuth, elevation [degrees], r) or
+    `cartesian` (x to the front, y to the left, z up).
+    """
+
+    rows: NDArray[np.float64]
+    kind: str
+
+    def points(self, what: str) -> NDArray[np.float64]:
+        """As cartesian places. Raises SofaSpaceError."""
+        import numpy as np
+
+        if not np.isfinite(self.rows).all():
+            raise SofaSpaceError(f"{what} is not finite")
+        if self.kind != "spherical":
+            return self.rows
+        azimuth, elevation, r = self.rows.T
+        azimuth, elevation = np.radians(azimuth), np.radians(elevation)
+        flat = r * np.cos(elevation)
+        return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), r * np.sin(elevation)], 1)
+
+
+def directions(source: Places, head: Mapping[str, Places]) -> NDArray[np.float64]:
+    """Azimuth and elevation [degrees] of each source from the head. Raises SofaSpaceError."""
+    import numpy as np
+
+    rows = source.rows
+    if source.kind == "spherical":
+        if not (np.abs(rows[:, 0]) <= _AZIMUTH_MAX).all():
+            raise SofaSpaceError("an azimuth is beyond 360°")
+        if not (np.abs(rows[:, 1]) <= _ELEVATION_MAX).all():
+            raise SofaSpaceError("an elevation is beyond 90°")
+    place, view, up = (_seen(name, head, len(rows)) for name in _SEEN)
+    is_usual = not place.any() and not view[:, 1:].any() and (view[:, 0] > 0.0).all()
+    if is_usual and not up[:, 1].any() and (up[:, 2] > 0.0).all() and source.kind == "spherical":
+        return rows[:, :2]
+    front = view / np.linalg.norm(view, axis=1, keepdims=True)
+    above = up - front * (front * up).sum(axis=1, keepdims=True)
+    height = np.linalg.norm(above, axis=1, keepdims=True)
+    if not (height > 1e-6 * np.linalg.norm(up, axis=1, keepdims=True)).all():
+        raise SofaSpaceError(f"{UP} points where {VIEW} does")
+    above /= height
+    towards = source.points("SourcePosition") - place
+    if not towards.any(axis=1).all():
+        raise SofaSpaceError("a direction is the place of the head itself")
+    left = np.cross(above, front)
+    x, y, z = ((towards * axis).sum(axis=1) for axis in (front, left, above))
+    radians = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))], axis=1)
+    return radians * (180.0 / np.pi)
+
+
+def _seen(name: str, head: Mapping[str, Places], n: int) -> NDArray[np.float64]:
+    """A row of the head, or one for each of `n` sources; the usual one where it is not said."""
+    import numpy as np
+
+    usual = np.array([_SEEN[name]])
+    if name not in head:
+        return usual
+    if head[name].rows.shape not in ((1, 3), (n, 3)):
+        sizes = " by ".join(map(str, head[name].rows.shape))
+        raise SofaSpaceError(f"{name} is {sizes}; expected 1 or {n} by 3")
+    points = head[name].points(name)
+    is_said = points.any(axis=1, keepdims=True)
+    return np.where(is_said, points, usual)
+
+
+def is_right_first(ears: Places | None) -> bool:
+    """Whether the first of two ears is the right one. Raises SofaSpaceError."""
+    if ears is None or ears.rows.ndim < 2 or ears.rows.shape[:2] != (2, 3):
+        return False
+    first, second = (
+        Places(ear.reshape(3, -1).T, ears.kind).points(EARS)[:, 1] for ear in ears.rows
+    )
+    if (first >= second).all():
+        return False
+    if (first < second).all():
+        return True
+    raise SofaSpaceError(f"its ears ({EARS}) change sides")
