@@ -50,7 +50,7 @@ def _travel(
     metavar="LENGTH",
     help="Length from end to end, measured with a ruler, such as 60mm.",
 )
-@click.option("--turned", is_flag=True, help="Swap up and down of the axis.")
+@click.option("--turned", "is_reversed", is_flag=True, help="Swap up and down of the axis.")
 @click.option(
     "--force-max",
     type=options.Number(0, 200, "FORCE"),

@@ -235,7 +235,10 @@ def test_fold_with_sofa_data_delay(tmp_path: Path):
     directions = spread_directions(100)
     with h5py.File(tmp_path / "own.sofa", "w") as file:
         file.attrs["SOFAConventions"] = np.bytes_("SimpleFreeFieldHRIR")
-        file.create_dataset("SourcePosition", data=[angles(tuple(u)) for u in directions.tolist()])
+        source_places = file.create_dataset(
+            "SourcePosition", data=[angles(tuple(u)) for u in directions.tolist()]
+        )
+        source_places.attrs["Type"] = "spherical"
         responses = np.zeros((100, 2, 64))
         responses[:, :, 4] = 0.3
         file.create_dataset("Data.IR", data=responses)
@@ -267,7 +270,8 @@ def test_fold_with_user_sofa_head(tmp_path: Path):
     with h5py.File(tmp_path / "own.sofa", "w") as file:
         file.attrs["SOFAConventions"] = np.bytes_("SimpleFreeFieldHRIR")
         places = [angles(tuple(one)) for one in directions.tolist()]
-        file.create_dataset("SourcePosition", data=places)
+        source_places = file.create_dataset("SourcePosition", data=places)
+        source_places.attrs["Type"] = "spherical"
         file.create_dataset("Data.IR", data=responses)
         file.create_dataset("Data.SamplingRate", data=[48_000.0])
     frames = noise(tmp_path / "in.wav", 5_000)
