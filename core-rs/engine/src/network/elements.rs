@@ -69,8 +69,8 @@ impl Network {
     /// network.part("bell", None);
     /// let (wall, m) = (network.sol("wall", 0.0)?, network.mas("m", 2e-3, 0.0, 0.0)?);
     /// network.spring("s", m, wall, 500.0, 0.01, 0.0)?;
-    /// let found = network.elements(&[0]);
-    /// assert_eq!((found.m.len(), found.n_held, found.each[0].ends), (1, 1, [Some(0), None]));
+    /// let bell = network.elements(&[0]);
+    /// assert_eq!((bell.m.len(), bell.n_held, bell.elements[0].ends), (1, 1, [Some(0), None]));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn elements(&self, parts: &[usize]) -> Elements {
