@@ -345,7 +345,7 @@ def counted(page: str, instruments: int) -> str:
 
 def main() -> None:
     """Measure the named families (all by default), and write their pages."""
-    name, *families_named = module_arguments("FOLDER", further_code="FAMILY")
+    name, *families_named = module_arguments("FOLDER", rest_metavar="FAMILY")
     folder = Path(name)
     table = folder / "cards.csv"
     names = [one.name for one in fields(Figures)]

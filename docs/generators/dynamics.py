@@ -109,7 +109,7 @@ def row(name: str, seconds: float, measured: Dynamics) -> str:
 
 def main() -> None:
     """Render the pieces, and write each row."""
-    for name in module_arguments(further_code="PIECE") or PIECES:
+    for name in module_arguments(rest_metavar="PIECE") or PIECES:
         line = row(name, *piece_dynamics(name))
         page = PAGE.read_text(encoding="utf-8")
         page = re.sub(

@@ -76,7 +76,7 @@ def main() -> None:
     pieces = bundled()
     page = PAGE.read_text(encoding="utf-8")
     shown = re.findall(r"\(gallery/(.+)\.svg\)", page)
-    for name in module_arguments(further_code="PIECE") or shown:
+    for name in module_arguments(rest_metavar="PIECE") or shown:
         picture, line = drawn(pieces[name])
         (FOLDER / f"{name}.svg").write_text(picture, encoding="utf-8")
         below = re.compile(rf"(\(gallery/{name}\.svg\)\n\n)(?:\d+ s; centre .+\n\n)?")

@@ -19,7 +19,7 @@ QUICK = ("one-gesture", "tempo", "change-ringing", "interlocking", "drum-machine
 
 def main() -> None:
     """Write each piece into the folder."""
-    name, *pieces = module_arguments("FOLDER", further_code="PIECE")
+    name, *pieces = module_arguments("FOLDER", rest_metavar="PIECE")
     folder = Path(name)
     folder.mkdir(parents=True, exist_ok=True)
     scores = bundled()

@@ -107,4 +107,4 @@ def main(paths: Iterable[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(module_arguments(further_code="FILE"))
+    main(module_arguments(rest_metavar="FILE"))

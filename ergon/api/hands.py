@@ -164,13 +164,13 @@ def _tried_together(
 
     from ergon.live.calibration import axes_as_known
 
-    def trial(axis_number: int) -> dict[int, Axis]:
-        axis_numbers = [number for number, _ in unsure[axis_number]]
-        if not axis_numbers or boards[axis_number].kind == "haply":
+    def trial(board_index: int) -> dict[int, Axis]:
+        axis_numbers = [number for number, _ in unsure[board_index]]
+        if not axis_numbers or boards[board_index].kind == "haply":
             return {}
-        calibrations_before = calibrations[axis_number]
+        calibrations_before = calibrations[board_index]
         return axes_as_known(
-            boards[axis_number].url,
+            boards[board_index].url,
             {number: calibrations_before.get(number) for number in axis_numbers},
         )
 

@@ -6,8 +6,8 @@ import argparse
 import sys
 
 
-def module_arguments(*module_names: str, further_code: str = "") -> list[str]:
-    """The words behind the module that runs: one for each name, then any number of `further_code`.
+def module_arguments(*argument_names: str, rest_metavar: str = "") -> list[str]:
+    """The words behind the module that runs: one for each name, then any number of `rest_metavar`.
 
     `--help` prints the module's docstring. Both it and a word that is missing or begins with a dash
     end the program before it does anything.
@@ -19,9 +19,11 @@ def module_arguments(*module_names: str, further_code: str = "") -> list[str]:
         description=main_module.__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    for name in module_names:
+    for name in argument_names:
         parser.add_argument(name)
-    if further_code:
-        parser.add_argument(further_code, nargs="*", metavar=further_code)
+    if rest_metavar:
+        parser.add_argument(rest_metavar, nargs="*", metavar=rest_metavar)
     values = vars(parser.parse_args())
-    return [values[name] for name in module_names] + (values[further_code] if further_code else [])
+    return [values[name] for name in argument_names] + (
+        values[rest_metavar] if rest_metavar else []
+    )

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from ergon.common.regular import open_regular
 
-_HEAD_BYTES = 16  # bytes that tell
+_HEAD_BYTES = 16  # enough to recognise a format
 
 WAVE, FLAC = ".wav", ".flac"
 SUFFIXES = (WAVE, FLAC)  # of files that are written
 _READ = (*SUFFIXES, ".wave", ".rf64", ".bwf", ".aif", ".aiff", ".aifc")
-# How files of sound begin that are read.
+# First bytes of the formats of sound that are read.
 _KINDS = (
     (re.compile(rb"(?:RIFF|RIFX|RF64|BW64).{4}WAVE", re.DOTALL), "wave"),
     (re.compile(rb"fLaC"), "flac"),
@@ -37,7 +37,7 @@ def is_sound(path: Path) -> bool:
 
 
 def first_bytes(path: Path) -> bytes:
-    """So many bytes of a regular file as say what it holds. Raises OSError."""
+    """The first bytes of a regular file, enough to recognise its format. Raises OSError."""
     with open_regular(path) as file:
         return file.read(_HEAD_BYTES)
 

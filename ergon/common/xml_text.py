@@ -77,7 +77,7 @@ def narrow(xml_bytes: bytes) -> bytes:
         xml_text = xml_bytes.decode(encoding)
     except UnicodeDecodeError:
         name = "UTF-8" if encoding == "utf-8-sig" else "UTF-16"
-        raise XmlError(f"the XML is not in {name}, as it begins") from None
+        raise XmlError(f"the XML begins as {name} does, but is no valid {name}") from None
     if xml_text.startswith("<?xml"):
         xml_text = xml_text.partition("?>")[2]
     return xml_text.encode()

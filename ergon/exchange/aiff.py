@@ -79,16 +79,16 @@ def _samples(path: Path) -> Iterator[bytes]:
         sample_bytes = BYTES[info.format.bits]
         frame_size = info.format.frame_bytes
         open_file.seek(info.offset)
-        frames_left = info.size
-        while frames_left:
-            frame_count = min(frames_left, max(1, _BLOCK_BYTES // frame_size) * frame_size)
-            octets = np.frombuffer(read_exactly(open_file, frame_count, _CUT_SAMPLES), np.uint8)
+        bytes_left = info.size
+        while bytes_left:
+            n_bytes = min(bytes_left, max(1, _BLOCK_BYTES // frame_size) * frame_size)
+            octets = np.frombuffer(read_exactly(open_file, n_bytes, _CUT_SAMPLES), np.uint8)
             if byte_order == _BIG:
                 octets = octets.reshape(-1, sample_bytes)[:, ::-1]
             if info.format.bits == 8 and byte_order != "unsigned":
                 octets = octets ^ np.uint8(0x80)  # WAVE counts 8 bits from 0
             yield octets.tobytes()
-            frames_left -= frame_count
+            bytes_left -= n_bytes
 
 
 def _parse(open_file: BinaryIO) -> tuple[WaveInfo, str]:
@@ -171,7 +171,7 @@ def _common(file_content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, st
     if bits is None:
         # Samples of 12 or 20 bits are the upper bits of complete bytes.
         bits = next(
-            (n_bits_text for n_bits_text in _INTEGERS if n_bits and n_bits <= int(n_bits_text)),
+            (sample_bits for sample_bits in _INTEGERS if n_bits and n_bits <= int(sample_bits)),
             None,
         )
     rate = _rate(exponent, mantissa)
@@ -183,7 +183,7 @@ def _common(file_content: bytes, *, is_compressed: bool) -> tuple[WaveFormat, st
 
 
 def _rate(exponent: int, mantissa: bytes) -> int:
-    """The rate [Hz] of an extended number (IEEE 754-1985, 80 bits); 0 for one that is none."""
+    """The rate [Hz] of an 80-bit float (IEEE 754-1985); 0 if that is no valid rate."""
     if not 0 < exponent < 0x3FFF + 32:  # also those below 0
         return 0
     value = math.ldexp(int.from_bytes(mantissa, "big"), exponent - 0x3FFF - 63)

@@ -24,7 +24,7 @@ def capture(
     """
     import numpy as np
 
-    ticks_per_row = max(1, round(_RATE / tick))
+    tick_frames = max(1, round(_RATE / tick))
     network = _core.Network()
     network.part("hands")
     recorded_axes = [(board, number, player) for board in boards for number, player in board.axes]
@@ -32,7 +32,7 @@ def capture(
     timeline = _core.Timeline(network, _RATE)
     rest_positions = np.zeros(1)
     for mat in mats:
-        timeline.hand(mat, ticks_per_row, positions=rest_positions)
+        timeline.hand(mat, tick_frames, positions=rest_positions)
     hands = {player: hand for hand, (_, _, player) in enumerate(recorded_axes)}
     about = {
         "made": f"by ergon {_core.__version__}",
@@ -42,11 +42,11 @@ def capture(
     return _core.Performance(
         _core.Simulation(network, timeline),
         _core.Mixer(_RATE, 0, 1),
-        tick_frames=ticks_per_row,
+        tick_frames=tick_frames,
         audio="null",
         n_frames=None
         if record_seconds is None
-        else max(1, round(record_seconds * _RATE / ticks_per_row)) * ticks_per_row,
+        else max(1, round(record_seconds * _RATE / tick_frames)) * tick_frames,
         hands=[
             _core.LiveHand(rest_positions, 1.0, None, np.zeros(0), None, np.zeros(0))
             for _ in recorded_axes

@@ -40,8 +40,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class _Filled:
-    """Files, and their job, whose end is known now, as is that of the piece; the share of them that
-    was recalled, and the outcome if that is all.
+    """Rendered files, and their job after the end of the piece was found.
+
+    Beside them: the share that was recalled, and the outcome if nothing has to be computed.
     """
 
     job: RenderJob

@@ -123,11 +123,10 @@ def prepared(
     responses: NDArray[np.float64],
     rate: float,
     directions_wanted: NDArray[np.float64],
-    further_directions: NDArray[np.float64] | None = None,
+    extra_delays: NDArray[np.float64] | None = None,
 ) -> Head:
     """A head for `directions_wanted` directions (n, 3), from responses (n_measured, 2, n_samples)
-    at `rate` [Hz]. `further_directions` (n_measured, 2): delays that come to those in the responses
-    [s].
+    at `rate` [Hz]. `extra_delays` (n_measured, 2): added to the delays of the responses [s].
 
     Responses are equalised so that sound from all directions together (the diffuse field) has a
     flat spectrum, and are made minimum-phase. The delay of a response is the one at which its
@@ -142,7 +141,7 @@ def prepared(
     )
     relative_level = relative_level ** _retained_shares(transform_size, rate)
     delays = np.array([[_delay(h, rate) for h in pair] for pair in responses])
-    delays += 0.0 if further_directions is None else further_directions
+    delays += 0.0 if extra_delays is None else extra_delays
     filters, lates = [], []
     for towards in directions_wanted:
         weights = _weights(directions, towards)
@@ -154,8 +153,8 @@ def prepared(
             [_minimum_phase(response, transform_size)[:TAPS] * _fade() for response in shape]
         )
         lates.append(np.tensordot(weights[near_directions], delays[near_directions], 1))
-    late_taps = np.array(lates)
-    return Head(rate, directions_wanted, np.array(filters), late_taps - late_taps.min())
+    mean_delays = np.array(lates)
+    return Head(rate, directions_wanted, np.array(filters), mean_delays - mean_delays.min())
 
 
 def _diffuse(

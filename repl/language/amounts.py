@@ -157,8 +157,8 @@ SHIFT = Value(
 )
 POSITION = Value("a position, such as 9|1, a mark or 12.5s", read_position, position_completions)
 _VOICE = name_value("the name of strikes, or a player", "strikes", "players")
-# Whether there is such a voice is asked where the line is typed: when it is replayed, its beat is
-# known, and the voice may be gone.
+# That the voice exists is checked when the line is typed, not when it is replayed: the voice may be
+# gone then, and the beat is known.
 SYNC = Value(_VOICE.what, lambda text, *_: Sync(check_new_name(text)), _VOICE.completions)
 GRID = Value(
     "a boundary: now, beat, bar or a length such as 2bar",

@@ -184,11 +184,11 @@ def _guided_path(
 def _without_short_rests(playing_spans: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Join spans that no long rest separates."""
     joined_spans: list[tuple[float, float]] = []
-    for start_tick, stop_tick in sorted(playing_spans):
-        if joined_spans and start_tick - joined_spans[-1][1] <= _REST_MAX:
-            joined_spans[-1] = joined_spans[-1][0], max(stop_tick, joined_spans[-1][1])
+    for start_seconds, stop_seconds in sorted(playing_spans):
+        if joined_spans and start_seconds - joined_spans[-1][1] <= _REST_MAX:
+            joined_spans[-1] = joined_spans[-1][0], max(stop_seconds, joined_spans[-1][1])
         else:
-            joined_spans.append((start_tick, stop_tick))
+            joined_spans.append((start_seconds, stop_seconds))
     return joined_spans
 
 

@@ -85,7 +85,7 @@ class PlacedEntry:
     entry: Entry
     play: Play
     begin: float  # [beats of the piece]
-    starts: Sequence[float] | None  # None: only the take's file tells
+    starts: Sequence[float] | None  # None: only the recording holds them
     row: str | None = None  # row of a table as written
 
     def is_open(self, beat: float, piece: Piece) -> bool:

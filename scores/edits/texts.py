@@ -158,11 +158,11 @@ class Texts:
                     if (section_text := self._added_below(str(section), change)) is not None:
                         return self.changed(section_text)
             if section_lines is not None:
-                first_line, last_line = section_lines
+                start_offset, end_offset = section_lines
                 with contextlib.suppress(EditError):
-                    section_text = change(edit.read(self.text[first_line:last_line], self.path))
+                    section_text = change(edit.read(self.text[start_offset:end_offset], self.path))
                     return self.changed(
-                        self.text[:first_line] + section_text + self.text[last_line:]
+                        self.text[:start_offset] + section_text + self.text[end_offset:]
                     )
         return self.changed(change(self.document(file)), file)
 
@@ -175,14 +175,18 @@ class Texts:
         ]
         if not lines_above:
             return None
-        _, first_line, end_line = section_lines[lines_above[-1]]
+        _, start_offset, end_offset = section_lines[lines_above[-1]]
         line_below = (
             f"{section_lines[lines_above[-1] + 1][0]}:\n"  # marks the end of the lines above
         )
-        section_text = change(edit.read(self.text[first_line:end_line] + line_below, self.path))
+        section_text = change(edit.read(self.text[start_offset:end_offset] + line_below, self.path))
         if not section_text.endswith(line_below):
             return None
-        return self.text[:first_line] + section_text.removesuffix(line_below) + self.text[end_line:]
+        return (
+            self.text[:start_offset]
+            + section_text.removesuffix(line_below)
+            + self.text[end_offset:]
+        )
 
     def edited_lists(self, edits: Sequence[ListEdit], file_name: str | None = None) -> Texts:
         """Edit lists of one section; only the items that change are parsed.
@@ -214,8 +218,10 @@ class Texts:
         file_name: str | None,
         path: edit.Path = (),
     ) -> Texts:
-        """Edit windows of one section, each parsed alone; an edit without a window edits the whole
-        section, of which only what is at a `path` of names matters, if it is written.
+        """Edit windows of one section, each parsed alone.
+
+        An edit without a window edits the whole section; with a `path` of names, only the value at
+        that path has to be parsed.
         """
         section_lines = lines(self.text, section_name) if file_name in (None, self.path) else None
         known_section = self._alone(section_name) if section_lines is not None else None
@@ -238,16 +244,16 @@ class Texts:
                 self.text[: section_lines[0]] + section_text + self.text[section_lines[1] :]
             )
         for change in changes_left:
-            change_text = partial(_changed_text, change)
-            short_text = (
-                edited_texts._edited_elided(path, change_text)
+            edit_document = partial(_changed_text, change)
+            elided_texts = (
+                edited_texts._edited_elided(path, edit_document)
                 if path and section_lines is not None
                 else None
             )
             edited_texts = (
-                edited_texts.edited(section_name, change_text, file_name)
-                if short_text is None
-                else short_text
+                edited_texts.edited(section_name, edit_document, file_name)
+                if elided_texts is None
+                else elided_texts
             )
         return edited_texts
 
@@ -283,9 +289,7 @@ class Texts:
             return alone(self.text, self.path, Path(self.path).parent, name, self.memory)
 
     def section(self, name: str) -> Node | None:
-        """The node of a section of the score; its places may count from the section's first
-        line.
-        """
+        """The node of a section; its line numbers may be relative to the section."""
         if (section := self._alone(name)) is not None:
             return section.value
         read = self.load().files.get(self.path) if self.sealed else None
@@ -296,8 +300,8 @@ class Texts:
         """Set a value. Raises EditError."""
         list_path, first_index = _list_in(path)
 
-        def change(document_now: Document, n_missing_lines: int) -> str:
-            return edit.put(document_now, _shifted(path, n_missing_lines), text, SECTIONS)
+        def change(document_now: Document, n_missing_items: int) -> str:
+            return edit.put(document_now, _shifted(path, n_missing_items), text, SECTIONS)
 
         if first_index is None:
             return self._edited_line(path, lambda document_now: change(document_now, 0), file)
@@ -323,8 +327,8 @@ class Texts:
                 paths[0], lambda document_now: edit.remove(document_now, *paths), file
             )
 
-        def change(document_now: Document, n_missing_lines: int) -> str:
-            return edit.remove(document_now, *(_shifted(path, n_missing_lines) for path in paths))
+        def change(document_now: Document, n_missing_items: int) -> str:
+            return edit.remove(document_now, *(_shifted(path, n_missing_items) for path in paths))
 
         # Include the item before the first one that is removed, so that the list never becomes
         # empty.
@@ -343,11 +347,11 @@ def _list_in(path: edit.Path) -> tuple[edit.Path, int | None]:
     return path, None
 
 
-def _shifted(path: edit.Path, n_missing_lines: int) -> edit.Path:
-    """A path in a document that lacks the first `n_missing_lines` items of its first list."""
+def _shifted(path: edit.Path, n_missing_items: int) -> edit.Path:
+    """A path in a document that lacks the first `n_missing_items` items of its first list."""
     list_path, first_index = _list_in(path)
     return (
         path
         if first_index is None
-        else (*list_path, first_index - n_missing_lines, *path[len(list_path) + 1 :])
+        else (*list_path, first_index - n_missing_items, *path[len(list_path) + 1 :])
     )

@@ -27,7 +27,7 @@ def read_course(path: Path, channel: int | None, midi_source: MidiSource) -> Cou
 
 
 @lru_cache(32)
-def _read(path: Path, channel_name: int | None, midi_source: MidiSource, _: FileState) -> Course:
+def _read(path: Path, channel: int | None, midi_source: MidiSource, _: FileState) -> Course:
     midi_bytes = read_bytes(path)
     header = midi_bytes.header()
     track_events = [
@@ -36,9 +36,9 @@ def _read(path: Path, channel_name: int | None, midi_source: MidiSource, _: File
         if event.kind == midi_source.kind
         and (not midi_source.numbers or event.number in midi_source.numbers)
     ]
-    moving = [event for event in track_events if channel_name in (None, event.channel)]
+    moving = [event for event in track_events if channel in (None, event.channel)]
     if not moving:
-        raise TakeError(_nothing(midi_source, track_events, channel_name), path, field="by")
+        raise TakeError(_nothing(midi_source, track_events, channel), path, field="by")
     moving.sort(key=lambda event: event.tick)
     by_tick = dict(_shares(moving, midi_source))  # the last of several values in a tick
     course, share_before = [], None

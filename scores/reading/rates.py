@@ -23,19 +23,19 @@ class Rates:
         rates = score["rates"]
         self.audio: float = rates["audio"] if rates else RATE
         is_said = rates is not None and rates.written("gesture")
-        self.gesture = _every(self.audio, rates, "gesture") if is_said else 1
+        self.gesture = _rate_divisor(self.audio, rates, "gesture") if is_said else 1
         self.motion = _motion(self.audio, rates) if rates else None
 
     def key_step_frames(self, values: Values) -> int:
         """Frames between two steps of a key's springs; 1: at every frame."""
-        return self._module_rate(values) or self.gesture
+        return self._module_divisor(values) or self.gesture
 
     def instrument_step_frames(self, values: Values) -> int:
         """Frames between two steps of an instrument's springs; 1: at every frame."""
-        return self._module_rate(values) or 1
+        return self._module_divisor(values) or 1
 
-    def _module_rate(self, values: Values) -> int | None:
-        return _every(self.audio, values, "rate") if values.written("rate") else None
+    def _module_divisor(self, values: Values) -> int | None:
+        return _rate_divisor(self.audio, values, "rate") if values.written("rate") else None
 
 
 def _motion(audio: float, rates: Values) -> float | None:
@@ -52,16 +52,16 @@ def _motion(audio: float, rates: Values) -> float | None:
     return rate
 
 
-def _every(audio: float, rate_values: Values, rate_name: str) -> int:
+def _rate_divisor(audio: float, rate_values: Values, rate_name: str) -> int:
     """The divisor of the audio rate; 1 if an error was reported."""
     rate = rate_values[rate_name]
     if not isinstance(rate, float):
         return 1  # reported already
-    rate_frames = max(1, round(audio / rate))
-    if abs(audio / rate - rate_frames) <= _TOLERANCE * rate_frames:
-        return rate_frames
+    divisor = max(1, round(audio / rate))
+    if abs(audio / rate - divisor) <= _TOLERANCE * divisor:
+        return divisor
     subject = "rates: gesture" if rate_name == "gesture" else rate_values.context.label(rate_name)
     relation = "above" if rate > audio else "not a divisor of"
     message = f"{subject}: {rate:.10g} Hz is {relation} the audio rate, {audio:.10g} Hz"
-    rate_values.error("E311", message, rate_name, suggestion=f"{audio / rate_frames:.10g}Hz")
+    rate_values.error("E311", message, rate_name, suggestion=f"{audio / divisor:.10g}Hz")
     return 1

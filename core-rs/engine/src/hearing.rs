@@ -51,7 +51,7 @@ impl Audible {
         })
     }
 
-    /// The larger error of each.
+    /// The larger of two errors, measure by measure.
     pub(crate) fn with(self, other: Self) -> Self {
         let [first_errors, other_errors] = [self, other].map(|error| error.values());
         Self::from(std::array::from_fn(|i| first_errors[i].max(other_errors[i])))

@@ -40,7 +40,7 @@ pub(crate) enum Kind {
         /// Per-sample velocity times this is the law's v: 1/T, or T_ca/T under `ca`.
         rate: f64,
         /// Index of the law in the scratch memory; runs with the same law share it.
-        room: usize,
+        slot: usize,
     },
     /// A law with constants that follow MATs.
     Followed {
@@ -48,7 +48,7 @@ pub(crate) enum Kind {
         /// As for `Lnl`.
         rate: f64,
         /// Index of the law with the current values of its constants.
-        room: usize,
+        slot: usize,
     },
     /// Friction with memory; K of the run is σ0, Z is Fc [N].
     Bristle {
@@ -68,7 +68,7 @@ pub(crate) enum Kind {
     Pairwise {
         by: Pairwise,
         /// Index of its neighbour list and of its contact history.
-        room: usize,
+        slot: usize,
     },
 }
 
@@ -123,9 +123,9 @@ impl Run {
     }
 
     /// The index of the memory of a pairwise run; 0 for other kinds.
-    pub(crate) fn room(&self) -> usize {
+    pub(crate) fn slot(&self) -> usize {
         match &self.kind {
-            Kind::Pairwise { room, .. } => *room,
+            Kind::Pairwise { slot, .. } => *slot,
             _ => 0,
         }
     }
@@ -401,11 +401,11 @@ impl Scheme {
     }
 
     /// The index of the memory of a pairwise run, by its first link.
-    pub(crate) fn room_of(&self, link: usize) -> Option<usize> {
+    pub(crate) fn slot_of(&self, link: usize) -> Option<usize> {
         let mut link_runs = self.runs.iter();
         let pairwise_run =
             link_runs.find(|pairwise_run| pairwise_run.first == link && pairwise_run.pairwise().is_some())?;
-        Some(pairwise_run.room())
+        Some(pairwise_run.slot())
     }
 
     /// The initial state of all LIAs that have one, such as bristles; empty if none has   (n_lia).

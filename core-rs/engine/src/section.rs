@@ -33,7 +33,7 @@ pub(crate) struct Split {
 pub(crate) const BUTTERWORTH_2: f64 = std::f64::consts::SQRT_2;
 
 impl Section {
-    /// One whose high-pass gives its input, of numbers.
+    /// A section whose high-pass output is its input, if that is finite.
     pub(crate) const IDENTITY: Self = Self {
         g: 0.0,
         damping: 0.0,

@@ -32,7 +32,7 @@ pub use takeover::Takeover;
 
 use group::{GROUPS_MAX, Group, RunningUnit, THREADED_BLOCK, UNIT_BLOCK};
 
-/// Steps of work that a frame counts at least; trials count their work by the table of costs.
+/// Least work that a frame adds to the counter of interruptions; trials count work by the table of costs.
 const FRAME_STEPS: usize = 16;
 
 /// A running simulation of a plan.
@@ -112,7 +112,7 @@ impl Simulation {
         let threads = options.threads.max(1);
         group::assign_teams(&mut groups, &plan, threads);
         let derivatives = Derivatives::new(&plan.network, plan.timeline_rate.hertz());
-        let looked_at = if derivatives.is_empty() { 0 } else { derivative::SPAN };
+        let history_frames = if derivatives.is_empty() { 0 } else { derivative::SPAN };
         let sounds_in = sounds_in::SoundsIn::new(&plan);
         Ok(Self {
             contents: stored::Contents::new(&plan),
@@ -122,7 +122,7 @@ impl Simulation {
             threads,
             frame: 0,
             derivatives,
-            skipped_outputs: vec![0.0; looked_at * n_outputs],
+            skipped_outputs: vec![0.0; history_frames * n_outputs],
         })
     }
 

@@ -128,15 +128,15 @@ impl Body {
     }
 }
 
-/// Contact histories by `room`; those without friction stay empty.
+/// Contact histories by `slot`; those without friction stay empty.
 fn histories(scheme: &Scheme) -> Vec<ContactHistory> {
     let mut histories = Vec::new();
     for run in &scheme.runs {
-        if let Kind::Pairwise { by, room } = &run.kind {
-            let room_count = histories.len().max(room + 1);
+        if let Kind::Pairwise { by, slot } = &run.kind {
+            let room_count = histories.len().max(slot + 1);
             histories.resize_with(room_count, ContactHistory::default);
             if by.friction > 0.0 {
-                histories[*room] = ContactHistory::new(by.n_points(run.len));
+                histories[*slot] = ContactHistory::new(by.n_points(run.len));
             }
         }
     }

@@ -25,7 +25,7 @@ pub use drive::{Drive, DriveKind, Source};
 pub use gate::{FADE, GRID};
 pub(crate) use gate::{Gate, GateContinuation};
 pub(crate) use glide::Glide;
-pub use glide::Ties;
+pub use glide::MatParameters;
 pub use hand::{Hand, HandWay};
 pub use lead::Factors;
 pub(crate) use lead::{Lead, first, greatest, next_change};

@@ -93,8 +93,8 @@ def parse_position(position_text: str) -> Position:
     trimmed_word, word_start = stripped(position_text)
     if text_match := _BAR_BEAT.fullmatch(trimmed_word):
         bar_number = int(text_match[1])
-        piece_beat = time_of(text_match[2], text_match[3], word_start + text_match.start(2))
-        if bar_number < 1 or piece_beat < 1.0:
+        beat_in_bar = time_of(text_match[2], text_match[3], word_start + text_match.start(2))
+        if bar_number < 1 or beat_in_bar < 1.0:
             raise TextError(
                 "bars and beats count from 1; the beginning of the piece is 1|1",
                 offset=word_start,
@@ -102,7 +102,7 @@ def parse_position(position_text: str) -> Position:
             )
         return Position(
             bar=bar_number,
-            beat=piece_beat,
+            beat=beat_in_bar,
             plus=_plus(text_match, 4, word_start),
             text=trimmed_word,
         )
@@ -167,8 +167,8 @@ def parse_mark(position_text: str) -> Position:
 
 def _without_spaces(word: str) -> str | None:
     joined = "".join(word.split())
-    is_length = _ONLY_LENGTH.fullmatch(joined)
-    return joined if joined != word and is_length and is_length[3] in _UNITS else None
+    length_match = _ONLY_LENGTH.fullmatch(joined)
+    return joined if joined != word and length_match and length_match[3] in _UNITS else None
 
 
 def _with_bar(written_word: str) -> str | None:

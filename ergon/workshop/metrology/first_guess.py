@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from .gesture import Floats, Gesture
 
 _CUTOFF = 25.0  # Hz: below modes, above strokes
-_WIDER = 100.0  # Hz: where a delay of a tick is seen
+_BAND_HZ = 100.0  # Hz: where a delay of a tick is seen
 _EDGE = 0.2  # s at both ends, where a filter rings
-_MOVES = 2e-3  # m/s: faster, and dry friction has its level
+_SLIDING_SPEED = 2e-3  # [m/s] above which dry friction has its full level
 _DELAYS = np.arange(0.0, 8.5, 0.5)  # ticks
 
 
@@ -52,7 +52,9 @@ def _equations(
         delayed_forces = _derivatives(delayed_forces, gesture.rate, cutoff_hertz)[0]
         edge = int(_EDGE * gesture.rate)
         inside = slice(edge, -edge if x.size > 4 * edge else None)
-        equation_rows.append(np.stack([a, v, x, np.ones_like(x), np.tanh(v / _MOVES)], 1)[inside])
+        equation_rows.append(
+            np.stack([a, v, x, np.ones_like(x), np.tanh(v / _SLIDING_SPEED)], 1)[inside]
+        )
         equation_forces.append(delayed_forces[inside])
     matrix: Floats = np.concatenate(equation_rows)
     force_of_rows: Floats = np.concatenate(equation_forces)
@@ -68,7 +70,7 @@ def _solved(gestures: Sequence[Gesture], delay: float, cut: float) -> tuple[Floa
 
 def first_guess(gestures: Sequence[Gesture]) -> Floats:
     """The parameters of a key without modes, (10,)."""
-    delay = min(_DELAYS, key=lambda ticks: _solved(gestures, float(ticks), _WIDER)[1])
+    delay = min(_DELAYS, key=lambda ticks: _solved(gestures, float(ticks), _BAND_HZ)[1])
     mass, damping, stiffness, weight, dry = _solved(gestures, float(delay), _CUTOFF)[0]
     guessed_row = np.zeros(N_KEY)
     guessed_row[:3] = max(mass, 1e-3), max(stiffness, 0.0), max(damping, 1e-3)
@@ -83,7 +85,7 @@ def signed_mass(gesture: Gesture) -> tuple[float, float]:
 
     The certainty is the mass over its standard deviation.
     """
-    delay = min(_DELAYS, key=lambda ticks: _solved([gesture], float(ticks), _WIDER)[1])
+    delay = min(_DELAYS, key=lambda ticks: _solved([gesture], float(ticks), _BAND_HZ)[1])
     matrix, equation_forces = _equations([gesture], float(delay), _CUTOFF)
     column_norms = np.sqrt(np.mean(matrix**2, axis=0))
     column_norms[column_norms == 0] = 1.0

@@ -165,5 +165,5 @@ def _printed(audit: Audit) -> Audit:
 
 
 if __name__ == "__main__":
-    page, *named = module_arguments("PAGE", further_code="FAMILIES")
+    page, *named = module_arguments("PAGE", rest_metavar="FAMILIES")
     main(Path(page), [name for names in named for name in names.split(",")] or ALL)

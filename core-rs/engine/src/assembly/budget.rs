@@ -111,7 +111,7 @@ impl Budget {
         }
     }
 
-    /// Fewest contact substeps a frame, and for a radian of the contacts' own oscillation.
+    /// Fewest contact substeps in a frame, and in a radian of the oscillation of a contact, whichever is more.
     pub(crate) fn contact_substeps(&self) -> usize {
         match self {
             Self::Method(_) => 1,

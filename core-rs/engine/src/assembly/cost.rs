@@ -232,7 +232,7 @@ pub(crate) fn saved(slow: &Slow) -> f64 {
     module_cost - port_cost - slow_cost(slow)
 }
 
-/// Whether it costs more than stepping it module by module, by more than an island without anything in it.
+/// Whether the slow body costs more than stepping its modules, by more than an empty frame costs.
 pub(crate) fn is_dearer(slow: &Slow) -> bool {
     slow.is_linear() && saved(slow) < -Costs::nanoseconds("frame")
 }

@@ -63,7 +63,7 @@ pub(crate) fn cut(
     let mut wiring = Wiring::new(network, timeline);
     let (mut bodies_inside, mut modes_refusal) = (Vec::new(), None);
     let slow_bodies = slow_bodies(network, timeline).bodies;
-    // An island that was decided to have no bodies but its slow ones gets no others.
+    // If an earlier decision took out the slow bodies alone, no others are taken out.
     let may_cut = !matches!(choice, MethodChoice::Stepped);
     let has_bodies = may_cut && pin.is_none_or(|pin| pin.bodies.len() > slow_bodies.len());
     let prefers_meshes = match pin {

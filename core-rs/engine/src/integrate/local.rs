@@ -48,7 +48,7 @@ impl Mesh {
                             let run = &self.other_runs[run_index - self.springs.len()];
                             let elongation =
                                 |link_index: usize| x(run.b + link_index) - x(run.a + link_index) - run.rest;
-                            match run.tension(elongation) {
+                            match run.shared_stiffness(elongation) {
                                 0.0 => run.force(e - run.rest, de),
                                 tension => tension * (e - run.rest),
                             }
@@ -74,7 +74,7 @@ impl Mesh {
         }
         for run in &self.other_runs {
             let elongation = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
-            let tension = run.tension(elongation);
+            let tension = run.shared_stiffness(elongation);
             energy_sum += total(run.len, |i| {
                 run.potential(elongation(i)) + tension_energy(tension, elongation(i))
             });
@@ -103,7 +103,7 @@ impl Mesh {
         for run in &self.other_runs {
             let now = |i: usize| x[run.b + i] - x[run.a + i] - run.rest;
             let last = |i: usize| position_before(run.b + i) - position_before(run.a + i) - run.rest;
-            let tensions = [run.tension(now), run.tension(last)];
+            let tensions = [run.shared_stiffness(now), run.shared_stiffness(last)];
             energy_sum += total(run.len, |i| {
                 let [now, last] = [(now(i), tensions[0]), (last(i), tensions[1])]
                     .map(|(e, tension)| run.potential(e) + tension_energy(tension, e));

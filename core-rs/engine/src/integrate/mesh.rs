@@ -210,7 +210,7 @@ impl Mesh {
                 Kind::Lnl {
                     law,
                     rate,
-                    room: scratch_index,
+                    slot: scratch_index,
                 } => {
                     let law_buffers = &mut scratch.laws;
                     let (e, de) = (&mut law_buffers.e[..run.len], &mut law_buffers.v[..run.len]);

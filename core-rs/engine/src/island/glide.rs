@@ -5,7 +5,7 @@ use crate::cell::Ratios;
 use crate::maths::{asin, log, sin, sqrt};
 use crate::network::{Error, Network};
 use crate::scheme::Scheme;
-use crate::timeline::{Lead, Ties, Timeline, next_change};
+use crate::timeline::{Lead, MatParameters, Timeline, next_change};
 
 /// Largest sin²(θ/2) of an oscillation whose amplitude is corrected: nearer to the Nyquist frequency no recurrence
 /// holds an amplitude.
@@ -71,9 +71,9 @@ impl Led {
 
 /// The glides of an island.
 pub(super) fn glides(network: &Network, timeline: &Timeline, scheme: &Scheme) -> Result<Vec<Glide>, Error> {
-    let (mut glides, mut ties): (Vec<Glide>, Vec<Vec<Option<Ties>>>) = (Vec::new(), Vec::new());
+    let (mut glides, mut ties): (Vec<Glide>, Vec<Vec<Option<MatParameters>>>) = (Vec::new(), Vec::new());
     for glide in &timeline.glides {
-        let mut known_ties: Vec<Option<Ties>> = Vec::new();
+        let mut known_ties: Vec<Option<MatParameters>> = Vec::new();
         let mut points = Vec::with_capacity(glide.points.len());
         for &(frame, point_ties) in glide.points.iter() {
             let known_index = known_ties.iter().position(|other| *other == point_ties);
@@ -143,7 +143,10 @@ fn amplitude_correction(ratios: Ratios) -> f64 {
 }
 
 /// The glides that have parameters in a round: index of the glide, and its parameters.
-fn round_ties(ties: &[Vec<Option<Ties>>], round: usize) -> impl Iterator<Item = (usize, Option<Ties>)> + '_ {
+fn round_ties(
+    ties: &[Vec<Option<MatParameters>>],
+    round: usize,
+) -> impl Iterator<Item = (usize, Option<MatParameters>)> + '_ {
     let indexed_ties = ties.iter().enumerate();
     indexed_ties
         .filter_map(move |(glide_index, glide_ties)| glide_ties.get(round).map(|glide_ties| (glide_index, *glide_ties)))

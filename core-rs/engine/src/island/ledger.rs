@@ -125,8 +125,8 @@ fn yielded(run: &Run, body: &Body, i: usize) -> f64 {
 /// The stiffness that the links of a run share: now, and one step ago.
 fn tensions(run: &Run, body: &Body) -> [f64; 2] {
     [
-        run.tension(|i| elongation(run, body, i).0),
-        run.tension(|i| elongation(run, body, i).1),
+        run.shared_stiffness(|i| elongation(run, body, i).0),
+        run.shared_stiffness(|i| elongation(run, body, i).1),
     ]
 }
 
@@ -281,7 +281,7 @@ impl Ledger {
                 let k_and_z = [open_now * run.k, open_now * run.z];
                 let steps_before = if finer.is_some() { &body.d } else { &d };
                 let frame_steps: [&[f64]; 2] = [steps_before, &body.d];
-                let history = &body.histories[run.room()];
+                let history = &body.histories[run.slot()];
                 let pair_work = pair_energy::work(&pair_run, k_and_z, pair_room, body, frame_steps, history);
                 self.lost.add(pair_work.total - pair_work.elastic);
                 if finer.is_none() {

@@ -47,7 +47,7 @@ crate::archive::state!(PairGains {
 struct PairContacts {
     run: PairRun,
     first: usize,
-    room: usize,
+    slot: usize,
     k: f64,
     neighbours: Neighbours,
 }
@@ -63,7 +63,7 @@ impl PairGains {
             .clone()
             .map(|(scheme_run, run)| PairContacts {
                 first: scheme_run.first,
-                room: scheme_run.room(),
+                slot: scheme_run.slot(),
                 k: scheme_run.k,
                 neighbours: Neighbours::new(&run),
                 run,
@@ -151,7 +151,7 @@ impl PairGains {
     fn held(&self, body: &Body) -> f64 {
         let pair_contacts = self.pair_contacts.iter();
         let pair_energy =
-            |contacts: &PairContacts| held(&contacts.run, contacts.k, &body.histories[contacts.room], body);
+            |contacts: &PairContacts| held(&contacts.run, contacts.k, &body.histories[contacts.slot], body);
         pair_contacts.map(pair_energy).sum()
     }
 

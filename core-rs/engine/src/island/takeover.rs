@@ -175,7 +175,7 @@ impl Island {
                 self.state.set_memory(to, link_memory);
             }
             ItemTakeover::History(from, to) => {
-                let history_rooms = (old.script.scheme.room_of(from), self.script.scheme.room_of(to));
+                let history_rooms = (old.script.scheme.slot_of(from), self.script.scheme.slot_of(to));
                 if let (Some(from), Some(to)) = history_rooms {
                     let history = &mut self.state.matter.body.histories[to];
                     history.copy_from(&old.state.matter.body.histories[from]);

@@ -20,11 +20,11 @@ pub(crate) struct Laws {
     pub(crate) mesh_partition: Option<MeshPartition>,
     /// Scratch memory of each law, by its index           (n_laws)
     pub(crate) scratch: Vec<Scratch>,
-    /// Laws with constants that follow MATs, with the current values of the constants; indexed by `room`.
+    /// Laws with constants that follow MATs, with the current values of the constants; indexed by `slot`.
     pub(crate) followed: Vec<Law>,
     /// Scratch memory for links in space.
     pub(crate) space: SpaceScratch,
-    /// Neighbour lists of runs of contacts between all pairs; indexed by `room`.
+    /// Neighbour lists of runs of contacts between all pairs; indexed by `slot`.
     pub(crate) neighbours: Vec<Neighbours>,
     /// Scratch memory for compiled laws; shared by all   (largest)
     pub(crate) native: Vec<f64>,
@@ -70,19 +70,19 @@ impl Laws {
         };
         let mut longest: Vec<usize> = Vec::new();
         for run in &scheme.runs {
-            if let Kind::Lnl { law, room, .. } = &run.kind {
+            if let Kind::Lnl { law, slot, .. } = &run.kind {
                 // A law without runs in the scheme keeps its index and needs no memory.
-                let n_laws = laws.scratch.len().max(room + 1);
+                let n_laws = laws.scratch.len().max(slot + 1);
                 laws.scratch.resize_with(n_laws, Scratch::default);
                 longest.resize(n_laws, 0);
-                if longest[*room] == 0 {
-                    laws.scratch[*room] = law.scratch_alone();
+                if longest[*slot] == 0 {
+                    laws.scratch[*slot] = law.scratch_alone();
                     laws.native.resize(laws.native.len().max(law.room()), 0.0);
                 }
-                if longest[*room] <= 1 && run.len > 1 {
-                    laws.scratch[*room] = law.scratch();
+                if longest[*slot] <= 1 && run.len > 1 {
+                    laws.scratch[*slot] = law.scratch();
                 }
-                longest[*room] = longest[*room].max(run.len);
+                longest[*slot] = longest[*slot].max(run.len);
                 laws.e.resize(laws.e.len().max(run.len), 0.0);
             }
         }
@@ -91,28 +91,28 @@ impl Laws {
     }
 }
 
-/// Laws that follow MATs, one for every `room` in the scheme.
+/// Laws that follow MATs, one for every `slot` in the scheme.
 pub(crate) fn followed(scheme: &Scheme) -> Vec<Law> {
     let scheme_runs = scheme.runs.iter();
     let mut followed_laws: Vec<Law> = Vec::new();
     for run in scheme_runs {
-        if let Kind::Followed { by, room, .. } = &run.kind {
+        if let Kind::Followed { by, slot, .. } = &run.kind {
             // Entries below this index belong to runs that the scheme no longer has; they get any law.
-            followed_laws.resize(followed_laws.len().max(room + 1), by.law().clone());
-            followed_laws[*room] = by.law().clone();
+            followed_laws.resize(followed_laws.len().max(slot + 1), by.law().clone());
+            followed_laws[*slot] = by.law().clone();
         }
     }
     followed_laws
 }
 
-/// A neighbour list for every `room` in the scheme; those of runs that the scheme no longer has stay empty.
+/// A neighbour list for every `slot` in the scheme; those of runs that the scheme no longer has stay empty.
 fn neighbours(scheme: &Scheme) -> Vec<Neighbours> {
     let mut neighbour_rooms = Vec::new();
     for run in &scheme.runs {
-        if let (Kind::Pairwise { room, .. }, Some(pair_run)) = (&run.kind, run.pairwise()) {
-            let room_count = neighbour_rooms.len().max(room + 1);
+        if let (Kind::Pairwise { slot, .. }, Some(pair_run)) = (&run.kind, run.pairwise()) {
+            let room_count = neighbour_rooms.len().max(slot + 1);
             neighbour_rooms.resize_with(room_count, Neighbours::default);
-            neighbour_rooms[*room] = Neighbours::new(&pair_run);
+            neighbour_rooms[*slot] = Neighbours::new(&pair_run);
         }
     }
     neighbour_rooms

@@ -52,7 +52,7 @@ pub(super) fn forces(
         neighbours.push(pair_run, gated_k_and_z, (x, d), history);
         neighbours.add_forces(pair_run, pair_force, run_forces);
     } else {
-        let may_touch = neighbours.seen();
+        let may_touch = neighbours.may_touch_wall_mut();
         walls::push(
             pair_run,
             gated_k_and_z,

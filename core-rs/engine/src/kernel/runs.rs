@@ -33,8 +33,8 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
             space::forces(run, space_link, gates, body, &mut laws.space);
             continue;
         }
-        if let (Kind::Pairwise { room, .. }, Some(pairs)) = (&run.kind, run.pairwise()) {
-            let pair_memory = (*room, &mut laws.neighbours[*room]);
+        if let (Kind::Pairwise { slot, .. }, Some(pairs)) = (&run.kind, run.pairwise()) {
+            let pair_memory = (*slot, &mut laws.neighbours[*slot]);
             pairwise::forces(run, &pairs, gates, body, pair_memory);
             continue;
         }
@@ -66,8 +66,8 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
                     }
                 }
             }
-            Kind::Followed { by, rate, room } => {
-                let law = &mut laws.followed[*room];
+            Kind::Followed { by, rate, slot } => {
+                let law = &mut laws.followed[*slot];
                 by.set(law, |mat| body.x[mat]);
                 let Ends { xa, xb, da, db } = run_ends;
                 for i in 0..run.len {
@@ -76,7 +76,7 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
             }
             // Dry friction is solved later, with the exact contacts; links in space are already computed above.
             Kind::Dry { .. } | Kind::Space(_) | Kind::Pairwise { .. } => link_force.fill(0.0),
-            Kind::Lnl { law, rate, room } => match law.hardening_spring() {
+            Kind::Lnl { law, rate, slot } => match law.hardening_spring() {
                 Some(hardening_law) => hardening(hardening_law, *rate, run.rest, &run_ends, link_force),
                 None => {
                     let Ends { xa, xb, da, db } = run_ends;
@@ -85,7 +85,7 @@ pub(crate) fn links(scheme: &Scheme, gates: &[f64], body: &mut Body, laws: &mut 
                         e[i] = xb[i] - xa[i] - run.rest;
                         v[i] = (db[i] - da[i]) * rate;
                     }
-                    law.eval_in(e, v, link_force, &mut laws.scratch[*room], &mut laws.native);
+                    law.eval_in(e, v, link_force, &mut laws.scratch[*slot], &mut laws.native);
                 }
             },
         }

@@ -18,7 +18,7 @@ const SPAN_FRAMES: usize = 128;
 const TENTHS: usize = 4;
 /// Quieter blocks do not count [LUFS].
 const ABSOLUTE_GATE: f64 = -70.0;
-/// Ratio of the mean energy of the blocks that count: quieter ones do not count after all.
+/// The relative gate, -10 LU: blocks below this share of the mean energy are left out.
 const RELATIVE_GATE: f64 = 0.1;
 /// Loudness of the energy 1 [LUFS].
 const UNIT_LOUDNESS: f64 = -0.691;

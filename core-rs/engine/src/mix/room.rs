@@ -165,7 +165,7 @@ impl Room {
         if self.is_silent || n_channels == 0 {
             return;
         }
-        // What leaves a line in a block has come in before it.
+        // No block is longer than the shortest line, so its outputs depend on earlier blocks alone.
         let shortest = self.delays.iter().map(Delay::length).min();
         let block_length = shortest.unwrap_or(1).clamp(1, BLOCK);
         let mixed = mixed.chunks_mut(block_length * n_channels);
@@ -201,7 +201,7 @@ impl Room {
     }
 }
 
-/// What passes a room in some frames.
+/// The signals of one block of frames.
 struct Block {
     /// Input of every line.
     input: [f64; BLOCK],

@@ -27,7 +27,7 @@ pub(super) fn scheme(network: &Network, rate: Rate, ties: Ties) -> Result<Scheme
     Ok(scheme)
 }
 
-/// What does not depend on the rate: MATs that do not move, no links.
+/// A scheme with what does not depend on the rate: MATs that do not move, no links.
 fn without_numbers(network: &Network, rate: Rate) -> Scheme {
     let mat_count = network.n_mat();
     let mats = network.mats();
@@ -152,7 +152,7 @@ struct Scratch {
 }
 
 impl Scratch {
-    /// The kind of a link by its numbers for a step.
+    /// The kind of a link, with its coefficients for one step.
     fn kind(&mut self, kind: &LinkKind, per_step: f64) -> Kind {
         match kind {
             LinkKind::Ref => Kind::Ref,
@@ -160,17 +160,17 @@ impl Scratch {
             LinkKind::Space(space) => Kind::Space(space.resampled(per_step)),
             LinkKind::Pairwise(pairs) => Kind::Pairwise {
                 by: pairs.clone(),
-                room: next(&mut self.n_pairwise),
+                slot: next(&mut self.n_pairwise),
             },
             LinkKind::Lnl(law) => Kind::Lnl {
                 law: law.clone(),
                 rate: per_step,
-                room: self.room_of(law),
+                slot: self.slot_of(law),
             },
             LinkKind::Followed(followed) => Kind::Followed {
                 by: followed.clone(),
                 rate: per_step,
-                room: next(&mut self.n_followed),
+                slot: next(&mut self.n_followed),
             },
             LinkKind::Bristle(bristle) => Kind::Bristle {
                 by: *bristle,
@@ -184,7 +184,7 @@ impl Scratch {
     }
 
     /// Runs that share a law share its scratch memory.
-    fn room_of(&mut self, law: &Arc<Law>) -> usize {
+    fn slot_of(&mut self, law: &Arc<Law>) -> usize {
         let known_index = self.laws.iter().position(|known_law| Arc::ptr_eq(known_law, law));
         known_index.unwrap_or_else(|| {
             self.laws.push(law.clone());
@@ -193,7 +193,7 @@ impl Scratch {
     }
 }
 
-/// A number, counted up.
+/// The count before it is increased by one.
 fn next(count: &mut usize) -> usize {
     *count += 1;
     *count - 1

@@ -112,7 +112,7 @@ impl Run {
 
     /// The stiffness that all links of the run share [N/m], computed from their elongations; 0 if each link has its
     /// own.
-    pub(crate) fn tension(&self, e: impl Fn(usize) -> f64) -> f64 {
+    pub(crate) fn shared_stiffness(&self, e: impl Fn(usize) -> f64) -> f64 {
         match &self.kind {
             Kind::Lnl { law, .. } if law.is_shared() => law.tension((0..self.len).map(|i| e(i) * e(i)).sum()),
             _ => 0.0,

@@ -7,7 +7,7 @@ use super::lead::slower_points;
 use crate::network::{Error, MatKind, Network};
 
 /// K [N/m], Z [N·s/m] and M [kg], or algorithmic values.
-pub type Ties = [f64; 3];
+pub type MatParameters = [f64; 3];
 
 /// The parameters of a MAT as a function of the frame; between points, the coefficients of its scheme are linear.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,7 +15,7 @@ pub(crate) struct Glide {
     pub(crate) mat: usize,
     /// Frames on the grid, rising, and the parameters there; `None` stands for those of the network. Parameters are
     /// constant before the first point and after the last.
-    pub(crate) points: Arc<[(u64, Option<Ties>)]>,
+    pub(crate) points: Arc<[(u64, Option<MatParameters>)]>,
 }
 
 impl Glide {
@@ -56,7 +56,13 @@ impl Timeline {
     ///
     /// # Errors
     /// If the MAT does not move or glides already, a number is out of range, or `stop` does not come after `start`.
-    pub fn glide(&mut self, network: &Network, mat: usize, ties: Ties, (start, stop): (f64, f64)) -> Result<(), Error> {
+    pub fn glide(
+        &mut self,
+        network: &Network,
+        mat: usize,
+        ties: MatParameters,
+        (start, stop): (f64, f64),
+    ) -> Result<(), Error> {
         let end_points = [(start, Some(ties)), (stop, None)];
         self.glide_along(network, mat, &end_points)?;
         Ok(())
@@ -67,7 +73,7 @@ impl Timeline {
     ///
     /// # Errors
     /// If the MAT does not move or glides already, there are no points, or their instants or numbers are out of range.
-    pub fn path(&mut self, network: &Network, mat: usize, points: &[(f64, Ties)]) -> Result<(), Error> {
+    pub fn path(&mut self, network: &Network, mat: usize, points: &[(f64, MatParameters)]) -> Result<(), Error> {
         let points: Vec<_> = points.iter().map(|&(at, ties)| (at, Some(ties))).collect();
         let glide_count = self.glide_along(network, mat, &points)?;
         debug_assert!(glide_count > 0);
@@ -108,7 +114,12 @@ impl Timeline {
         Ok(())
     }
 
-    fn glide_along(&mut self, network: &Network, mat: usize, points: &[(f64, Option<Ties>)]) -> Result<usize, Error> {
+    fn glide_along(
+        &mut self,
+        network: &Network,
+        mat: usize,
+        points: &[(f64, Option<MatParameters>)],
+    ) -> Result<usize, Error> {
         let refusal = |message: &str| {
             Err(Error::Refused {
                 module: network.mat_name(mat),
@@ -122,7 +133,7 @@ impl Timeline {
             return refusal("it glides already");
         }
         let is_nonnegative = |x: f64| x.is_finite() && x >= 0.0;
-        let is_tie_valid = |&[k, z, m]: &Ties| [k, z, m].into_iter().all(is_nonnegative) && m > 0.0;
+        let is_tie_valid = |&[k, z, m]: &MatParameters| [k, z, m].into_iter().all(is_nonnegative) && m > 0.0;
         if !points.iter().filter_map(|(_, ties)| ties.as_ref()).all(is_tie_valid) {
             return refusal("a glide needs K and Z of 0 or more, and M above 0");
         }
@@ -133,7 +144,7 @@ impl Timeline {
             return refusal("the points of a glide must rise in time");
         }
         let is_plain_glide = points.len() == 2 && points[1].1.is_none();
-        let mut grid_points: Vec<(u64, Option<Ties>)> = Vec::with_capacity(points.len());
+        let mut grid_points: Vec<(u64, Option<MatParameters>)> = Vec::with_capacity(points.len());
         for &(instant, ties) in points {
             let grid_frame = self.on_grid(instant);
             if grid_points.last().is_some_and(|&(last, _)| last == grid_frame) {

@@ -37,22 +37,22 @@ def _orchestra(bank: Bank) -> Iterator[str]:
     yield f"nchnls = {len(bank.outputs)}"
     yield "0dbfs = 1"
     yield ""
-    for table_number, input_name in enumerate(bank.struck, 1):
-        yield f"gaPush{table_number} init 0  ; [N s] on {_plain(input_name)} in this sample"
+    for input_number, input_name in enumerate(bank.struck, 1):
+        yield f"gaPush{input_number} init 0  ; [N s] on {_plain(input_name)} in this sample"
     outputs_with_scales = zip(bank.outputs, bank.full, strict=True)
-    for table_number, ((input_name, derivative_order), full) in enumerate(outputs_with_scales, 1):
-        yield f"gaOut{table_number} init 0  ; [m] {_plain(input_name)}"
-        yield f"giFull{table_number} = {full!r}  ; [{UNITS[derivative_order]}] of it is full scale"
+    for output_number, ((output_name, derivative_order), full) in enumerate(outputs_with_scales, 1):
+        yield f"gaOut{output_number} init 0  ; [m] {_plain(output_name)}"
+        yield f"giFull{output_number} = {full!r}  ; [{UNITS[derivative_order]}] of it is full scale"
     yield ""
-    for table_number, input_name in enumerate(bank.struck, 1):
-        yield f"instr {table_number}  ; a strike on {_plain(input_name)}"
+    for input_number, input_name in enumerate(bank.struck, 1):
+        yield f"instr {input_number}  ; a strike on {_plain(input_name)}"
         yield "  aStrike mpulse p4, 0  ; p4 [N s] impulse"
-        yield f"  gaPush{table_number} += aStrike"
+        yield f"  gaPush{input_number} += aStrike"
         yield "endin"
         yield ""
-    for table_number, path in enumerate(bank.ways, modes_from):
-        struck, output_index = bank.struck[path.struck], bank.outputs[path.output][0]
-        yield f"instr {table_number}  ; a mode, from {_plain(struck)} to {_plain(output_index)}"
+    for instrument_number, path in enumerate(bank.ways, modes_from):
+        struck, output_name = bank.struck[path.struck], bank.outputs[path.output][0]
+        yield f"instr {instrument_number}  ; a mode, from {_plain(struck)} to {_plain(output_name)}"
         yield "  iFrequency = p4  ; [Hz] damped"
         yield "  iDecay = p5      ; [1/s]; T60 = 6.9078/p5 s"
         yield "  iAmplitude = p6  ; [m/(N s)]"
@@ -67,8 +67,8 @@ def _orchestra(bank: Bank) -> Iterator[str]:
         yield "endin"
         yield ""
     yield f"instr {first_output}  ; what is heard"
-    for table_number, (_, derivative_order) in enumerate(bank.outputs, 1):
-        yield from _differentiated(table_number, derivative_order)
+    for output_number, (_, derivative_order) in enumerate(bank.outputs, 1):
+        yield from _differentiated(output_number, derivative_order)
     outs = (f"aHeard{number}/giFull{number}" for number in range(1, len(bank.outputs) + 1))
     yield f"  out {', '.join(outs)}"
     names = [f"gaPush{number}" for number in range(1, len(bank.struck) + 1)]
@@ -110,18 +110,20 @@ def _score(bank: Bank) -> Iterator[str]:
     modes_from, output = _numbers(bank)
     yield "<CsScore>"
     yield f"i {output} 0 {score_seconds}"
-    for path_number, path in enumerate(bank.ways, modes_from):
-        struck, output_index = bank.struck[path.struck], bank.outputs[path.output][0]
-        yield f"; modes, from {_plain(struck)} to {_plain(output_index)}"
+    for instrument_number, path in enumerate(bank.ways, modes_from):
+        struck, output_name = bank.struck[path.struck], bank.outputs[path.output][0]
+        yield f"; modes, from {_plain(struck)} to {_plain(output_name)}"
         yield "; instr begins lasts frequency[Hz] decay[1/s] amplitude phase[rad]"
         for row in path.rows:
-            yield f"i {path_number} 0 {score_seconds} {' '.join(map(repr, row))}"
-    for path_number, (name, strikes) in enumerate(zip(bank.struck, bank.strikes, strict=True), 1):
+            yield f"i {instrument_number} 0 {score_seconds} {' '.join(map(repr, row))}"
+    for instrument_number, (name, strikes) in enumerate(
+        zip(bank.struck, bank.strikes, strict=True), 1
+    ):
         yield f"; strikes on {_plain(name)}"
         yield "; instr at lasts impulse[N s]"
         for instant, impulse in strikes:
             begins = round(instant * bank.rate) / bank.rate
-            yield f"i {path_number} {begins!r} {1.0 / bank.rate!r} {impulse!r}"
+            yield f"i {instrument_number} {begins!r} {1.0 / bank.rate!r} {impulse!r}"
     yield "e"
     yield "</CsScore>"
 

@@ -18,7 +18,7 @@ use crate::island::slow::{RunningSlow, Slow};
 use crate::scheme::{Kind, Run, Scheme};
 use crate::state::Body;
 
-/// Steps of work that a frame counts for each number of the state.
+/// Work that a frame adds to the counter of interruptions, for each number of the state.
 const FRAME_STEPS: usize = 4;
 
 /// How much an island grows from kick to kick.

@@ -35,8 +35,8 @@ const FORCE_TOLERANCE: f64 = 1e-9;
 /// frames, but unequal steps lose the cancellation of errors that equal steps have (a cubic spring: -72 dB at 1e-3,
 /// -104 dB with whole frames alone).
 const DEVIATION_MAX: f64 = 1e-6;
-/// More parts than these come with a smaller share, by the cube of their number: else a trial that asks for them would
-/// compute the same parts as one that does not, and see no error.
+/// Above this number of parts `DEVIATION_MAX` shrinks with the cube of the number. Otherwise a finer trial would divide
+/// no frame further, and find no error.
 const PARTS_PLAIN: usize = 32;
 /// Newton's method has failed if forces still change by more than this share of the largest.
 const DIVERGED_CHANGE: f64 = 1e-3;

@@ -47,15 +47,15 @@ impl ContactOrder {
         }
     }
 
-    /// Of this order, if there is one.
+    /// The scheme of this order of accuracy; `None` unless that is 2 or 4.
     pub(crate) fn from_number(number: u32) -> Option<Self> {
         [Self::Second, Self::Fourth]
             .into_iter()
             .find(|order| order.number() == number)
     }
 
-    /// The stages of a step, and the least number of steps a frame, where order 4 takes at least `steps`, and as many
-    /// for a radian.
+    /// The stages of a step, and the least number of steps in a frame. Order 4 takes at least `steps` in a frame, and as
+    /// many in a radian of the quickest contact.
     pub(super) fn stages(self, steps: f64, rates: Rates) -> (Stages, f64) {
         match self {
             Self::Second if sqrt(rates.squares) <= SLOW_RATE => (&STRANG, 1.0),

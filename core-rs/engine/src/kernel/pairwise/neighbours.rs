@@ -70,7 +70,7 @@ impl Neighbours {
         }
     }
 
-    pub(super) fn seen(&mut self) -> &mut [bool] {
+    pub(super) fn may_touch_wall_mut(&mut self) -> &mut [bool] {
         &mut self.may_touch_wall
     }
 

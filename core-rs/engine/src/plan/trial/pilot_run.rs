@@ -16,9 +16,9 @@ use crate::waveform::is_still;
 /// Frames of a block, after each of which the modes are looked at.
 pub(in crate::plan) const BLOCK: usize = 64;
 /// Frames that it takes to see whether an island rests from its beginning on.
-const REST_BLOCK_FRAMES: usize = 1024;
+const REST_PROBE_FRAMES: usize = 1024;
 /// Frames of a rest that are played at once.
-const REST_BLOCK: usize = 1 << 14;
+const REST_SKIP_FRAMES: usize = 1 << 14;
 
 /// The frames that trials compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,7 +58,7 @@ pub(in crate::plan) struct PilotRun {
     pub(in crate::plan) created: Created,
 }
 
-/// The most energy that one link has created, as a share of what was there.
+/// The largest gain of energy by the errors of one link, relative to the energy of the island.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::plan) struct Created {
     pub(in crate::plan) contacts: f64,
@@ -119,16 +119,16 @@ pub(in crate::plan) fn is_affordable(island_plan: &IslandPlan, n_frames: usize) 
 ///
 /// Those of [`play`].
 pub(in crate::plan) fn frames_at_rest(island_plan: &IslandPlan, allowance: &Allowance) -> Result<usize, TrialError> {
-    if !is_affordable(island_plan, REST_BLOCK_FRAMES) {
+    if !is_affordable(island_plan, REST_PROBE_FRAMES) {
         return Ok(0);
     }
     let mut meter = Meter::new(island_plan, allowance);
     let mut island = island(island_plan, island_plan.contact_substeps)?;
-    let mut rest_sound = vec![0.0; REST_BLOCK_FRAMES * island.n_out()];
+    let mut rest_sound = vec![0.0; REST_PROBE_FRAMES * island.n_out()];
     // Faults are muted: a pilot does not report them.
-    let _ = island.process(&mut rest_sound, REST_BLOCK_FRAMES, &mut ThreadTeam::alone());
+    let _ = island.process(&mut rest_sound, REST_PROBE_FRAMES, &mut ThreadTeam::alone());
     meter.draw(&island, island.computed() as usize)?;
-    // What comes to rest is heard until then.
+    // An island that comes to rest later sounds before it does.
     if !is_still(&rest_sound, island.n_out()) {
         return Ok(0);
     }
@@ -261,9 +261,9 @@ impl<'a> Meter<'a> {
     /// Plays the rest before an excerpt; returns the work that the island has counted by then [ns]. Steps that it skips
     /// are counted, but cost nothing.
     fn play_rest(&mut self, island: &mut Island, n_frames: usize) -> Result<[f64; 2], TrialError> {
-        let mut rest_sound = vec![0.0; REST_BLOCK.min(n_frames) * island.n_out()];
-        for first_frame in (0..n_frames).step_by(REST_BLOCK) {
-            let block_frames = REST_BLOCK.min(n_frames - first_frame);
+        let mut rest_sound = vec![0.0; REST_SKIP_FRAMES.min(n_frames) * island.n_out()];
+        for first_frame in (0..n_frames).step_by(REST_SKIP_FRAMES) {
+            let block_frames = REST_SKIP_FRAMES.min(n_frames - first_frame);
             let computed_before = island.computed();
             let _ = island.process(
                 &mut rest_sound[..block_frames * island.n_out()],
