@@ -254,10 +254,10 @@ def _layout(path: Path) -> Content | None:
 
 def _yaml(path: Path) -> Content | None:
     """Loudspeakers, of ergon or of the EBU ADM renderer; None for a score."""
-    file_bytes = _read_bytes(path)
-    if file_bytes[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        file_bytes = file_bytes.decode("utf-16", "replace").encode()
-    if not _LAYOUT.search(file_bytes.removeprefix(b"\xef\xbb\xbf")):
+    from ergon.common.yaml_text import decode_yaml
+
+    file_bytes = decode_yaml(_read_bytes(path), "replace").encode()
+    if not _LAYOUT.search(file_bytes):
         return None
     if not _ERGON_LINE.search(file_bytes):
         return _layout(path)

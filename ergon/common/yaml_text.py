@@ -27,15 +27,23 @@ class _Loader(yaml.BaseLoader):
         return super().construct_mapping(node, deep)
 
 
+def decode_yaml(data: bytes, errors: str = "strict") -> str:
+    """The text of a file of YAML in UTF-8, or in UTF-16 if a mark says so.
+
+    `errors` is that of `bytes.decode`. Raises UnicodeDecodeError if that is `strict`.
+    """
+    has_wide_mark = data[:2] in (b"\xff\xfe", b"\xfe\xff")
+    return data.decode("utf-16" if has_wide_mark else "utf-8-sig", errors)
+
+
 def parse_yaml(data: bytes, events_max: int) -> Any:
     """A document of lists, tables and texts. Numbers stay texts: those of YAML 1.1 may take hours
     (1:1:1:…) and its 030 is 24, where the EBU's reader has 30.
     """
     try:
-        wide = data[:2] in (b"\xff\xfe", b"\xfe\xff")
-        layout_text = data.decode("utf-16" if wide else "utf-8-sig")
+        yaml_text = decode_yaml(data)
         depth = 0
-        for n_events, yaml_event in enumerate(yaml.parse(layout_text, Loader=yaml.BaseLoader)):
+        for n_events, yaml_event in enumerate(yaml.parse(yaml_text, Loader=yaml.BaseLoader)):
             if isinstance(yaml_event, yaml.AliasEvent):
                 raise YamlError("its YAML has aliases, which are not read")
             depth += isinstance(yaml_event, yaml.CollectionStartEvent)
@@ -44,7 +52,7 @@ def parse_yaml(data: bytes, events_max: int) -> Any:
                 raise YamlError("its YAML is nested too deeply")
             if n_events > events_max:
                 raise YamlError(f"its YAML has more than {events_max:,} values")
-        return yaml.load(layout_text, Loader=_Loader)
+        return yaml.load(yaml_text, Loader=_Loader)
     except (UnicodeDecodeError, ValueError, yaml.YAMLError) as error:
         if isinstance(error, YamlError):
             raise

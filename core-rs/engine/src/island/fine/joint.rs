@@ -150,11 +150,14 @@ pub(super) fn joint(
     let cell = cell(mat, network, scheme).filter(|_| port.is_none() && !is_held);
     let instants = basis.instants.iter();
     let path_weights = match &cell {
-        Some(cell) => instants.clone().map(|&at| cell.interpolation(at, rate)).collect(),
-        None => instants.clone().map(|&at| (1.0 - at, at)).collect(),
+        Some(cell) => instants
+            .clone()
+            .map(|&instant| cell.interpolation(instant, rate))
+            .collect(),
+        None => instants.clone().map(|&instant| (1.0 - instant, instant)).collect(),
     };
     let has_spring = cell.is_some() && network.mats().kind[mat] == MatKind::Cel;
-    let split_impulse = |cell: &Cell| instants.map(|&at| cell.split(1.0, at, rate)).collect();
+    let split_impulse = |cell: &Cell| instants.map(|&instant| cell.split(1.0, instant, rate)).collect();
     Joint {
         mat,
         port,

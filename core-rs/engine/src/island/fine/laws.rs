@@ -246,7 +246,8 @@ impl Fine {
         let mut deviation_max = 0.0_f64;
         for law_index in 0..n_laws {
             let state = &self.laws[law_index];
-            let [mut e, mut v] = state.path_motion(&laws.end);
+            let [motion, mut v] = [0, 1].map(|order| dot(&laws.end[order], &state.path));
+            let mut e = state.origin + motion;
             for (other, [by_x, by_v]) in self.laws.iter().zip(&laws.moves_end[law_index * n_laws..]) {
                 e += dot(by_x, &other.force);
                 v += dot(by_v, &other.force);
@@ -315,8 +316,9 @@ impl Fine {
             let [a, b] = [a, b].map(|end| &self.free_paths[end * n_instants..(end + 1) * n_instants]);
             let law_now = self.law(script, laws, gates, (law_index, 0.0));
             let state = &mut self.laws[law_index];
+            state.origin = b[0] - a[0] - rest_length;
             for ((x, a), b) in state.path.iter_mut().zip(a).zip(b) {
-                *x = b - a - rest_length;
+                *x = b - a - rest_length - state.origin;
             }
             let [e, v] = state.see(&laws.divisions[0], 0);
             state.start = [e, v * law_now.rate()];

@@ -43,7 +43,10 @@ pub(in crate::island::fine) struct LawState {
     pub(super) start_force: f64,
     /// The largest_force force of the last frames [N].
     pub(super) largest_force: f64,
-    /// Elongation at the instants of the frame if the forces of the parts to come are zero [m]   (n)
+    /// Elongation at the first instant of the frame, from which `path` is counted: a path that stands still has no rate,
+    /// to the last bit [m].
+    pub(super) origin: f64,
+    /// Elongation at the instants of the frame, less `origin`, if the forces of the parts to come are zero [m]   (n)
     pub(super) path: Vec<f64>,
     pub(super) scratch: TangentScratch,
 }
@@ -166,32 +169,18 @@ impl LawState {
     }
 
     /// Compute elongations and rates at the Gauss points of a part from the path; returns those at the start of the
-    /// frame. Motion is counted from the first instant, so that a path that stands still has no rate, to the last bit.
+    /// frame.
     pub(super) fn see(&mut self, division: &Division, part: usize) -> [f64; 2] {
-        let (n_instants, first) = (self.path.len(), self.path[0]);
+        let n_instants = self.path.len();
         let mut motion_seen: Motion = [0.0; 2 * STAGES + 2];
         for (x, weights) in self.path.iter().zip(&division.motion[part * n_instants..]) {
             for (motion_seen, weight) in motion_seen.iter_mut().zip(weights) {
-                *motion_seen += (x - first) * weight;
+                *motion_seen += x * weight;
             }
         }
         let [x1, x2, x3, v1, v2, v3, start_elongation, start_rate] = motion_seen;
-        (self.elongation, self.rate) = ([x1, x2, x3].map(|x| first + x), [v1, v2, v3]);
-        [first + start_elongation, start_rate]
-    }
-
-    /// A value and a slope of the path, from their weights of its instants   (n each). A path that stands still has no
-    /// slope, to the last bit.
-    pub(super) fn path_motion(&self, [value_weights, slope_weights]: &[Vec<f64>; 2]) -> [f64; 2] {
-        let first = self.path[0];
-        let motion = |weights: &[f64]| -> f64 {
-            self.path
-                .iter()
-                .zip(weights)
-                .map(|(x, weight)| (x - first) * weight)
-                .sum()
-        };
-        [first + motion(value_weights), motion(slope_weights)]
+        (self.elongation, self.rate) = ([x1, x2, x3].map(|x| self.origin + x), [v1, v2, v3]);
+        [self.origin + start_elongation, start_rate]
     }
 
     /// Extrapolate the forces of the last parts to the next.

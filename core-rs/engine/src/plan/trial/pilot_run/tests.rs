@@ -16,15 +16,27 @@ use crate::units::Rate;
 /// When the key begins to move [s].
 const BEGINS: f64 = 0.3;
 
+fn position_term(first: usize) -> Term {
+    Term::Position {
+        first,
+        len: 1,
+        weight: 1.0,
+    }
+}
+
+/// The first island of the plan of a network.
+fn only_island(network: Network, timeline: &Timeline, budget: &Budget) -> IslandPlan {
+    let plan = Plan::new(Arc::new(network), timeline, budget, None).unwrap();
+    let Some(Unit::IslandPlan(island_plan)) = plan.units.into_iter().next() else {
+        panic!("no island");
+    };
+    *island_plan
+}
+
 /// A key beside a plate, which is also struck later; `rests`: the key begins where its spring holds it.
 fn plan(budget: &Budget, rests: bool) -> Plan {
     let mut network = Network::new();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
-    let position_term = |first| Term::Position {
-        first,
-        len: 1,
-        weight: 1.0,
-    };
     network.part("plate", None);
     let topology = plate(Shape::Square, 3, Rim::Fixed).unwrap();
     network.mesh("p", &topology, 0.1, 90.0, Some(0.3), 0.0).unwrap();
@@ -57,21 +69,12 @@ fn string_plan(struck_at: f64) -> IslandPlan {
     network.mesh("s", &topology, 5e-3, 900.0, Some(1.0), 0.0).unwrap();
     let hammer = network.mas("h", 5e-3, -1e-3, 0.0).unwrap();
     network.but("felt", hammer, 7, But::plain(2e5, 0.2, 0.0)).unwrap();
-    let output_term = Term::Position {
-        first: 12,
-        len: 1,
-        weight: 1.0,
-    };
-    network.listen("o", vec![output_term]).unwrap();
+    network.listen("o", vec![position_term(12)]).unwrap();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     timeline
         .strike(&network, hammer, struck_at, 1e-2, Some(0.0), 0)
         .unwrap();
-    let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-60.0), None).unwrap();
-    let Some(Unit::IslandPlan(island_plan)) = plan.units.into_iter().next() else {
-        panic!("no island");
-    };
-    *island_plan
+    only_island(network, &timeline, &Budget::Error(-60.0))
 }
 
 #[test]
@@ -167,18 +170,10 @@ fn friction_in_a_ring_takes_few_rounds() {
             .dry(&format!("d{index}"), ring_mats[a], ring_mats[b], dry_friction)
             .unwrap();
     }
-    let output_term = Term::Position {
-        first: ring_mats[0],
-        len: 1,
-        weight: 1.0,
-    };
-    network.listen("o", vec![output_term]).unwrap();
+    network.listen("o", vec![position_term(ring_mats[0])]).unwrap();
     let timeline = Timeline::new(Rate::new(44_100.0).unwrap());
-    let ring_plan = Plan::new(Arc::new(network), &timeline, &Budget::Method(Method::Ca), None).unwrap();
-    let Some(Unit::IslandPlan(island_plan)) = ring_plan.units.first() else {
-        panic!("no island");
-    };
-    let mut island = island(island_plan, island_plan.contact_substeps).unwrap();
+    let island_plan = only_island(network, &timeline, &Budget::Method(Method::Ca));
+    let mut island = island(&island_plan, island_plan.contact_substeps).unwrap();
     let n_frames = 13_230;
     let mut ring_sound = vec![0.0; n_frames];
     island
@@ -200,19 +195,10 @@ fn law_plan(struck_at: f64) -> IslandPlan {
     };
     let law = Arc::new(Law::new(&law_text).unwrap());
     network.lnl("law", ground, mass, law, 0.0).unwrap();
-    let output_term = Term::Position {
-        first: mass,
-        len: 1,
-        weight: 1.0,
-    };
-    network.listen("o", vec![output_term]).unwrap();
+    network.listen("o", vec![position_term(mass)]).unwrap();
     let mut timeline = Timeline::new(Rate::new(44_100.0).unwrap());
     timeline.strike(&network, mass, struck_at, 1e-2, Some(0.0), 0).unwrap();
-    let plan = Plan::new(Arc::new(network), &timeline, &Budget::Error(-60.0), None).unwrap();
-    let Some(Unit::IslandPlan(island_plan)) = plan.units.into_iter().next() else {
-        panic!("no island");
-    };
-    *island_plan
+    only_island(network, &timeline, &Budget::Error(-60.0))
 }
 
 #[test]
