@@ -61,8 +61,8 @@ class Playing:
         return len(trace) > 0 and bool(np.isnan(trace[-1, 0]))
 
     def highest(self, player: str) -> float:
-        """The highest place of the pointer so far [m]."""
-        return float(np.nanmax(self.lead(player).trace()[:, 1]))
+        """The highest place of the pointer so far [m]; minus infinity before the first."""
+        return float(np.nanmax(self.lead(player).trace()[:, 1], initial=-np.inf))
 
     def key(self, hand: int) -> float:
         return self.performance.status().hands[hand].position
