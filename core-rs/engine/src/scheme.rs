@@ -7,13 +7,15 @@ mod certify;
 mod discretise;
 mod equal_ranges;
 mod link;
+mod lone_links;
 mod spring;
 mod taps;
 
 pub use certify::{Certificate, Means, StabilityGuarantee};
 pub(crate) use certify::{LargestEigenvalue, Refusal, largest_eigenvalue, largest_eigenvalue_up_to};
 pub(crate) use link::tension_energy;
-pub(crate) use spring::{ForceEnds, Spring};
+pub(crate) use lone_links::{LinkGroup, LoneLinks, PulledEnds};
+pub(crate) use spring::{ForceEnds, Spring, Springs};
 pub(crate) use taps::Tap;
 
 use std::sync::Arc;
@@ -222,7 +224,7 @@ pub struct Scheme {
     /// Masses that follow MATs; `w` holds the value of the lightest mass of each.
     pub(crate) following_masses: Vec<FollowingMass>,
     /// Springs whose individual forces are not needed: computed in one pass.
-    pub(crate) fused: Vec<Spring>,
+    pub(crate) fused: Springs,
     /// Runs whose forces are functions of the current state, in order of declaration.
     pub(crate) runs: Vec<Run>,
     /// Exact contacts, followed by dry friction: solved after all other forces are known.
@@ -423,7 +425,8 @@ impl Scheme {
                 run.gate.is_none() && run.spring().is_some() && !run_links.into_iter().any(&is_told)
             });
         self.runs = other_runs;
-        self.fused.extend(fused_runs.iter().filter_map(Run::spring));
+        let added_springs = fused_runs.iter().filter_map(Run::spring);
+        self.fused = Springs::new(self.fused.iter().copied().chain(added_springs).collect());
     }
 
     /// Remove and return the contacts and laws that are computed in substeps, laws only if there are few; if there are

@@ -126,14 +126,9 @@ impl Stepper for Bm4 {
         let [k_factor, z_factor] = lead.factors(n, part);
         // The mesh is not shared since `unshare`: nothing is copied.
         let unshared_mesh = Arc::make_mut(&mut self.mesh);
-        for ((spring, first), [k, z]) in unshared_mesh
-            .springs
-            .iter_mut()
-            .zip(&unshared_mesh.first_links)
-            .zip(&*self.written)
-        {
+        for (run, (first, [k, z])) in unshared_mesh.first_links.iter().zip(&*self.written).enumerate() {
             if lead.links().contains(first) {
-                (spring.k, spring.z) = (k * k_factor, z * z_factor);
+                unshared_mesh.springs.set_k_and_z(run, [k * k_factor, z * z_factor]);
             }
         }
     }

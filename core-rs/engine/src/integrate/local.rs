@@ -69,7 +69,7 @@ impl Mesh {
     /// Potential energy of all links and ties at positions `x` [J].
     pub(super) fn stored(&self, x: &[f64]) -> f64 {
         let mut energy_sum = self.grounds(&|i| x[i], &|i| x[i]);
-        for run in &self.springs {
+        for run in self.springs.iter() {
             energy_sum += total(run.len, |i| run.potential(x[run.b + i] - x[run.a + i] - run.rest));
         }
         for run in &self.other_runs {
@@ -92,7 +92,7 @@ impl Mesh {
         for (i, d) in d.iter().enumerate() {
             energy_sum -= loss_factor * self.m[i] * self.scheme.zeta[i] * (d * d);
         }
-        for run in &self.springs {
+        for run in self.springs.iter() {
             energy_sum += total(run.len, |i| {
                 let e = x[run.b + i] - x[run.a + i] - run.rest;
                 let last = position_before(run.b + i) - position_before(run.a + i) - run.rest;

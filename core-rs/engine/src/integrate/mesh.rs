@@ -10,8 +10,7 @@ use crate::kernel::mesh_partition::MeshPartition;
 use crate::kernel::springs::Part;
 use crate::kernel::thread_team::ThreadTeam;
 use crate::network::{Contact, Error, LinkKind, MatKind, Network};
-use crate::scheme::{ForceEnds, Spring};
-use crate::scheme::{Kind, Run, Scheme};
+use crate::scheme::{ForceEnds, Kind, Run, Scheme, Spring, Springs};
 use crate::units::Rate;
 
 /// A network in numbers scaled by the step.
@@ -21,7 +20,7 @@ pub(super) struct Mesh {
     /// M = m/T², the mass per step squared; 0 for fixed points   (n_mat)
     pub(super) m: Vec<f64>,
     /// Springs, hardening or not, in order of declaration.
-    pub(super) springs: Vec<Spring>,
+    pub(super) springs: Springs,
     /// The first link of each run of springs.
     pub(super) first_links: Vec<usize>,
     /// Contacts and other laws, in order of declaration.
@@ -58,12 +57,13 @@ impl Mesh {
         let inverse = |w: &f64| if *w > 0.0 { 1.0 / w } else { 0.0 };
         let mut new_mesh = Self {
             m: scheme.w.iter().map(inverse).collect(),
-            springs: Vec::new(),
+            springs: Springs::default(),
             first_links: Vec::new(),
             other_runs: Vec::new(),
             is_damped: false,
             scheme,
         };
+        let mut springs = Vec::new();
         for run in &new_mesh.scheme.runs {
             let (k, q, z) = match &run.kind {
                 Kind::Ref => (run.k, 0.0, run.z),
@@ -85,7 +85,7 @@ impl Mesh {
             };
             new_mesh.is_damped |= z != 0.0;
             new_mesh.first_links.push(run.first);
-            new_mesh.springs.push(Spring {
+            springs.push(Spring {
                 a: run.a,
                 b: run.b,
                 len: run.len,
@@ -96,6 +96,7 @@ impl Mesh {
                 force_ends: ForceEnds::Both(run.a, run.b),
             });
         }
+        new_mesh.springs = Springs::new(springs);
         Ok(new_mesh)
     }
 

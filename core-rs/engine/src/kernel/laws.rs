@@ -6,7 +6,7 @@ use super::space::SpaceScratch;
 use super::springs::{Part, SpringPass};
 use super::thread_team::ThreadTeam;
 use crate::law::{Law, Scratch};
-use crate::scheme::{Kind, Scheme, Spring};
+use crate::scheme::{Kind, Scheme, Spring, Springs};
 
 /// Scratch memory in which the laws of a scheme are evaluated.
 #[derive(Clone, Debug)]
@@ -36,7 +36,7 @@ impl Laws {
     pub(crate) fn spring_forces(
         &mut self,
         part: Part,
-        springs: &[Spring],
+        springs: &Springs,
         motion: [&[f64]; 2],
         force: &mut [f64],
         team: &mut ThreadTeam<'_>,

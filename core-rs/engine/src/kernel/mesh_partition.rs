@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::springs::{Part, SpringPass};
 use super::thread_team::ThreadTeam;
-use crate::scheme::{ForceEnds, Spring};
+use crate::scheme::{ForceEnds, Spring, Springs};
 
 /// Largest number of ranges.
 const RANGES_MAX: usize = 8;
@@ -28,7 +28,7 @@ struct MeshRange {
     /// The MATs of the range.
     mats: Range<usize>,
     /// Pieces of the runs that pull on these MATs; each adds to forces of this range only.
-    springs: Vec<Spring>,
+    springs: Springs,
     pass: SpringPass,
 }
 
@@ -135,7 +135,7 @@ impl MeshRange {
         Self {
             pass: SpringPass::new(&run_ranges, mats.len()),
             mats,
-            springs: run_ranges,
+            springs: Springs::new(run_ranges),
         }
     }
 }
@@ -190,7 +190,7 @@ mod tests {
     fn partitioned_forces_have_the_same_bits() {
         let (x, v) = (numbers("x"), numbers("v"));
         for seed in 0..50 {
-            let springs = springs(seed);
+            let springs = Springs::new(springs(seed));
             let mut full_force = vec![f64::NAN; N_MAT];
             SpringPass::new(&springs, N_MAT).forces(Part::Total, &springs, [&x, &v], &mut full_force);
             for (parts, threads) in [(2, 1), (2, 2), (3, 2), (5, 3), (RANGES_MAX, 1)] {

@@ -1,9 +1,11 @@
 //! All springs of a network in one pass.
 //!
 //! By vectors, the forces of all links are computed first and then summed at each MAT (`rows`, `vector`). Where that is
-//! slower, or the processor has no such vectors, each force is added to its two ends at once. Both give the same bits.
+//! slower, or the processor has no such vectors, each force is added to its two ends at once, run by run or, where most
+//! runs are single links, link by link (`lone`). All give the same bits.
 //! The vector width is chosen once per pass rather than once per run, since the runs of a mesh are short.
 
+mod lone;
 mod rows;
 mod vector;
 
@@ -11,7 +13,7 @@ use std::sync::Arc;
 
 use super::pull::add;
 use crate::maths::wide::wide;
-use crate::scheme::{ForceEnds, Spring};
+use crate::scheme::{ForceEnds, Spring, Springs};
 use rows::{Line, Rows};
 
 /// Which part of the forces is computed.
@@ -25,7 +27,7 @@ pub(crate) enum Part {
 /// How the springs of a mesh are computed, and the memory for it.
 #[derive(Clone, Debug)]
 pub(crate) struct SpringPass {
-    /// `None`: one run after the other.
+    /// `None`: one run or link after the other.
     rows: Option<Arc<Rows>>,
     /// Forces of all links in rows.
     link_forces: Vec<Line>,
@@ -47,9 +49,13 @@ impl SpringPass {
 
     /// Set `force` to the sum of forces on each MAT [N] at positions and velocities (per step) `motion`. The runs are
     /// those of `new`; their numbers may have changed.
-    pub(crate) fn forces(&mut self, part: Part, springs: &[Spring], motion: [&[f64]; 2], force: &mut [f64]) {
+    pub(crate) fn forces(&mut self, part: Part, springs: &Springs, motion: [&[f64]; 2], force: &mut [f64]) {
         if let Some(rows) = &self.rows {
             vector::forces(rows, part, springs, motion, &mut self.link_forces, force);
+            return;
+        }
+        if let Some(lone_links) = springs.lone_links() {
+            lone::forces(lone_links, part, motion, force);
             return;
         }
         force.fill(0.0);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Kind, Run, Scheme};
+use super::{Kind, Run, Scheme, Springs};
 use crate::cell::{self, Cell, Ratios};
 use crate::law::Law;
 use crate::network::forest::Forest;
@@ -43,7 +43,7 @@ fn without_numbers(network: &Network, rate: Rate) -> Scheme {
         part: mats.part.clone(),
         proxies: network.proxies().to_vec(),
         following_masses: network.following_masses().to_vec(),
-        fused: Vec::new(),
+        fused: Springs::default(),
         runs: Vec::new(),
         exact: Vec::new(),
         has_coupled_exact: false,

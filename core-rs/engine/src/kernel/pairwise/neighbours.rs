@@ -1,6 +1,8 @@
 //! Lists of points that may touch: a long list of all pairs that are near, searched rarely, and a short list of the
 //! closest, which is selected from the long one.
 
+use std::ops::Range;
+
 use super::batch::{BATCH, Batch, Forces, select_near};
 use super::cells::{Cells, n_reserved_pairs};
 use super::{Pair, Quad};
@@ -15,6 +17,8 @@ const SKIN: f64 = 0.36;
 const MARGIN: f64 = 0.06;
 /// Slightly less than half, so that rounding leaves out no pair.
 const HALF: f64 = 0.499_999;
+/// Active points with fewer inactive ones between them than this form one range: a short gap costs less than a loop.
+const GAP_MIN: usize = 8;
 
 /// The coordinates of a pair of points along the first axis.
 pub(crate) type Ends = (usize, usize);
@@ -33,6 +37,12 @@ pub(crate) struct Neighbours {
     pairs: Vec<Pair>,
     close: Vec<Pair>,
     n_close: usize,
+    /// Ranges that contain every point of the short list: only these are followed and pushed in each frame. Of a skin
+    /// on which a few beads lie, they are a small part.
+    active: Vec<Range<usize>>,
+    /// Whether a point is in the short list, and the square of its way since the list was selected [m²]   (n each)
+    is_active: Vec<bool>,
+    squares: Vec<f64>,
     batch: Batch,
     forces: Forces,
     /// Which points a wall may touch   (n)
@@ -61,6 +71,9 @@ impl Neighbours {
             cells: Cells::new(point_count, pairs.link.n_axes),
             pairs: Vec::with_capacity(n_reserved_pairs(point_count)),
             close: Vec::with_capacity(n_reserved_pairs(point_count)),
+            active: Vec::with_capacity(point_count / GAP_MIN + 1),
+            is_active: vec![false; point_count],
+            squares: vec![0.0; point_count],
             batch: Batch::new(),
             forces: Forces {
                 first: zeroed_quads(),
@@ -106,14 +119,41 @@ impl Neighbours {
         !self.is_full
     }
 
-    /// Update the lists for positions `x`.
+    /// Update the lists and the positions of all points for positions `x`.
     fn update(&mut self, run: &PairRun, x: impl Fn(usize) -> f64) {
-        gather(run, &mut self.x, x);
-        let (skin_width, margin_width) = (SKIN * run.rest, MARGIN * run.rest);
-        if self.is_made && are_within(&self.x, &self.narrowed_at, square(HALF * margin_width)) {
-            return;
+        gather(run, &[0..self.x.len()], &mut self.x, x);
+        if !self.is_made || !are_within(&self.x, &self.narrowed_at, moved_square(MARGIN * run.rest)) {
+            self.narrow(run);
         }
-        if !self.is_made || !are_within(&self.x, &self.searched_at, square(HALF * (skin_width - margin_width))) {
+    }
+
+    /// Update the lists and the positions of the active points for positions `x` [m] (n_mat).
+    fn follow(&mut self, run: &PairRun, x: &[f64]) {
+        if self.is_made && self.is_narrow_for(run, x) {
+            gather(run, &self.active, &mut self.x, |mat| x[mat]);
+        } else {
+            gather(run, &[0..self.x.len()], &mut self.x, |mat| x[mat]);
+            self.narrow(run);
+        }
+    }
+
+    /// Whether no point has moved beyond the margin of the short list, by positions `x` [m] (n_mat).
+    fn is_narrow_for(&mut self, run: &PairRun, x: &[f64]) -> bool {
+        self.squares.fill(0.0);
+        for (range, first_mats) in groups(run) {
+            let (squares, narrowed_at) = (&mut self.squares[range.clone()], &self.narrowed_at[range.clone()]);
+            for (axis, first_mat) in first_mats.into_iter().enumerate().take(run.pairs.link.n_axes) {
+                add_squares(&x[first_mat..][..range.len()], narrowed_at, axis, squares);
+            }
+        }
+        are_at_most(&self.squares, moved_square(MARGIN * run.rest))
+    }
+
+    /// Select the short list for the positions of all points, and search the long one if it no longer holds.
+    #[cold]
+    fn narrow(&mut self, run: &PairRun) {
+        let (skin_width, margin_width) = (SKIN * run.rest, MARGIN * run.rest);
+        if !self.is_made || !are_within(&self.x, &self.searched_at, moved_square(skin_width - margin_width)) {
             let n_first = run.pairs.n_first;
             let reach = run.rest + skin_width;
             self.searched_at.copy_from_slice(&self.x);
@@ -126,6 +166,22 @@ impl Neighbours {
         self.narrowed_at.copy_from_slice(&self.x);
         let squared_reach = square(run.rest + margin_width);
         self.n_close = select_near(&self.x, &self.pairs, squared_reach, &mut self.close);
+        self.select_active();
+    }
+
+    /// Set `active` to ranges that contain every point of the short list.
+    fn select_active(&mut self) {
+        self.is_active.fill(false);
+        for point in self.close[..self.n_close].iter().flatten() {
+            self.is_active[*point as usize] = true;
+        }
+        self.active.clear();
+        for point in (0..self.is_active.len()).filter(|&point| self.is_active[point]) {
+            match self.active.last_mut() {
+                Some(range) if point - range.end < GAP_MIN => range.end = point + 1,
+                _ => self.active.push(point..point + 1),
+            }
+        }
     }
 
     /// Compute the forces of all pairs by the law of a run with K and Z in `k_and_z`, and by its friction.
@@ -136,10 +192,12 @@ impl Neighbours {
         (x, d): (&[f64], &[f64]),
         history: &mut ContactHistory,
     ) {
-        self.update(run, |mat| x[mat]);
-        gather(run, &mut self.d, |mat| d[mat]);
-        self.forces.first.fill(Quad::default());
-        self.forces.second.fill(Quad::default());
+        self.follow(run, x);
+        gather(run, &self.active, &mut self.d, |mat| d[mat]);
+        for range in &self.active {
+            self.forces.first[range.clone()].fill(Quad::default());
+            self.forces.second[range.clone()].fill(Quad::default());
+        }
         for pairs in self.close[..self.n_close].chunks(BATCH) {
             let motion = (&*self.x, &*self.d);
             self.batch.push(run, k_and_z, pairs, motion, history, &mut self.forces);
@@ -150,18 +208,24 @@ impl Neighbours {
     /// group [N]   (run.n).
     pub(super) fn add_forces(&self, run: &PairRun, force: &mut [f64], pushes: &mut [f64]) {
         let Forces { first, second } = &self.forces;
-        for (range, first_mats) in groups(run) {
-            let zipped_forces = || first[range.clone()].iter().zip(&second[range.clone()]);
-            for (axis, first_mat) in first_mats.into_iter().enumerate().take(run.pairs.link.n_axes) {
-                for (force, (first, second)) in force[first_mat..].iter_mut().zip(zipped_forces()) {
-                    *force += second[axis] + first[axis];
+        for (group, first_mats) in groups(run) {
+            for range in within(&self.active, &group) {
+                let zipped_forces = || first[range.clone()].iter().zip(&second[range.clone()]);
+                for (axis, first_mat) in first_mats.into_iter().enumerate().take(run.pairs.link.n_axes) {
+                    let point_forces = force[first_mat + range.start - group.start..].iter_mut();
+                    for (force, (first, second)) in point_forces.zip(zipped_forces()) {
+                        *force += second[axis] + first[axis];
+                    }
                 }
             }
         }
-        let first_reported = first.len() - pushes.len();
-        let zipped_forces = first[first_reported..].iter().zip(&second[first_reported..]);
-        for (push, (first, second)) in pushes.iter_mut().zip(zipped_forces) {
-            *push = second[AXES_MAX] - first[AXES_MAX];
+        let reported = first.len() - pushes.len()..first.len();
+        pushes.fill(0.0);
+        for range in within(&self.active, &reported) {
+            let zipped_forces = first[range.clone()].iter().zip(&second[range.clone()]);
+            for (push, (first, second)) in pushes[range.start - reported.start..].iter_mut().zip(zipped_forces) {
+                *push = second[AXES_MAX] - first[AXES_MAX];
+            }
         }
         if self.is_full {
             pushes.fill(f64::NAN);
@@ -174,8 +238,21 @@ fn square(x: f64) -> f64 {
     x * x
 }
 
+/// Square of the way that a point may have moved, for a list of this width to hold [m²].
+fn moved_square(width: f64) -> f64 {
+    square(HALF * width)
+}
+
+/// The parts of ranges that lie within another range.
+fn within<'a>(ranges: &'a [Range<usize>], limits: &'a Range<usize>) -> impl Iterator<Item = Range<usize>> + 'a {
+    let clipped_ranges = ranges
+        .iter()
+        .map(|range| range.start.max(limits.start)..range.end.min(limits.end));
+    clipped_ranges.filter(|range| !range.is_empty())
+}
+
 /// The point indices of each group, and the MATs of its first point, axis by axis.
-fn groups(run: &PairRun) -> [(std::ops::Range<usize>, [usize; AXES_MAX]); 2] {
+fn groups(run: &PairRun) -> [(Range<usize>, [usize; AXES_MAX]); 2] {
     let Pairwise { link, n_first, .. } = &run.pairs;
     let (a_point_mats, b_point_mats): ([usize; AXES_MAX], [usize; AXES_MAX]) = {
         let coordinates = |axis: usize| link.pair((run.a, run.b), axis.min(link.n_axes - 1));
@@ -186,14 +263,40 @@ fn groups(run: &PairRun) -> [(std::ops::Range<usize>, [usize; AXES_MAX]); 2] {
     [(0..*n_first, a_point_mats), (second_group, b_point_mats)]
 }
 
-/// Copy values of MATs to arrays in which the coordinates of a point lie together.
-fn gather(run: &PairRun, quads: &mut [Quad], value_of: impl Fn(usize) -> f64) {
-    for (range, first_mats) in groups(run) {
-        for (axis, first_mat) in first_mats.into_iter().enumerate().take(run.pairs.link.n_axes) {
-            for (i, quad) in quads[range.clone()].iter_mut().enumerate() {
-                quad[axis] = value_of(first_mat + i);
+/// Copy values of MATs to arrays in which the coordinates of a point lie together, for points in some ranges.
+fn gather(run: &PairRun, ranges: &[Range<usize>], quads: &mut [Quad], value_of: impl Fn(usize) -> f64) {
+    for (group, first_mats) in groups(run) {
+        for range in within(ranges, &group) {
+            for (axis, first_mat) in first_mats.into_iter().enumerate().take(run.pairs.link.n_axes) {
+                let first_value = first_mat + range.start - group.start;
+                for (i, quad) in quads[range.clone()].iter_mut().enumerate() {
+                    quad[axis] = value_of(first_value + i);
+                }
             }
         }
+    }
+}
+
+wide! {
+    /// Add the squares of what points have moved along an axis.
+    fn add_squares(now: &[f64], then: &[Quad], axis: usize, squares: &mut [f64]) {
+        let n = squares.len();
+        let (now, then) = (&now[..n], &then[..n]);
+        for i in 0..n {
+            let way = now[i] - then[i][axis];
+            squares[i] += way * way;
+        }
+    }
+}
+
+wide! {
+    /// Whether no number is above `most` or NaN.
+    fn are_at_most(numbers: &[f64], most: f64) -> bool {
+        let mut are_at_most = true;
+        for number in numbers {
+            are_at_most &= *number <= most;
+        }
+        are_at_most
     }
 }
 

@@ -3,6 +3,7 @@
 use super::rows::Rows;
 use super::*;
 use crate::chance::Chance;
+use crate::scheme::LoneLinks;
 
 fn spring(a: usize, b: usize, len: usize) -> Spring {
     Spring {
@@ -142,6 +143,12 @@ fn compare(name: &str, (mat_count, springs): &(usize, Vec<Spring>)) {
     elastic(springs, &x, &mut run_forces, &mut expected[0]);
     viscous(springs, &v, &mut run_forces, &mut expected[1]);
     total(springs, &x, &v, &mut run_forces, &mut expected[2]);
+    let lone_links = LoneLinks::for_any(springs);
+    for (part, expected) in [Part::Elastic, Part::Viscous, Part::Total].into_iter().zip(&expected) {
+        let mut force = vec![f64::NAN; *mat_count];
+        lone::forces(&lone_links, part, [&x, &v], &mut force);
+        assert_eq!(bits(&force), bits(expected), "{name}, link by link, {part:?}");
+    }
     for (road, by_part) in roads().iter().enumerate() {
         let mut link_forces = rows.zeros();
         for _ in 0..2 {
@@ -193,7 +200,7 @@ fn rows_cover_all_mats() {
 #[test]
 fn pass_without_springs_sets_no_force() {
     let mut force = vec![f64::NAN; 5];
-    SpringPass::new(&[], 5).forces(Part::Total, &[], [&[0.0; 5]; 2], &mut force);
+    SpringPass::new(&[], 5).forces(Part::Total, &Springs::default(), [&[0.0; 5]; 2], &mut force);
     assert_eq!(force, [0.0; 5]);
 }
 
@@ -203,4 +210,26 @@ fn rows_for_single_links_are_refused() {
     assert!(Rows::new(&lone_links, 51).is_none());
     let (mat_count, springs) = rectangle(400, 200);
     assert!(Rows::new(&springs, mat_count).is_none());
+}
+
+/// Springs of which each has a stiffness of its own are computed link by link, and follow what a stiffness becomes.
+#[test]
+fn lone_links_follow_changed_stiffness() {
+    let runs: Vec<Spring> = (0..50).map(|i| spring(i, i + 1 + i % 3, 1 + i % 2)).collect();
+    let mut springs = Springs::new(runs.iter().copied().filter(|run| run.len == 1).collect());
+    assert!(springs.lone_links().is_some());
+    assert!(Springs::new(hexagon(7).1).lone_links().is_none());
+    let changed = Spring {
+        k: 123.0,
+        z: 0.7,
+        ..springs[4]
+    };
+    springs.set_k_and_z(4, [changed.k, changed.z]);
+    let x: Vec<f64> = (0..60).map(|i| f64::from(i * i % 7)).collect();
+    let mut expected_runs = springs.to_vec();
+    expected_runs[4] = changed;
+    let (mut expected, mut force) = (vec![0.0; 60], vec![0.0; 60]);
+    total(&expected_runs, &x, &x, &mut [0.0; 60], &mut expected);
+    lone::forces(springs.lone_links().unwrap(), Part::Total, [&x, &x], &mut force);
+    assert_eq!(bits(&force), bits(&expected));
 }
