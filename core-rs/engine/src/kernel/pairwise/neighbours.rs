@@ -2,6 +2,7 @@
 //! closest, which is selected from the long one.
 
 use std::ops::Range;
+use std::slice;
 
 use super::batch::{BATCH, Batch, Forces, select_near};
 use super::cells::{Cells, n_reserved_pairs};
@@ -121,7 +122,8 @@ impl Neighbours {
 
     /// Update the lists and the positions of all points for positions `x`.
     fn update(&mut self, run: &PairRun, x: impl Fn(usize) -> f64) {
-        gather(run, &[0..self.x.len()], &mut self.x, x);
+        let all_points = 0..self.x.len();
+        gather(run, slice::from_ref(&all_points), &mut self.x, x);
         if !self.is_made || !are_within(&self.x, &self.narrowed_at, moved_square(MARGIN * run.rest)) {
             self.narrow(run);
         }
@@ -132,7 +134,8 @@ impl Neighbours {
         if self.is_made && self.is_narrow_for(run, x) {
             gather(run, &self.active, &mut self.x, |mat| x[mat]);
         } else {
-            gather(run, &[0..self.x.len()], &mut self.x, |mat| x[mat]);
+            let all_points = 0..self.x.len();
+            gather(run, slice::from_ref(&all_points), &mut self.x, |mat| x[mat]);
             self.narrow(run);
         }
     }
