@@ -46,6 +46,9 @@ pub enum BundleError {
     Damaged,
 }
 
+/// The seconds and the payload of a chunk in a group.
+type Member<'a> = (f64, &'a [u8]);
+
 /// A chunk out of a bundle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bundled {
@@ -78,7 +81,7 @@ pub fn put(out: &mut Vec<u8>, seconds: f64, chunks: &[u8], file_offset: u64, unp
 
 /// The groups of complete chunks, as bytes.
 fn groups(mut chunk_bytes: &[u8]) -> Vec<u8> {
-    let mut chunk_groups: Vec<(u16, Vec<(f64, &[u8])>)> = Vec::new();
+    let mut chunk_groups: Vec<(u16, Vec<Member<'_>>)> = Vec::new();
     while let Ok((chunk, chunk_length)) = motion::read(chunk_bytes) {
         let member = (chunk.seconds, chunk.payload);
         match chunk_groups.iter_mut().find(|(kind, _)| *kind == chunk.kind) {
@@ -107,7 +110,7 @@ fn groups(mut chunk_bytes: &[u8]) -> Vec<u8> {
 }
 
 /// The bytes of a record of a kind; of what is written in each frame, all of the frame.
-fn width(kind: u16, members: &[(f64, &[u8])]) -> u16 {
+fn width(kind: u16, members: &[Member<'_>]) -> u16 {
     match kind {
         kind::LEVELS | kind::HANDS | kind::PEAKS => {
             let frame_length = members[0].1.len();
@@ -233,7 +236,6 @@ mod tests {
             chunks in prop::collection::vec((1..18_u16, -1.0..9.0_f64, prop::collection::vec(0..3_u8, 0..70)), 0..30),
             at: prop::sample::Index, bit in 0..8_u32,
         ) {
-            let chunks: Vec<_> = chunks.into_iter().map(|(kind, t, payload)| (kind, t, payload)).collect();
             let mut payload = bundle_of(&groups(&chunk_bytes(&chunks)));
             let bundled = opened(&payload).expect("chunks");
             // Of one kind in the order in which they were.
