@@ -34,12 +34,12 @@ render: {tail: 1s}
 
 def outer(data: bytes) -> list[tuple[int, int]]:
     """Kind and length of the chunks in a file itself."""
-    found, position = [], 8
+    sizes, position = [], 8
     while position < len(data):
         kind, _, length = struct.unpack_from("<HHI", data, position)
-        found.append((kind, length))
+        sizes.append((kind, length))
         position += 20 + length
-    return found
+    return sizes
 
 
 @pytest.fixture
@@ -128,16 +128,16 @@ def test_info_of_damaged_bundle(
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_info_of_bundles_that_unpack_to_too_much(
+def test_info_of_bundles_longer_than_the_bound(
     count: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One bundle says that it is huge, or several are together more than a file may hold."""
-    one = stream(b"", 1 << 31) if count == 1 else bundle(group(LEVELS, 4, [(0.0, ZEROS[:-64])]))
-    data = HEAD + count * chunk(BUNDLE, 0.0, one)
+    payload = stream(b"", 1 << 31) if count == 1 else bundle(group(LEVELS, 4, [(0.0, ZEROS[:-64])]))
+    data = HEAD + count * chunk(BUNDLE, 0.0, payload)
     path = tmp_path / "a.motion"
     path.write_bytes(data)
     assert app.run(["info", str(path)]) == 2
-    place = 24 + (count - 1) * (20 + len(one))
+    place = 24 + (count - 1) * (20 + len(payload))
     length = 1 << 31 if count == 1 else len(ZEROS) - 64 + 20
     assert (
         f"the bundle at byte {place} of this motion file would unpack to {length} bytes, more than "
@@ -145,9 +145,7 @@ def test_info_of_bundles_that_unpack_to_too_much(
     )
 
 
-def test_info_of_motion_cut_in_a_bundle(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_info_of_motion_cut_in_a_bundle(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     data = bundled(Piece().bytes())
     sizes = [20 + length for _, length in outer(data)]
     path = tmp_path / "a.motion"

@@ -51,7 +51,9 @@ def _case(chance: random.Random) -> bytes:
         index = chance.randrange(len(built))
         kind, version, seconds, payload = built[index]
         if kind == MANIFEST and chance.random() < 0.8:
-            payload = damaged(payload.decode(errors="replace"), chance, WORDS).encode(errors="replace")
+            payload = damaged(payload.decode(errors="replace"), chance, WORDS).encode(
+                errors="replace"
+            )
         elif chance.random() < 0.9:
             payload = next(corrupted(payload, 1, chance.randrange(1 << 30)))
         if chance.random() < 0.1:

@@ -54,9 +54,9 @@ def bundled(payload: bytes) -> Iterator[tuple[int, float, bytes]]:
         nonlocal position
         part = np.frombuffer(data, "u1", length, position)
         position += length
-        whole = length - length % width
-        rows = part[:whole].reshape(width, -1).T.ravel() if whole else part[:0]
-        return rows.tobytes() + part[whole:].tobytes()
+        full = length - length % width
+        rows = part[:full].reshape(width, -1).T.ravel() if full else part[:0]
+        return rows.tobytes() + part[full:].tobytes()
 
     while position < len(data):
         kind, width, count = struct.unpack_from("<HHI", data, position)

@@ -32,9 +32,9 @@ def chunk(kind: int, seconds: float, payload: bytes, version: int = 2) -> bytes:
 
 def columns(records: bytes, width: int) -> bytes:
     """All first bytes of records, then all second ones; what is left over comes last."""
-    whole = len(records) - len(records) % width
-    rows = np.frombuffer(records[:whole], "u1").reshape(-1, width)
-    return rows.T.tobytes() + records[whole:]
+    full = len(records) - len(records) % width
+    rows = np.frombuffer(records[:full], "u1").reshape(-1, width)
+    return rows.T.tobytes() + records[full:]
 
 
 def group(kind: int, width: int, members: list[tuple[float, bytes]]) -> bytes:

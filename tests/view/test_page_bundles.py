@@ -20,7 +20,7 @@ KNOWN = """(() => {
   return [Array.from(motion.z), Array.from(motion.sweep), Array.from(story.levels.at(1.7)),
     story.ergons.count, story.contacts.count, story.model.names, story.end, [...story.peaks]];
 })()"""
-TOLD = "document.getElementById('told').textContent"
+TEXT = "document.getElementById('told').textContent"
 
 
 @pytest.fixture(scope="module")
@@ -43,16 +43,14 @@ def shown(chromium: browser.Browser, path: Path, data: bytes, wanted: str) -> ob
         server.close()
 
 
-def test_page_of_bundles_knows_what_chunks_hold(chromium: browser.Browser, tmp_path: Path) -> None:
+def test_page_of_bundles_equals_page_of_chunks(chromium: browser.Browser, tmp_path: Path) -> None:
     plain = shown(chromium, tmp_path / "a.motion", DATA, KNOWN)
     assert plain == shown(chromium, tmp_path / "b.motion", bundled(DATA), KNOWN)
 
 
-def test_page_of_bundle_that_is_damaged_or_too_long(
-    chromium: browser.Browser, tmp_path: Path
-) -> None:
+def test_page_of_damaged_and_too_long_bundles(chromium: browser.Browser, tmp_path: Path) -> None:
     silence = group(LEVELS, 4, [(3.0, bytes(15 << 20))])
-    whole = bundled(DATA)
+    complete = bundled(DATA)
     ends = {
         "is damaged": (bundle(silence[:200])[:-1],),
         "would unpack to 2147483648 bytes": ((1 << 31).to_bytes(4, "little"),),
@@ -60,9 +58,9 @@ def test_page_of_bundle_that_is_damaged_or_too_long(
         "": (bundle(group(99, 4, [(3.0, bytes(400))])),),
     }
     for words, payloads in ends.items():
-        data = whole + b"".join(chunk(BUNDLE, 4.0, payload) for payload in payloads)
-        told = shown(chromium, tmp_path / "a.motion", data, TOLD)
-        assert isinstance(told, str)
-        assert words in told if words else told == "", told
+        data = complete + b"".join(chunk(BUNDLE, 4.0, payload) for payload in payloads)
+        printed = shown(chromium, tmp_path / "a.motion", data, TEXT)
+        assert isinstance(printed, str)
+        assert words in printed if words else printed == "", printed
         if words:
-            assert "the bundle that ends at byte" in told
+            assert "the bundle that ends at byte" in printed

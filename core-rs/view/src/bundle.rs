@@ -131,9 +131,9 @@ fn width(kind: u16, members: &[Member<'_>]) -> u16 {
 
 /// Appends records of `width` bytes: the first byte of each, then the second of each, and so on; then what is left.
 fn split(out: &mut Vec<u8>, records: &[u8], width: usize) {
-    let (whole_records, rest) = records.split_at(records.len() - records.len() % width);
-    if !whole_records.is_empty() {
-        (0..width).for_each(|place| out.extend(whole_records[place..].iter().step_by(width)));
+    let (full_records, rest) = records.split_at(records.len() - records.len() % width);
+    if !full_records.is_empty() {
+        (0..width).for_each(|place| out.extend(full_records[place..].iter().step_by(width)));
     }
     out.extend(rest);
 }
@@ -282,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn put_leaves_what_readers_refuse_as_it_is() {
+    fn put_keeps_chunks_beyond_the_bound() {
         let silence = chunk_bytes(&[(kind::LEVELS, 0.0, vec![0; 1 << 20])]);
         let (mut out, mut unpacked) = (Vec::new(), Unpacked(UNPACKED_FREE));
         put(&mut out, 0.0, &silence, 0, &mut unpacked);
@@ -293,7 +293,7 @@ mod tests {
     }
 
     #[test]
-    fn put_bundles_nothing_that_grows() {
+    fn put_keeps_chunks_shorter_than_a_bundle() {
         let short = chunk_bytes(&[(kind::PEAKS, 0.0, vec![1, 2, 3, 4])]);
         let mut out = Vec::new();
         put(&mut out, 0.0, &short, 0, &mut Unpacked::default());
