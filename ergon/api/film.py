@@ -118,7 +118,7 @@ def manifest(stage: Stage, look: MotionLook, duration: float | None) -> dict[str
     ]
     return {
         "made_by": f"{MARK.decode()} {_core.__version__}",
-        "format": 2,
+        "format": 3,
         "bound": None if duration is None else _core.motion_bound(),
         "title": piece.title,
         "score": shown(piece.place.file),

@@ -28,9 +28,9 @@ _CODED = 4 / 3  # characters of base64 for a byte
 
 # Typical sizes of what ships [bytes]; a piece may have half of them, or twice as much.
 _SAMPLED_POINT = 60.0  # a second, of a mass whose positions are sampled
-_FREE_POINT = 25.0  # a second, of a free oscillation or a mode
-_CHUNK = 20  # head and check sum of a chunk of the motion file
-_KEY, _SPEAKER = 12, 4  # bytes for each in every frame of the motion
+_FREE_POINT = 15.0  # a second, of a free oscillation or a mode
+_CHUNK = 2  # head of a chunk of the motion file, deflated
+_KEY, _SPEAKER = 6, 4  # bytes for each in every frame of the motion
 _FLAC = 0.25  # estimated size over that of the samples
 _ESTIMATE_RATIO_MAX = (
     2.0  # a piece is refused before it is computed if its estimate is so many limits

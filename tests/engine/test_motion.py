@@ -267,7 +267,8 @@ def test_motion_file_cut_or_damaged_at_every_byte(tmp_path: Path) -> None:
     assert complete.is_whole
     assert not complete.is_cut
     known = [tuple(chunk) for chunk in complete.chunks()]
-    ends = [*[at for _, _, _, at in Replica(data).chunks][1:], len(data)]
+    begins = [at for _, _, _, at in Replica(data).chunks]  # those of a bundle begin with it
+    ends = [next((at for at in begins if at > begin), len(data)) for begin in begins]
     tables = 4  # manifest, points, names, links
     for cut in range(len(data)):
         result = _open(path, data[:cut])
@@ -284,6 +285,8 @@ def test_motion_file_cut_or_damaged_at_every_byte(tmp_path: Path) -> None:
         for bit in range(8):
             damaged = bytearray(data)
             damaged[byte] ^= 1 << bit
+            if damaged[4] == 2:
+                continue  # a file of format 2 then, which is read too
             result = _open(path, bytes(damaged))
             n_whole = sum(end <= byte for end in ends)
             if result is not None:

@@ -205,6 +205,6 @@ def test_motion_of_format_1_is_refused(
     Path("old.motion").write_bytes(b"ERGM\x01\0\0\0")
     assert app.run(["info", "old.motion"]) == 2
     assert (
-        "old.motion: this motion file has format 1, and this ergon reads format 2: "
+        "old.motion: this motion file has format 1, and this ergon reads formats 2 and 3: "
         "render the score again with --motion" in capsys.readouterr().err
     )

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from corrupted import corrupted
-from motions import MANIFEST, Piece, chunk
+from motions import BUNDLE, FRAMES, MANIFEST, Piece, bundle, chunk, group
 
 from ergon import _core
 from ergon.cli.console import Console
@@ -51,7 +51,9 @@ def _case(chance: random.Random) -> bytes:
         index = chance.randrange(len(built))
         kind, version, seconds, payload = built[index]
         if kind == MANIFEST and chance.random() < 0.8:
-            payload = damaged(payload.decode(), chance, WORDS).encode(errors="replace")
+            payload = damaged(payload.decode(errors="replace"), chance, WORDS).encode(
+                errors="replace"
+            )
         elif chance.random() < 0.9:
             payload = next(corrupted(payload, 1, chance.randrange(1 << 30)))
         if chance.random() < 0.1:
@@ -61,7 +63,25 @@ def _case(chance: random.Random) -> bytes:
         built[index] = kind, version, seconds, payload
     if chance.random() < 0.2:
         del built[chance.randrange(len(built))]
+    if chance.random() < 0.5:
+        built = _bundled(built, chance)
     return magic + b"".join(chunk(kind, t, data, version) for kind, version, t, data in built)
+
+
+def _bundled(built: list[Chunk], chance: random.Random) -> list[Chunk]:
+    """All but the frames in a bundle, which is right, or damaged before or after it is deflated."""
+    frames = [one for one in built if one[0] == FRAMES]
+    groups = b"".join(
+        group(kind, chance.choice((1, 2, 4, 12, 999)), [(seconds, payload)])
+        for kind, _, seconds, payload in built
+        if kind != FRAMES
+    )
+    if chance.random() < 0.3:
+        groups = next(corrupted(groups, 1, chance.randrange(1 << 30)))
+    payload = bundle(groups)
+    if chance.random() < 0.3:
+        payload = next(corrupted(payload, 1, chance.randrange(1 << 30)))
+    return [(BUNDLE, 2, 0.0, payload), *frames]
 
 
 def _read(data: bytes, folder: Path) -> Iterator[str]:

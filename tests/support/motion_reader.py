@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-MAGIC = b"ERGM\x02\0\0\0"
+MAGIC, FORMATS = b"ERGM", (2, 3)
 MANIFEST, POINTS, FLIGHTS, FRAMES, ERGONS, CONTACTS, LEVELS, HANDS = range(1, 9)
-STATE, INDEX, LINKS, SHAPES, NAMES, PEAKS, BROKEN = range(10, 17)
+STATE, INDEX, LINKS, SHAPES, NAMES, PEAKS, BROKEN, MAKER, BUNDLE = range(10, 19)
 FLIGHT = np.dtype([("number", "<u4"), ("a", "<f4"), ("b", "<f4")])
 ERGON = np.dtype(
     [("dt", "<f4"), ("point", "<u4"), ("impulse", "<f4"), ("speed", "<f4"), ("source", "<u4")]
@@ -26,16 +26,47 @@ Chunk = tuple[int, float, bytes, int]  # kind, seconds, payload, byte at which i
 
 
 def chunks(data: bytes) -> Iterator[Chunk]:
-    """All chunks of a whole file."""
-    assert data[:8] == MAGIC
+    """All chunks of a whole file; those of a bundle in its place."""
+    assert data[:4] == MAGIC
+    assert data[4] in FORMATS
+    assert data[5:8] == bytes(3)
     position = 8
     while position < len(data):
         kind, version, length, seconds = struct.unpack_from("<HHId", data, position)
         assert version == 2
         end = position + 16 + length
         assert struct.unpack_from("<I", data, end) == (zlib.crc32(data[position:end]),)
-        yield kind, seconds, data[position + 16 : end], position
+        payload = data[position + 16 : end]
+        if kind == BUNDLE:
+            yield from ((*one, position) for one in bundled(payload))
+        else:
+            yield kind, seconds, payload, position
         position = end + 4
+
+
+def bundled(payload: bytes) -> Iterator[tuple[int, float, bytes]]:
+    """The chunks of a bundle: kind, seconds, payload."""
+    data = zlib.decompress(payload[4:])
+    assert struct.unpack_from("<I", payload) == (len(data),)
+    position = 0
+
+    def records(length: int, width: int) -> bytes:
+        nonlocal position
+        part = np.frombuffer(data, "u1", length, position)
+        position += length
+        full = length - length % width
+        rows = part[:full].reshape(width, -1).T.ravel() if full else part[:0]
+        return rows.tobytes() + part[full:].tobytes()
+
+    while position < len(data):
+        kind, width, count = struct.unpack_from("<HHI", data, position)
+        position += 8
+        instants = struct.unpack(f"<{count}d", records(8 * count, 8))
+        lengths = struct.unpack(f"<{count}I", records(4 * count, 4))
+        payloads = records(sum(lengths), width)
+        for seconds, length in zip(instants, lengths, strict=True):
+            yield kind, seconds, payloads[:length]
+            payloads = payloads[length:]
 
 
 class Bits:

@@ -20,7 +20,7 @@ Floats = NDArray[np.float64]
 SECONDS, FPS = 4.0, 60.0
 NONE = 2**32 - 1
 (MANIFEST, POINTS, FLIGHTS, FRAMES, ERGONS, CONTACTS, LEVELS, HANDS) = range(1, 9)
-(STATE, INDEX, LINKS, SHAPES, NAMES, PEAKS) = range(10, 16)
+(STATE, INDEX, LINKS, SHAPES, NAMES, PEAKS, BROKEN, MAKER, BUNDLE) = range(10, 19)
 CELLS, WIRE, DISC, PLATE, KEYS = 200, 40, 60, 50, 2
 MODES = 6
 
@@ -28,6 +28,47 @@ MODES = 6
 def chunk(kind: int, seconds: float, payload: bytes, version: int = 2) -> bytes:
     head = struct.pack("<HHId", kind, version, len(payload), seconds)
     return head + payload + struct.pack("<I", zlib.crc32(payload, zlib.crc32(head)))
+
+
+def columns(records: bytes, width: int) -> bytes:
+    """All first bytes of records, then all second ones; what is left over comes last."""
+    full = len(records) - len(records) % width
+    rows = np.frombuffer(records[:full], "u1").reshape(-1, width)
+    return rows.T.tobytes() + records[full:]
+
+
+def group(kind: int, width: int, members: list[tuple[float, bytes]]) -> bytes:
+    """Chunks of a kind in a bundle."""
+    seconds = np.array([t for t, _ in members], "<f8").tobytes()
+    lengths = np.array([len(payload) for _, payload in members], "<u4").tobytes()
+    payloads = columns(b"".join(payload for _, payload in members), width)
+    head = struct.pack("<HHI", kind, width, len(members))
+    return head + columns(seconds, 8) + columns(lengths, 4) + payloads
+
+
+def bundle(groups: bytes) -> bytes:
+    """The payload of a bundle."""
+    return struct.pack("<I", len(groups)) + zlib.compress(groups)
+
+
+def bundled(data: bytes) -> bytes:
+    """A file of format 2 as one of format 3: all but frames and index in bundles."""
+    widths = {FLIGHTS: 12, STATE: 12, ERGONS: 20, CONTACTS: 12, LEVELS: 96, POINTS: 4}
+    out, position = b"ERGM\x03\0\0\0", 8
+    held: dict[int, list[tuple[float, bytes]]] = {}
+    while position < len(data):
+        kind, _, length, seconds = struct.unpack_from("<HHId", data, position)
+        payload = data[position + 16 : position + 16 + length]
+        if held and kind in (STATE, INDEX):
+            groups = b"".join(group(k, widths.get(k, 1), one) for k, one in held.items())
+            out += chunk(BUNDLE, seconds, bundle(groups))
+            held = {}
+        if kind in (FRAMES, INDEX):
+            out += data[position : position + 20 + length]
+        else:
+            held.setdefault(kind, []).append((seconds, payload))
+        position += 20 + length
+    return out
 
 
 def dome() -> list[dict[str, object]]:

@@ -264,7 +264,7 @@ impl Motion {
 
     /// All whole chunks.
     fn chunks(&self) -> Vec<MotionChunk> {
-        let file_chunks = self.0.chunks.iter();
+        let file_chunks = self.0.chunks().iter();
         file_chunks
             .map(|chunk| MotionChunk {
                 kind: chunk.kind,
@@ -276,7 +276,7 @@ impl Motion {
 
     /// The payload of a chunk.
     fn payload<'py>(&self, py: Python<'py>, chunk: usize) -> PyResult<Bound<'py, PyBytes>> {
-        let chunk_place = self.0.chunks.get(chunk);
+        let chunk_place = self.0.chunks().get(chunk);
         let chunk_place = chunk_place.ok_or_else(|| plain_error(format!("there is no chunk {chunk}")))?;
         Ok(PyBytes::new(py, self.0.payload(chunk_place)))
     }

@@ -2,14 +2,16 @@
 
 export const KIND = {
   manifest: 1, points: 2, flights: 3, frames: 4, ergons: 5, contacts: 6, levels: 7, hands: 8,
-  clock: 9, state: 10, index: 11, links: 12, shapes: 13, names: 14, peaks: 15, broken: 16,
+  clock: 9, state: 10, index: 11, links: 12, shapes: 13, names: 14, peaks: 15, broken: 16, bundle: 18,
 };
 
-export const MAGIC = [0x45, 0x52, 0x47, 0x4d, 2, 0, 0, 0];
+const NAME = [0x45, 0x52, 0x47, 0x4d]; // "ERGM"
+const FORMATS = [2, 3];
+const MAGIC = NAME.length + 4;
 const VERSION = 2;
 const HEAD = 16;
 const CRC = 4;
-const PAYLOAD_MAX = 64 << 20;
+export const PAYLOAD_MAX = 64 << 20;
 
 const TABLE = new Uint32Array(256).map((_, n) => {
   for (let bit = 0; bit < 8; bit++) n = n & 1 ? 0xedb88320 ^ (n >>> 1) : n >>> 1;
@@ -23,35 +25,49 @@ export function crc32(bytes) {
   return (c ^ 0xffffffff) >>> 0;
 }
 
-/** Cuts a stream into chunks, and gives each to `take({kind, seconds, view, bytes})`. */
+/** Whether bytes begin as a motion file or a stream does. */
+export function begins(bytes) {
+  return NAME.every((byte, i) => bytes[i] === byte) && FORMATS.includes(bytes[NAME.length]) && !bytes[5] && !bytes[6] && !bytes[7];
+}
+
+/** A chunk: its kind, its instant [s], its payload, and the byte of the file at which it ends. */
+export function chunk(kind, seconds, bytes, end) {
+  return { kind, seconds, bytes, end, view: new DataView(bytes.buffer) };
+}
+
+/** Cuts a stream into chunks. */
 export class Chunks {
-  constructor(take) {
-    this.take = take;
+  constructor() {
     this.pieces = [];
     this.have = 0;
-    this.need = MAGIC.length;
+    this.past = 0; // bytes before them
+    this.need = MAGIC;
     this.begun = false;
   }
 
-  /** Throws an Error with a sentence if the bytes are not a motion file; chunks before them remain valid. */
-  push(piece) {
+  /**
+   * The chunks that a piece completes, one after the other. Throws an Error with a sentence if the bytes are not a
+   * motion file; chunks before them remain valid.
+   */
+  *cut(piece) {
     this.pieces.push(piece);
     this.have += piece.length;
     if (this.have < this.need) return;
     const bytes = this.pieces.length === 1 ? piece : join(this.pieces, this.have);
-    const at = this.read(bytes);
+    const at = yield* this.read(bytes);
     this.pieces = at < bytes.length ? [bytes.subarray(at)] : [];
     this.have = bytes.length - at;
+    this.past += at;
   }
 
   /** Returns how many bytes were complete chunks; sets `need` to the length of the next chunk, or of its head. */
-  read(bytes) {
+  *read(bytes) {
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.length);
     let at = 0;
     if (!this.begun) {
-      if (MAGIC.some((byte, i) => bytes[i] !== byte)) throw new Error(`this is no .motion file of format ${MAGIC[4]}`);
+      if (!begins(bytes)) throw new Error(`this is no .motion file of format ${FORMATS.join(" or ")}`);
       this.begun = true;
-      at = MAGIC.length;
+      at = MAGIC;
     }
     for (;;) {
       this.need = HEAD + CRC;
@@ -64,19 +80,21 @@ export class Chunks {
       if (crc32(bytes.subarray(at, end)) !== view.getUint32(end, true)) {
         throw new Error("a chunk is damaged: its check sum is another");
       }
-      this.one(view, bytes, at, length);
+      const kind = view.getUint16(at, true);
+      if (isKnown(kind)) {
+        const version = view.getUint16(at + 2, true);
+        if (version !== VERSION) throw new Error(`chunks of kind ${kind} have version ${version}; this page knows ${VERSION}`);
+        // A copy is aligned, and does not keep the whole buffer alive.
+        yield chunk(kind, view.getFloat64(at + 8, true), bytes.slice(at + HEAD, end), this.past + end + CRC);
+      }
       at = end + CRC;
     }
   }
+}
 
-  one(view, bytes, at, length) {
-    const kind = view.getUint16(at, true);
-    const version = view.getUint16(at + 2, true);
-    if (!Object.values(KIND).includes(kind)) return;
-    if (version !== VERSION) throw new Error(`chunks of kind ${kind} have version ${version}; this page knows ${VERSION}`);
-    const payload = bytes.slice(at + HEAD, at + HEAD + length); // a copy is aligned, and does not keep the whole buffer alive
-    this.take({ kind, seconds: view.getFloat64(at + 8, true), bytes: payload, view: new DataView(payload.buffer) });
-  }
+/** Whether the page knows a kind of chunks. */
+export function isKnown(kind) {
+  return Object.values(KIND).includes(kind);
 }
 
 function join(pieces, length) {

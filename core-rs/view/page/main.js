@@ -1,8 +1,9 @@
 // The page: reads the options in its address, loads the piece, and draws one instant after the other.
 
 import { Alignment, STEP } from "./alignment.js";
+import { Bundles } from "./bundle.js";
 import { Camera, presets, project } from "./camera.js";
-import { Chunks, MAGIC } from "./chunks.js";
+import { Chunks, KIND, begins } from "./chunks.js";
 import { Clock, shown } from "./clock.js";
 import { Connection } from "./connection.js";
 import { Controls } from "./controls.js";
@@ -63,12 +64,15 @@ class Page {
   // --- input ---
 
   async load(body) {
-    const chunks = new Chunks((chunk) => this.take(chunk));
+    const [chunks, bundles] = [new Chunks(), new Bundles()];
     const reader = body.getReader();
     for (;;) {
       const { value, done } = await reader.read();
       if (done) break;
-      chunks.push(value);
+      for (const chunk of chunks.cut(value)) {
+        const some = chunk.kind === KIND.bundle ? await bundles.open(chunk) : [chunk];
+        for (const one of some) this.take(one);
+      }
       this.changed();
     }
     if (!this.story.model) throw new Error("the file ends before its manifest does");
@@ -77,8 +81,8 @@ class Page {
   /** A message of the live piece. A greeting begins like a file, and replaces what came before. */
   takes(bytes) {
     if (!this.live) return;
-    if (MAGIC.every((byte, i) => bytes[i] === byte)) this.chunks = new Chunks((chunk) => this.take(chunk));
-    this.chunks?.push(bytes);
+    if (begins(bytes)) this.chunks = new Chunks();
+    for (const chunk of this.chunks?.cut(bytes) ?? []) this.take(chunk);
     if (this.story.isBegun) this.hasBegun();
     this.changed();
   }

@@ -4,10 +4,15 @@
 //! the payload, then the CRC-32 of all of these; numbers are little-endian. If a file ends within a chunk, the chunks
 //! before it are valid.
 
+use std::ops::RangeInclusive;
+
 use thiserror::Error;
 
-/// The first bytes of every file.
-pub const MAGIC: [u8; 8] = *b"ERGM\x02\0\0\0";
+/// The first bytes of every file that is written.
+pub const MAGIC: [u8; 8] = *b"ERGM\x03\0\0\0";
+
+/// The formats that are read: one of them is the fifth byte of a file.
+pub const FORMATS: RangeInclusive<u8> = 2..=3;
 
 const HEAD: usize = 16;
 const CRC: usize = 4;

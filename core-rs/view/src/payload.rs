@@ -41,8 +41,12 @@ pub mod kind {
     pub const PEAKS: u16 = 15;
     /// Links that broke.
     pub const BROKEN: u16 = 16;
+    /// Who made the file.
+    pub const MAKER: u16 = 17;
+    /// Chunks of other kinds, deflated.
+    pub const BUNDLE: u16 = 18;
     /// The last kind that is known.
-    pub const LAST: u16 = BROKEN;
+    pub const LAST: u16 = BUNDLE;
 }
 
 /// Bytes to which numbers are appended.

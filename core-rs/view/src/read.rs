@@ -5,8 +5,13 @@ use serde_json::Value;
 use thiserror::Error;
 
 use crate::frames::{Frames, between};
-use crate::motion::{self, ChunkError, MAGIC};
-use crate::payload::{Reading, VERSION, from_half, kind};
+use crate::motion::FORMATS;
+use crate::payload::{Reading, from_half, kind};
+use chunks::Chunks;
+
+mod chunks;
+
+pub use chunks::ChunkRef;
 
 /// Why a file cannot be read.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
@@ -15,7 +20,7 @@ pub enum ReadError {
     #[error("this is not a motion file: it does not begin with ERGM")]
     Magic,
     /// The file has the format of another version.
-    #[error("this motion file has format {0}, and this ergon reads format {number}: render the score again with --motion", number = MAGIC[4])]
+    #[error("this motion file has format {0}, and this ergon reads formats {first} and {last}: render the score again with --motion", first = FORMATS.start(), last = FORMATS.end())]
     Format(u8),
     /// The manifest or a table is incomplete or damaged.
     #[error("the {0} of this motion file is missing or damaged")]
@@ -26,27 +31,17 @@ pub enum ReadError {
     /// A payload that does not match its kind.
     #[error("a chunk of kind {0} at byte {1} of this motion file is damaged")]
     Payload(u16, usize),
-}
-
-/// One chunk, and where it is in the file.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ChunkRef {
-    /// Its kind.
-    pub kind: u16,
-    /// Its instant [s].
-    pub seconds: f64,
-    /// First byte of its payload.
-    pub position: usize,
-    /// Length of its payload [bytes].
-    pub len: usize,
+    /// A bundle that holds more than a reader takes.
+    #[error(
+        "the bundle at byte {0} of this motion file would unpack to {1} bytes, more than a file of this length may hold"
+    )]
+    Bundle(usize, usize),
 }
 
 /// The contents of a file, up to its last complete chunk.
 #[derive(Clone, Debug)]
 pub struct MotionFile {
-    bytes: Vec<u8>,
-    /// All complete chunks.
-    pub chunks: Vec<ChunkRef>,
+    chunks: Chunks,
     /// The manifest, as JSON.
     pub manifest: String,
     /// Whether the last chunk is the index: the recording was finished.
@@ -90,32 +85,9 @@ impl MotionFile {
     /// # Errors
     /// [`ReadError`] if its manifest or tables are incomplete, or a complete chunk does not match its kind.
     pub fn new(bytes: Vec<u8>) -> Result<Self, ReadError> {
-        match bytes.get(..MAGIC.len()) {
-            Some(head) if head == MAGIC => {}
-            Some([b'E', b'R', b'G', b'M', format, 0, 0, 0]) => {
-                return Err(ReadError::Format(*format));
-            }
-            _ => return Err(ReadError::Magic),
-        }
-        let (mut chunks, mut chunk_offset) = (Vec::new(), MAGIC.len());
-        // As after a cut, nothing after a damaged chunk can be trusted.
-        while let Ok((chunk, chunk_length)) = motion::read(&bytes[chunk_offset..]) {
-            let is_known = (kind::MANIFEST..=kind::LAST).contains(&chunk.kind);
-            if is_known && chunk.version != VERSION {
-                return Err(ReadError::Version(chunk.kind, chunk.version));
-            }
-            chunks.push(ChunkRef {
-                kind: chunk.kind,
-                seconds: chunk.seconds,
-                position: chunk_offset + chunk_length - 4 - chunk.payload.len(),
-                len: chunk.payload.len(),
-            });
-            chunk_offset += chunk_length;
-        }
-        let is_ended = chunks.last().is_some_and(|last| last.kind == kind::INDEX);
+        let chunks = Chunks::new(bytes)?;
         let mut motion_file = Self {
-            is_whole: is_ended && chunk_offset == bytes.len(),
-            bytes,
+            is_whole: chunks.is_whole(),
             chunks,
             manifest: String::new(),
             n_points: 0,
@@ -135,16 +107,17 @@ impl MotionFile {
 
     /// Whether the bytes after the last complete chunk are the beginning of a chunk: the file was cut, not damaged.
     pub fn is_cut(&self) -> bool {
-        let chunks_end = self
-            .chunks
-            .last()
-            .map_or(MAGIC.len(), |last| last.position + last.len + 4);
-        chunks_end < self.bytes.len() && motion::read(&self.bytes[chunks_end..]) == Err(ChunkError::Cut)
+        self.chunks.is_cut()
+    }
+
+    /// All complete chunks; those of a bundle in its place, kind by kind.
+    pub fn chunks(&self) -> &[ChunkRef] {
+        &self.chunks.refs
     }
 
     /// The payload of a chunk.
     pub fn payload(&self, chunk: &ChunkRef) -> &[u8] {
-        &self.bytes[chunk.position..chunk.position + chunk.len]
+        self.chunks.payload(chunk)
     }
 
     /// Duration [s]: up to the last frame or event.
@@ -157,11 +130,11 @@ impl MotionFile {
             }
             _ => chunk.seconds,
         };
-        self.chunks.iter().map(chunk_end).fold(0.0, f64::max)
+        self.chunks().iter().map(chunk_end).fold(0.0, f64::max)
     }
 
     fn first(&self, kind: u16) -> Option<&[u8]> {
-        let chunk = self.chunks.iter().find(|chunk| chunk.kind == kind)?;
+        let chunk = self.chunks().iter().find(|chunk| chunk.kind == kind)?;
         Some(self.payload(chunk))
     }
 
@@ -240,9 +213,8 @@ impl MotionFile {
     }
 
     fn shapes(&mut self) -> Option<()> {
-        let chunk_refs = self.chunks.to_vec();
-        for chunk in chunk_refs.iter().filter(|chunk| chunk.kind == kind::SHAPES) {
-            let mut reading = Reading(&self.bytes[chunk.position..chunk.position + chunk.len]);
+        for chunk in self.chunks.refs.iter().filter(|chunk| chunk.kind == kind::SHAPES) {
+            let mut reading = Reading(self.chunks.payload(chunk));
             let (part, _) = (reading.u16()? as usize, reading.u16()?);
             let (first_mode, mode_count, point_count) = (
                 reading.u32()? as usize,
@@ -278,7 +250,7 @@ impl MotionFile {
 
     /// Checks that every chunk that a player reads matches its kind.
     fn check(&self) -> Result<(), ReadError> {
-        for chunk in &self.chunks {
+        for chunk in self.chunks() {
             let payload = self.payload(chunk);
             let is_right = match chunk.kind {
                 kind::FLIGHTS | kind::STATE => self.flights(payload).is_some(),
@@ -329,7 +301,7 @@ impl MotionFile {
     fn evaluate_flights(&self, instants: &[f64], out: &mut [f64]) {
         let point_count = self.n_points;
         let mut flights_now = vec![(0.0, 0.0, 0.0); self.oscillations.len()];
-        let flight_chunks = self.chunks.iter();
+        let flight_chunks = self.chunks().iter();
         let mut flight_chunks = flight_chunks
             .filter(|flight_chunk| matches!(flight_chunk.kind, kind::FLIGHTS | kind::STATE))
             .peekable();
@@ -380,7 +352,7 @@ impl MotionFile {
                 chunk.kind == kind::FRAMES && number_read == Some(number as u16)
             };
             let (mut known_frames, mut frame_index): (Vec<(f64, Vec<f64>)>, usize) = (Vec::new(), 0);
-            let mut frame_chunks = self.chunks.iter().filter(is_of_part);
+            let mut frame_chunks = self.chunks().iter().filter(is_of_part);
             for (&instant, row) in instants.iter().zip(out.chunks_mut(point_count.max(1))) {
                 while known_frames.iter().nth_back(1).is_none_or(|last| last.0 <= instant) {
                     let Some(chunk) = frame_chunks.next() else {

@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use ergon_engine::simulation::{Glance, Look, PointMotion, Push, Record, Simulation};
 
+use crate::bundle::{self, Unpacked};
 use crate::frames::Frames;
 use crate::motion::{MAGIC, PAYLOAD_MAX};
 use crate::payload::{Bytes, kind, put};
@@ -98,14 +99,28 @@ pub struct Recorder {
     pending_bytes: Vec<u8>,
     /// Number of bytes taken so far.
     bytes_taken: u64,
+    /// What the bundles of the file hold so far; `None` live, where there are none.
+    unpacked: Option<Unpacked>,
 }
 
 impl Recorder {
-    /// A recorder that begins the file with its manifest and tables.
+    /// A recorder that begins a file with its manifest and tables.
     ///
     /// # Errors
     /// A sentence if a table is too long.
     pub fn new(simulation: &Simulation, look: Look, setup: Setup) -> Result<Self, String> {
+        Self::begin(simulation, look, setup, Some(Unpacked::default()))
+    }
+
+    /// A recorder for live pages, which begins with manifest and tables as well.
+    ///
+    /// # Errors
+    /// A sentence if a table is too long.
+    pub fn live(simulation: &Simulation, look: Look, setup: Setup) -> Result<Self, String> {
+        Self::begin(simulation, look, setup, None)
+    }
+
+    fn begin(simulation: &Simulation, look: Look, setup: Setup, unpacked: Option<Unpacked>) -> Result<Self, String> {
         let network = simulation.network();
         let runs = runs(&look);
         if setup.places.len() != look.points.len() {
@@ -146,19 +161,20 @@ impl Recorder {
             segment_offsets: Vec::new(),
             pending_bytes: MAGIC.to_vec(),
             bytes_taken: 0,
+            unpacked,
             runs,
             look,
             setup,
         };
-        tables::put_all(
-            &mut recorder.pending_bytes,
-            network,
-            (&recorder.look, &recorder.setup),
-            &recorder.runs,
-        );
-        if recorder.pending_bytes.len() > PAYLOAD_MAX {
+        let (mut table_chunks, look_and_setup) = (Vec::new(), (&recorder.look, &recorder.setup));
+        tables::put_all(&mut table_chunks, network, look_and_setup, &recorder.runs);
+        if table_chunks.len() > PAYLOAD_MAX {
             return Err("the tables of this piece are too long for a motion file".into());
         }
+        if recorder.unpacked.is_some() {
+            tables::put_maker(&mut recorder.pending_bytes, &recorder.setup.manifest);
+        }
+        recorder.put_bundle(0.0, &table_chunks);
         Ok(recorder)
     }
 
@@ -389,6 +405,14 @@ impl Recorder {
             .for_each(|square| level_bytes.f32((square / frames_heard).sqrt()));
     }
 
+    /// Write complete chunks: in a file as a bundle.
+    fn put_bundle(&mut self, seconds: f64, chunks: &[u8]) {
+        match &mut self.unpacked {
+            Some(unpacked) => bundle::put(&mut self.pending_bytes, seconds, chunks, self.bytes_taken, unpacked),
+            None => self.pending_bytes.extend_from_slice(chunks),
+        }
+    }
+
     /// Write the current segment.
     fn end_segment(&mut self) {
         let mut segment = std::mem::take(&mut self.segment);
@@ -399,11 +423,22 @@ impl Recorder {
         }
         self.segment_offsets
             .push((segment.start, self.bytes_taken + self.pending_bytes.len() as u64));
-        put(&mut self.pending_bytes, kind::STATE, segment.start, &segment.state.0);
+        let mut bundle_chunks = Vec::new();
+        put(&mut bundle_chunks, kind::STATE, segment.start, &segment.state.0);
         let mut peak_bytes = Bytes::default();
         self.peaks.iter().for_each(|peak| peak_bytes.f32(*peak));
-        put(&mut self.pending_bytes, kind::PEAKS, segment.start, &peak_bytes.0);
-        for (run_index, (run, rows)) in self.runs.iter().zip(&mut segment.rows).enumerate() {
+        put(&mut bundle_chunks, kind::PEAKS, segment.start, &peak_bytes.0);
+        segment.events.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        for (seconds, kind, payload) in &segment.events {
+            put(&mut bundle_chunks, *kind, *seconds, &payload.0);
+        }
+        self.put_bundle(segment.start, &bundle_chunks);
+        self.put_frames(&segment);
+    }
+
+    /// Write the frames of a segment.
+    fn put_frames(&mut self, segment: &Segment) {
+        for (run_index, (run, rows)) in self.runs.iter().zip(&segment.rows).enumerate() {
             // Split into chunks of the largest possible number of frames.
             for frame_range in chunks(segment.count, (PAYLOAD_MAX / 16) / run.points.len().max(1)) {
                 if run.kind != "sampled" {
@@ -426,10 +461,6 @@ impl Recorder {
                     &run_frames.packed(&amplitudes),
                 );
             }
-        }
-        segment.events.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        for (seconds, kind, payload) in segment.events {
-            put(&mut self.pending_bytes, kind, seconds, &payload.0);
         }
     }
 }

@@ -100,7 +100,7 @@ fn recorded(mut simulation: Simulation, seconds: f64) -> (Look, MotionFile) {
 
 /// The ends of each link in the table, as MATs.
 fn links(look: &Look, file: &MotionFile) -> Vec<(usize, usize)> {
-    let table = file.chunks.iter().find(|place| place.kind == kind::LINKS);
+    let table = file.chunks().iter().find(|place| place.kind == kind::LINKS);
     let mut from = Reading(file.payload(table.unwrap()));
     let n = from.u32().unwrap();
     let mut mat = || look.points[from.u32().unwrap() as usize].mat;
@@ -111,7 +111,7 @@ fn check(simulation: Simulation, network: &Network, when: &[Option<f64>]) {
     let (look, file) = recorded(simulation, 2.5);
     let table = links(&look, &file);
     let mut output = vec![Vec::new(); when.len()];
-    for place in file.chunks.iter().filter(|place| place.kind == kind::BROKEN) {
+    for place in file.chunks().iter().filter(|place| place.kind == kind::BROKEN) {
         let mut from = Reading(file.payload(place));
         while !from.0.is_empty() {
             let instant = place.seconds + from.f32().unwrap();

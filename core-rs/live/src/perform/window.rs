@@ -85,7 +85,7 @@ pub struct WindowReader {
     skipped: Arc<AtomicU64>,
 }
 
-/// The two ends of a window on a simulation; `look` and `setup` are those of [`Recorder::new`]. To be called outside
+/// The two ends of a window on a simulation; `look` and `setup` are those of [`Recorder::live`]. To be called outside
 /// real time, because it allocates room for all pictures.
 ///
 /// # Errors
@@ -111,7 +111,7 @@ pub fn window_pair(simulation: &Simulation, look: Look, setup: Setup) -> Result<
         look: look.clone(),
     };
     let reader = WindowReader {
-        recorder: Recorder::new(simulation, look, setup)?,
+        recorder: Recorder::live(simulation, look, setup)?,
         pictures,
         skipped,
     };

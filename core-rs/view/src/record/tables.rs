@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use ergon_engine::network::Network;
 use ergon_engine::simulation::{Look, Oscillation, Point, PointMotion};
+use serde_json::Value;
 
 use super::{Run, Setup, chunks};
 use crate::motion::PAYLOAD_MAX;
@@ -19,6 +20,14 @@ pub(super) fn put_all(out: &mut Vec<u8>, network: &Network, (look, setup): (&Loo
     put(out, kind::LINKS, 0.0, &links(look, network).0);
     for (part, run) in runs.iter().enumerate() {
         shapes(out, look, part, run);
+    }
+}
+
+/// Appends who made the file, as its manifest says: the first bytes of a file show whose it is.
+pub(super) fn put_maker(out: &mut Vec<u8>, manifest: &str) {
+    let manifest: Value = serde_json::from_str(manifest).unwrap_or_default();
+    if let Some(maker) = manifest["made_by"].as_str() {
+        put(out, kind::MAKER, 0.0, maker.as_bytes());
     }
 }
 

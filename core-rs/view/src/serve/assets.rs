@@ -7,7 +7,7 @@ macro_rules! page {
 }
 
 const FILES: &[(&str, &str)] = page!(
-    "index.html" "style.css" "icon.svg" "main.js" "alignment.js" "camera.js" "chunks.js" "clock.js" "connection.js" "controls.js" "draw.js" "events.js"
+    "index.html" "style.css" "icon.svg" "main.js" "alignment.js" "bundle.js" "camera.js" "chunks.js" "clock.js" "connection.js" "controls.js" "draw.js" "events.js"
     "flashes.js" "flights.js" "frames.js" "gl.js" "hands.css" "hands.html" "hands.js" "inputs.js" "inspector.js" "labels.js" "lane.js" "live.js" "model.js" "motion.js" "packed.js" "shaders.js" "sound.js" "story.js"
     "timeline.js" "tour.js"
 );
