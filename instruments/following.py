@@ -29,7 +29,7 @@ class Following:
     span: float
 
 
-def field(value_shape: Shape, endpoint: Shape, doc: str) -> Field:
+def follows_field(value_shape: Shape, endpoint: Shape, doc: str) -> Field:
     """The field `follows`, with parameters by name; `value_shape` reads their values."""
 
     def build(following_values: Values) -> Any:
@@ -107,7 +107,7 @@ def check_constants(law_values: Values) -> None:
         law_values.error("E105", message, "follows")
 
 
-def values(
+def engine_values(
     part_module: Module, mat: Callable[[Target], int]
 ) -> list[tuple[str, tuple[int, float, float, float, float]]]:
     """The following parameters by name: index of the MAT, offset, span, and the values at both ends

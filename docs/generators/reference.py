@@ -8,8 +8,8 @@ from typing import Any
 
 from ergon.common.module_arguments import module_arguments
 from ergon.instruments.materials import MATERIAL_RECORD, MATERIALS
-from ergon.instruments.module_kinds import HOLDERS, KINDS, LINKS, tables
-from ergon.instruments.read import INSTRUMENT, PLACING
+from ergon.instruments.module_kinds import KINDS, LINK_KINDS, POINT_KINDS, tables
+from ergon.instruments.read import INSTRUMENT_SHAPE, PLACING_RECORD
 from ergon.instruments.space.fields import SURFACE_FILE
 from ergon.instruments.spread import PROFILE
 from ergon.notation.tables.fields import Field, Record
@@ -29,8 +29,8 @@ _SECTIONS: tuple[tuple[str, Record], ...] = (
     ("tempo", s.TEMPO),
     ("meter", s.METERS),
     ("keys", KEY),
-    ("instruments", INSTRUMENT.forms["si"]),
-    ("instruments: place", PLACING),
+    ("instruments", INSTRUMENT_SHAPE.forms["si"]),
+    ("instruments: place", PLACING_RECORD),
     ("laws", s.LAW),
     ("gestures", GESTURE),
     ("takes", TAKE),
@@ -53,7 +53,7 @@ _SECTIONS: tuple[tuple[str, Record], ...] = (
 )
 
 
-_MATTER = (*HOLDERS, *LINKS)
+_MATTER = (*POINT_KINDS, *LINK_KINDS)
 
 
 def _default(field: Field) -> str:

@@ -261,8 +261,8 @@ def _measured(calib: Path, travel: float) -> tuple[_core.Network, int, float, fl
         )
     calibrated_key = loaded.piece.keys["k"]
     assembly = Assembly()
-    assembly.part(calibrated_key.name, calibrated_key.modules)
-    assembly.joins(calibrated_key.name, calibrated_key.modules)
+    assembly.add_part(calibrated_key.name, calibrated_key.modules)
+    assembly.add_links(calibrated_key.name, calibrated_key.modules)
     push = sum(module.fields["from"] for module in calibrated_key.modules if module.kind == "ENF")
     assert calibrated_key.measured is not None
     return (

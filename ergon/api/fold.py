@@ -188,7 +188,7 @@ def fold_of(
         raise OptionError("to", reason, value=options.to)
     fold_to = options.to, options.head
     filters, _ = _filters(_in_order(layout), fold_to, piece.rate, report or Report())
-    return _core.Fold(_without(layout.others(piece.mix.channels), filters))
+    return _core.Fold(_without(layout.channels_without_loudspeaker(piece.mix.channels), filters))
 
 
 def _folded(
@@ -260,7 +260,7 @@ def _named(field_word: str, option_name: str, report: Report) -> tuple[Field, tu
         return Field(order=order), ()
     try:
         layout = read_layout(field_word, report)
-        return _in_order(layout), layout.others(layout.n_channels)
+        return _in_order(layout), layout.channels_without_loudspeaker(layout.n_channels)
     except NoLayoutError as error:
         raise OptionError(
             option_name, f"{error}, or {_AMBISONICS}1 to {_AMBISONICS}{ORDER_MAX}"

@@ -366,7 +366,9 @@ def _glide_values(
                 body_factor + (1.0 - body_factor) * glide_share
                 for body_factor in glide.body_factors
             )
-            link_factors += [(link, stiffest) for link in stage.built.assembly.bodies[module_key]]
+            link_factors += [
+                (link, stiffest) for link in stage.built.assembly.generator_links[module_key]
+            ]
         else:
             first_ratio, last_ratio = glide.factors
             factor = first_ratio + (last_ratio - first_ratio) * glide_share

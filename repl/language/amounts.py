@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
-from ergon.instruments.transpose import TRANSPOSITION
+from ergon.instruments.transpose import CENTS_SHAPE
 from ergon.notation.clock.positions import Length, Position, parse_length, parse_position
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
@@ -65,7 +65,7 @@ DIMENSIONS = {
     k.FORCE: q.FORCE,
     k.PAUSE: q.INSTANT,
     k.CONSTANT: q.CONSTANT,
-    TRANSPOSITION: q.Dimension("interval", {"cents": 0, "st": 2}, "2st"),
+    CENTS_SHAPE: q.Dimension("interval", {"cents": 0, "st": 2}, "2st"),
 }
 
 
@@ -210,7 +210,7 @@ def _read_change(
 ) -> tuple[float | None, float | None]:
     target_path = slots_read["target"]
     shape = scope.targets[target_path]
-    if shape is TRANSPOSITION:
+    if shape is CENTS_SHAPE:
         return shape.parse(change_text), None
     amount = amount_reader(shape.parse, target_path.rpartition(".")[2])(change_text)
     return (None, amount.value) if amount.is_factor else (amount.value, None)

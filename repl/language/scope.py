@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from ergon.instruments.model import Form, Instrument, Module
-from ergon.instruments.module_kinds import HOLDERS, KINDS
+from ergon.instruments.module_kinds import KINDS, POINT_KINDS
 from ergon.instruments.spread import GAP
-from ergon.instruments.transpose import TRANSPOSITION
+from ergon.instruments.transpose import CENTS_SHAPE
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
 from ergon.scores.edits import families
@@ -158,7 +158,9 @@ def _unplayed_modules(piece: Piece, unplayed: Mapping[str, str]) -> dict[str, li
 
 def _holders(instrument: Instrument) -> list[str]:
     """The named modules of an instrument that have masses."""
-    return [module.name for module in instrument.modules if module.name and module.kind in HOLDERS]
+    return [
+        module.name for module in instrument.modules if module.name and module.kind in POINT_KINDS
+    ]
 
 
 def _lines(block: Sequence[str]) -> str:
@@ -194,11 +196,11 @@ def _targets(piece: Piece) -> Iterator[tuple[str, Text]]:
     for instrument in piece.instruments.values():
         if pitched_module(instrument) is not None:
             yield f"{instrument.name}.f", k.PITCH
-        yield f"{instrument.name}.transpose", TRANSPOSITION
+        yield f"{instrument.name}.transpose", CENTS_SHAPE
         for part_module in instrument.modules:
             yield from _fields(instrument.name, part_module, instrument.form)
     for family_name, members in piece.families.items():
-        yield f"{family_name}.transpose", TRANSPOSITION
+        yield f"{family_name}.transpose", CENTS_SHAPE
         if (member := piece.instruments.get(members[0])) is not None:
             if pitched_module(member) is not None:
                 yield f"{family_name}.f", INTERVAL_OR_FACTOR

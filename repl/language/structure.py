@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ergon.instruments.module_kinds import KINDS, LINKS
+from ergon.instruments.module_kinds import KINDS, LINK_KINDS
 from ergon.instruments.transpose import parse_interval
 from ergon.notation.tables.compound import Either
 from ergon.notation.tables.shapes import Shape, Text
@@ -52,8 +52,8 @@ def _ends(context: CompletionContext) -> Iterator[Completion]:
 
 
 def _kind(text: str, *_: Any) -> str:
-    if text not in LINKS:
-        raise v.unknown_name(text, "a kind of link", LINKS)
+    if text not in LINK_KINDS:
+        raise v.unknown_name(text, "a kind of link", LINK_KINDS)
     return text
 
 
@@ -240,7 +240,7 @@ OTHER_END = v.other_than(LINK_END, "a")
 LINK_KIND = Value(
     "a kind of link, such as BUT or REF",
     _kind,
-    lambda _: (Completion(kind, KINDS[kind].table.doc) for kind in LINKS),
+    lambda _: (Completion(kind, KINDS[kind].table.doc) for kind in LINK_KINDS),
 )
 LINK_FIELDS = Value("fields, such as K=4kN/m gap=1mm", _fields, _field_offers)
 PLAYER_NAME = _known_or_new("players")

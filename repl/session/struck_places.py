@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from ergon.instruments.model import PRESS
-from ergon.instruments.names import Part, PartNames
+from ergon.instruments.names import PartContents, PartNames
 from ergon.notation.tables import tuning
 from ergon.notation.tables.notes import pitch
 from ergon.notation.tables.shapes import Name
@@ -363,7 +363,7 @@ def _members(strike_target: Target, target_text: str) -> list[Place]:
 def _check_target(piece: Piece, target_text: str) -> Target:
     collector = Collector()
     parts_by_name = {
-        name: Part(name, {module.name: module for module in instrument.modules})
+        name: PartContents(name, {module.name: module for module in instrument.modules})
         for name, instrument in piece.instruments.items()
     }
     with tuning.used(piece.tuning_of(target_text)):

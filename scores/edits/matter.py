@@ -13,7 +13,12 @@ from ergon.instruments.modal import Each
 from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import KINDS
 from ergon.instruments.read import member_table
-from ergon.instruments.transpose import between, is_mechanics, moved, named_pitch
+from ergon.instruments.transpose import (
+    interval_between,
+    is_mechanics,
+    named_pitch,
+    transposed_value,
+)
 from ergon.notation.tables import notes, tuning
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
@@ -208,7 +213,7 @@ def _set_pitch(score_texts: Texts, instrument: Instrument, pitch_text: str) -> T
         return score_texts.remove((*path, "transpose"), file=file_name) if is_moved else score_texts
     written_pitch = named_pitch(entry_values)  # the written pitch, which `transpose` moves
     assert written_pitch is not None
-    pitch_interval = between(written_pitch, pitch_asked)
+    pitch_interval = interval_between(written_pitch, pitch_asked)
     if pitch_interval.ratio == 1.0:
         is_moved = entry_values.written("transpose")
         return score_texts.remove((*path, "transpose"), file=file_name) if is_moved else score_texts
@@ -483,7 +488,7 @@ def _as_written(
             parsed_value = shape.parse(value_text)
         except TextError:
             continue  # reported where the score is read
-        untransposed = moved(field_name, parsed_value, interval.back())
+        untransposed = transposed_value(field_name, parsed_value, interval.inverse())
         if untransposed != parsed_value and isinstance(untransposed, float):
             changes_written[field_name] = f"{untransposed!r}{_UNITS.get(field_name, '')}"
     return changes_written

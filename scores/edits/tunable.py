@@ -10,7 +10,7 @@ from ergon.instruments import following
 from ergon.instruments.assemble import Assembly
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Instrument, Module
-from ergon.instruments.module_kinds import HOLDERS, LINKS
+from ergon.instruments.module_kinds import LINK_KINDS, POINT_KINDS
 from ergon.scores.edits.matter import quantities, set_list, set_value, written_quantity
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
@@ -107,20 +107,20 @@ class TunablePart:
         ca_rate = part_definition.ca_rate if isinstance(part_definition, Instrument) else None
         valued_modules = [_module_with_values(module, values) for module in part_definition.modules]
         assembly = Assembly(seed=self.piece.seed)
-        held_modules = [module for module in valued_modules if module.kind in HOLDERS]
+        held_modules = [module for module in valued_modules if module.kind in POINT_KINDS]
         space = part_definition.space if isinstance(part_definition, Instrument) else None
-        assembly.part(self.name, held_modules, ca_rate=ca_rate, reach=lever_ratio, space=space)
+        assembly.add_part(self.name, held_modules, ca_rate=ca_rate, reach=lever_ratio, space=space)
         assembly.add_followers(self.name, held_modules, ca_rate=ca_rate)
         links = [module for module in valued_modules if self._is_inside(module, assembly)]
-        assembly.joins(self.name, links, ca_rate=ca_rate, reach=lever_ratio)
+        assembly.add_links(self.name, links, ca_rate=ca_rate, reach=lever_ratio)
         for other_part, other_module in self.piece.modules():
             if other_part != self.name and self._is_inside(other_module, assembly):
                 rate = self.piece.instruments[other_part].ca_rate
-                assembly.joins(other_part, [other_module], ca_rate=rate)
+                assembly.add_links(other_part, [other_module], ca_rate=rate)
         return assembly.network
 
     def _is_inside(self, module: Module, assembly: Assembly) -> bool:
-        if module.kind not in LINKS:
+        if module.kind not in LINK_KINDS:
             return False
         # Links to a PROXY between masses of another part, or that follow a MAT of another part, are
         # left out.

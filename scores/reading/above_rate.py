@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from ergon.instruments import following, proxies
 from ergon.instruments.model import Instrument, Module, Target
-from ergon.instruments.module_kinds import LINKS
+from ergon.instruments.module_kinds import LINK_KINDS
 from ergon.notation.text.errors import Collector, quote
 from ergon.notation.text.memory import Memory
 
@@ -74,7 +74,7 @@ def _joined(instruments: Mapping[str, Instrument]) -> Iterator[_ModuleKey]:
     for entry_name, instrument in instruments.items():
         for module in instrument.modules:
             for target in _ends(module):
-                if target.part != entry_name or module.kind not in LINKS:
+                if target.part != entry_name or module.kind not in LINK_KINDS:
                     yield target.part, target.module
 
 

@@ -10,8 +10,8 @@ from itertools import chain
 from typing import Any, NamedTuple
 
 from ergon.instruments.model import Instrument, Module
-from ergon.instruments.module_kinds import KINDS, LINKS
-from ergon.instruments.transpose import is_interval, is_slow, parse_interval
+from ergon.instruments.module_kinds import KINDS, LINK_KINDS
+from ergon.instruments.transpose import is_interval, keeps_pitch, parse_interval
 from ergon.notation.tables import quantities as q
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.shapes import Text
@@ -95,7 +95,7 @@ def moved(owner: Instrument) -> list[Module]:
     return [
         module
         for module in owner.modules
-        if module.kind in able and not is_slow(module.kind, module.fields)
+        if module.kind in able and not keeps_pitch(module.kind, module.fields)
     ]
 
 
@@ -150,7 +150,7 @@ def refusal(part_module: Module, parameter_name: str, *, is_ca: bool) -> str | N
         if not isinstance(t60, float):
             several = "has a t60 for each of several frequencies, which stay as they are"
             return f"{several}; a single t60 may change"
-    if part_module.kind in LINKS and not part_module.fields.get(parameter_name):
+    if part_module.kind in LINK_KINDS and not part_module.fields.get(parameter_name):
         return f"has no {parameter_name} of its own that could change; write one above 0"
     return None
 

@@ -38,7 +38,8 @@ class AutomationTargets:
         target_name = values["set"] or values["lfo"]
         module_path, _, parameter_name = str(target_name).rpartition(".")
         is_family = (
-            parameter_name in automatable.ALL and self.part_names.family(module_path) is not None
+            parameter_name in automatable.ALL
+            and self.part_names.family_and_rest(module_path) is not None
         )
         if is_family:
             note_modules = self._played_notes(Name(module_path, target_name.place))
@@ -66,7 +67,7 @@ class AutomationTargets:
         """The modules on which the meaning of an entry depends; None if it depends on which notes
         of an instrument a piece plays, or on a file.
         """
-        if change.moves or self.part_names.family(change.target.text) is not None:
+        if change.moves or self.part_names.family_and_rest(change.target.text) is not None:
             return None
         return change.modules
 
@@ -96,7 +97,7 @@ class AutomationTargets:
         """The notes of an instrument that the piece plays, or a module of each; reports an
         instrument of which it plays none.
         """
-        names, instruments = self.part_names.members(module_path), self.matter.instruments
+        names, instruments = self.part_names.member_names(module_path), self.matter.instruments
         candidates = (automatable.named_module(str(name), {}, instruments) for name in names)
         played = [
             automatable_module

@@ -9,8 +9,8 @@ from typing import Any, cast
 
 from ergon.common.foreign_files import foreign_form
 from ergon.instruments.model import Module, Target
-from ergon.instruments.read import module
-from ergon.instruments.read import modules as read_modules
+from ergon.instruments.read import make_module
+from ergon.instruments.read import read_modules as read_modules
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.fields import Values
@@ -400,7 +400,7 @@ def coupling(values: Values, number: int) -> Coupling | None:
     if not isinstance(link, Values) or len(v["couple"]) != 2:
         return None
     a, b = v["couple"]
-    link_module = module(f"duet{number}", v.kind, link)
+    link_module = make_module(f"duet{number}", v.kind, link)
     until = v["until"]
     begin = v["at"] or START
     return Coupling(link_module, _unresolved(a), _unresolved(b), begin, until, v.node.place)

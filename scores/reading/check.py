@@ -80,7 +80,7 @@ class Checker:
         included = self._included(score_times, len(duet))
         for struck in chain(strikes, *(included_piece.strikes for _, included_piece in included)):
             for target in struck.to:
-                self.part_names.bring(target)
+                self.part_names.add_modules_of_struck(target)
         self.matter.look_up()
         automation_targets = AutomationTargets(self.matter, self.part_names, self.uses.midi)
         for struck in strikes:
@@ -231,7 +231,7 @@ class Checker:
 
     def _reach_included(self, piece: Piece, prefix: str) -> None:
         name_prefix = f"{prefix}." if prefix else ""
-        self.part_names.reached |= {
+        self.part_names.referenced_parts |= {
             name_prefix + name for name in (*piece.keys, *piece.instruments)
         }
         for name in (*piece.gestures, *piece.takes):
@@ -249,7 +249,7 @@ class Checker:
         if player.key not in keys:
             message = f"{key_label}: no key is called {quote(player.key)}"
             player_values.error("E301", message, "key", word=player.key, names=tuple(keys))
-        self.part_names.reached.add(player.key)
+        self.part_names.referenced_parts.add(player.key)
         if isinstance(player.standin, Name):
             self.gestures_and_takes.reach(player.standin, player_values.context.label("standin"))
         return player
@@ -322,7 +322,9 @@ class Checker:
         target_names = strike_values["to"] or ()
         if strike_values["along"] is not None and not strikes_kind:
             return self._along_direction(strike_values, target_names, strikes_label)
-        targets_by_name = [self.part_names.struck(name, strikes_label) for name in target_names]
+        targets_by_name = [
+            self.part_names.struck_targets(name, strikes_label) for name in target_names
+        ]
         if not all(targets_by_name):
             return None
         strike_targets = tuple(chain.from_iterable(targets_by_name))
@@ -353,7 +355,7 @@ class Checker:
         if (
             strikes_built.notes
             and target_names
-            and all(self.part_names.family(name) for name in target_names)
+            and all(self.part_names.family_and_rest(name) for name in target_names)
         ):
             voices = NoteTargets(self.part_names, target_names)
             strikes_built = melodies.strikes_of_pattern(
@@ -399,7 +401,7 @@ class Checker:
             return strikes
         reaches = {}
         for strike_target in strikes.to:
-            reach = self.part_names.sure_reach(strike_target, error_label)
+            reach = self.part_names.required_impulse_range(strike_target, error_label)
             if reach is None:
                 return None
             reaches[strike_target.part] = reach
@@ -544,14 +546,16 @@ class Checker:
             heads = {part for name in name_counts for part in accumulate(name.split("."), _joined)}
         if memory is not None:
             memory.hold(f"led {file_name}", None, (automation_section, name_counts, heads))
-        self.part_names.reached |= heads & self.matter.by_name.keys()
+        self.part_names.referenced_parts |= heads & self.matter.by_name.keys()
 
     def _struck_modules(
         self, strikes: Strikes, strike_values: Values
     ) -> tuple[tuple[str, str], ...] | None:
         """The modules on which strikes depend; None for those that depend on more."""
         names = strike_values["to"] or ()
-        if melodies.kind_of(strike_values) or any(self.part_names.family(name) for name in names):
+        if melodies.kind_of(strike_values) or any(
+            self.part_names.family_and_rest(name) for name in names
+        ):
             return None
         return tuple({(target.part, target.module) for target in strikes.to})
 
@@ -585,7 +589,7 @@ class Checker:
             coupling_built.link, laws, values.by_name[values.kind], coupling_label, self.collector
         )
         if "gap" in coupling_link.fields:
-            gap = spread.gaps(coupling_link, 1, coupling_label, self.collector)
+            gap = spread.contact_gaps(coupling_link, 1, coupling_label, self.collector)
             coupling_link = replace(coupling_link, fields={**coupling_link.fields, "gap": gap})
         return replace(coupling_built, link=coupling_link, a=first_key, b=second_key)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from ergon.instruments.transpose import INTERVAL
+from ergon.instruments.transpose import INTERVAL_SHAPE
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import Either
 from ergon.notation.tables.fields import Field, Record, Values
@@ -105,7 +105,11 @@ TAKE = Record(
             shown="the only one; of notes all",
         ),
         Field("velocity", k.IMPULSES, "impulses of the softest and the hardest note of MIDI"),
-        Field("bend", INTERVAL, "how far the pitch wheel of MIDI goes where its file says nothing"),
+        Field(
+            "bend",
+            INTERVAL_SHAPE,
+            "how far the pitch wheel of MIDI goes where its file says nothing",
+        ),
         Field("depth", k.TRAVEL, "how far such notes press a key that plays them"),
         Field("curve", VELOCITY_CURVE, "how strong a MIDI note of a velocity is", shown="even"),
         Field("trim", k.TRIM, "the part that is used; its beginning becomes time 0"),

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from ergon.instruments.model import Target
-from ergon.instruments.transpose import INTERVAL, Interval
+from ergon.instruments.transpose import INTERVAL_SHAPE, Interval
 from ergon.notation.clock.positions import Length, Position
 from ergon.notation.clock.tempo import TempoMap
 from ergon.notation.tables import value_kinds as k
@@ -32,7 +32,7 @@ INCLUDE = Record(
         Field("file", k.PATH, "the score, relative to this one", required=True),
         Field("at", k.WHEN, "where its beginning is", shown="the beginning"),
         Field("as", Reference("a prefix for its names, such as v2"), "prefix of its names"),
-        Field("transpose", INTERVAL, "how much higher its instruments sound; needs `as`"),
+        Field("transpose", INTERVAL_SHAPE, "how much higher its instruments sound; needs `as`"),
     ),
     meant={"score": "file"},
     lone={"file": r"(\S+\.ya?ml)"},
@@ -100,7 +100,7 @@ def transposed(part_values: Any, include: Include) -> Any:
     member_interval = part_values["transpose"] if "transpose" in part_values.by_name else None
     moved_fields = {
         **part_values.by_name,
-        "transpose": member_interval.then(interval) if member_interval else interval,
+        "transpose": member_interval.plus(interval) if member_interval else interval,
     }
     nodes = {**part_values.nodes, "transpose": include.values.nodes["transpose"]}
     return replace(part_values, by_name=moved_fields, nodes=nodes)

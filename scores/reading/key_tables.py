@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ergon.instruments.module_kinds import LINKS, tables
+from ergon.instruments.module_kinds import LINK_KINDS, tables
 from ergon.instruments.read import MODULES_DOC, module_table
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import ListOf, NamesOf
@@ -72,6 +72,6 @@ COUPLING = Record(
         Field("at", k.WHEN, "beginning of the link", shown="the beginning"),
         Field("until", k.WHEN, "end of the link", shown="the end"),
     ),
-    kinds={name: _without_between(table) for name, table in tables("si", LINKS).items()},
+    kinds={name: _without_between(table) for name, table in tables("si", LINK_KINDS).items()},
     kind_required=True,
 )

@@ -305,14 +305,14 @@ def _hits(rows: Sequence[Row], voices: NoteTargets, strikes_label: str) -> tuple
             phrase_row.jitter,
         )
         strike_targets = voices.targets(phrase_row, strikes_label)
-        if any(voices.part_names.has_end(target) for target in strike_targets):
+        if any(voices.part_names.ends_with_note(target) for target in strike_targets):
             phrase_hit = replace(phrase_hit, lasting=phrase_row.lasting)
         if not row_level.is_strength:
             phrase_hits.append(replace(phrase_hit, to=strike_targets))
             continue
         by_reach: dict[ImpulseRange, list[Target]] = {}
         for strike_target in strike_targets:
-            reach = voices.part_names.sure_reach(strike_target, strikes_label)
+            reach = voices.part_names.required_impulse_range(strike_target, strikes_label)
             if reach is not None:
                 by_reach.setdefault(reach, []).append(strike_target)
         phrase_hits += [

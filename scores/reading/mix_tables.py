@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ergon.instruments.playing import LOUDNESS
+from ergon.instruments.playing import LOUDNESS_SHAPE
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
@@ -54,7 +54,7 @@ ROUTE = Record(
             required=True,
         ),
         Field("gain", k.GAIN, "level", 1.0, shown="0dB"),
-        Field("level", LOUDNESS, "loudness of a stroke at mf, from which `gain` counts"),
+        Field("level", LOUDNESS_SHAPE, "loudness of a stroke at mf, from which `gain` counts"),
         Field("highpass", k.HERTZ, "second-order high-pass", shown="8Hz in 16 and 24 bits"),
         Field("lowpass", k.HERTZ, "second-order low-pass"),
         Field("lowshelf", tones.SHELF, "a gain of all below a frequency"),
@@ -79,7 +79,7 @@ MASTER = Record(
             "level of 0.1 mm, 1 m/s, 10,000 m/s², 10 mN and 1 Pa, or SI: that of one unit is 0 dB",
             shown="-20dB",
         ),
-        Field("loudness", LOUDNESS, "loudness of the whole piece, peaks up to -1 dBTP"),
+        Field("loudness", LOUDNESS_SHAPE, "loudness of the whole piece, peaks up to -1 dBTP"),
         Field("normalise", k.GAIN, "level of the highest peak of the whole piece"),
         Field("limit", k.GAIN, "ceiling of the limiter"),
         Field("fade", mixing.FADE, "levels at positions of the piece"),

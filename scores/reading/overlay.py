@@ -6,7 +6,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ergon.instruments.transpose import Interval, base_at_pitch, instrument_at_note, pitch
+from ergon.instruments.transpose import (
+    Interval,
+    base_at_pitch,
+    instrument_at_note,
+    transposed_frequency,
+)
 from ergon.notation.tables import notes
 from ergon.notation.tables.fields import Values
 
@@ -61,7 +66,7 @@ def overlay_fields(base_values: Values, member_values: Values) -> Values:
             and "transpose" in member_values.by_name
         ):
             field_value = tuple(
-                pitch(pitch_value, member_values.by_name["transpose"])
+                transposed_frequency(pitch_value, member_values.by_name["transpose"])
                 for pitch_value in field_value
             )
         module_fields[field_name] = field_value
@@ -118,7 +123,7 @@ def both(first_interval: Interval | None, second_interval: Interval | None) -> I
     """Two intervals, one after the other."""
     if first_interval is None or second_interval is None:
         return first_interval or second_interval
-    return first_interval.then(second_interval)
+    return first_interval.plus(second_interval)
 
 
 def _hidden(member: Values, field_name: str) -> set[str]:

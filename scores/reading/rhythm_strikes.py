@@ -143,7 +143,7 @@ def _voice(
         strike_targets = [
             t
             for name in note_targets.to
-            for t in note_targets.part_names.struck(name, strikes_label)
+            for t in note_targets.part_names.struck_targets(name, strikes_label)
         ]
     else:
         strike_targets = note_targets.targets(
@@ -151,7 +151,11 @@ def _voice(
         )
     by_reach: dict[ImpulseRange | None, list[Target]] = {}
     for target in strike_targets:
-        reach = note_targets.part_names.sure_reach(target, strikes_label) if is_strength else None
+        reach = (
+            note_targets.part_names.required_impulse_range(target, strikes_label)
+            if is_strength
+            else None
+        )
         by_reach.setdefault(reach, []).append(target)
     if collector.n_reports > n_reports:
         return None

@@ -5,7 +5,7 @@ The checker, the JSON Schema, the reference and the language server use these ta
 
 from __future__ import annotations
 
-from ergon.instruments.read import INSTRUMENT
+from ergon.instruments.read import INSTRUMENT_SHAPE
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import Either, ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
@@ -144,7 +144,7 @@ SCORE = Record(
         Field("meter", METERS, "meters that a file of notes says; `tempo` may say others"),
         Field("marks", NamesOf(k.MARK, "mark"), "names of instants"),
         Field("keys", NamesOf(KEY, "key"), "keys that hands play"),
-        Field("instruments", NamesOf(INSTRUMENT, "instrument"), "networks that sound"),
+        Field("instruments", NamesOf(INSTRUMENT_SHAPE, "instrument"), "networks that sound"),
         Field("laws", NamesOf(LAW, "law"), "laws of non-linear links"),
         Field("gestures", NamesOf(GestureShape(), "gesture"), "written gestures"),
         Field("takes", NamesOf(TAKE, "take"), "captured hands"),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ergon.instruments.space.fields import DIRECTION
-from ergon.instruments.transpose import INTERVAL
+from ergon.instruments.transpose import INTERVAL_SHAPE
 from ergon.notation.tables import value_kinds as k
 from ergon.notation.tables.compound import ListOf
 from ergon.notation.tables.fields import Field, Record, Values
@@ -78,7 +78,7 @@ STRIKES = Record(
         Field("rhythm", RHYTHM, "a text of words, notes and rests, which is one cycle"),
         Field("cycle", k.LENGTH, "length of a cycle of the rhythm", shown="1bar"),
         *PASSING_FIELDS,
-        Field("transpose", INTERVAL, "how much higher the notes of the phrase are"),
+        Field("transpose", INTERVAL_SHAPE, "how much higher the notes of the phrase are"),
         Field(
             "do",
             StrikesDo(),

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from math import inf, pi, sqrt
 
 from ergon.instruments.model import Module, Target
-from ergon.instruments.module_kinds import KINDS, LINKS, member_count
-from ergon.instruments.spread import single_links, size
+from ergon.instruments.module_kinds import KINDS, LINK_KINDS, member_count
+from ergon.instruments.spread import link_count, single_links
 from ergon.notation.text.errors import Diagnostic, quote
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Key
@@ -31,7 +31,7 @@ def warn_implausible(piece: Piece) -> list[Diagnostic]:
             warnings += _pitches(piece, module_name, part_module)
             if part_module.kind == "BUT":
                 warnings += scene.gaps(module_name, part_module)
-            if part_module.kind in LINKS:
+            if part_module.kind in LINK_KINDS:
                 warnings += scene.stiffness(piece, module_name, part_module)
             if part_module.kind == "BRISTLE":
                 warnings += _gains(module_name, part_module)
@@ -142,7 +142,7 @@ class _Scene:
             return
         end_targets = link.ends
         # If one mass is linked to a range, all its links pull on it together.
-        inverse = sum(size(end_targets) / end.count / self._mass(end) for end in end_targets)
+        inverse = sum(link_count(end_targets) / end.count / self._mass(end) for end in end_targets)
         if inverse == 0.0:
             return
         half = pi / sqrt(stiffness * inverse)  # of a period; as long as a touch lasts [s]

@@ -250,7 +250,7 @@ def _ways(
     routed_output: Output,
 ) -> None:
     route_ratio = route.ratio * (piece.mix.master.gain if piece.mix.master else 1.0)
-    delay, quantity = 0, routed_output.traits.reference
+    delay, quantity = 0, routed_output.kind_facts.reference_amount
     if route.radiation is not None:
         quantity = _PRESSURE
         route_ratio *= route.radiation.gain
@@ -263,7 +263,7 @@ def _ways(
             0,
             route_ratio,
             quantity,
-            routed_output.traits.is_energy,
+            routed_output.kind_facts.is_energy,
             route.highpass,
         ),
         delay=delay,
@@ -324,7 +324,7 @@ def _taps(
     """Add taps for an output: the sum of its targets, or √(m/2)·v of each mass, whose square is its
     energy.
     """
-    if not routed_output.traits.is_energy:
+    if not routed_output.kind_facts.is_energy:
         return [_tap(listening, assembly, output_name, routed_output)]
     elements = assembly.network.elements(list({target.part for target in routed_output.targets}))
     masses = dict(zip(elements.mats, elements.masses, strict=True))
@@ -333,7 +333,7 @@ def _taps(
         listening.outputs.append(".".join(filter(None, (*output_name, str(len(taps) + 1)))))
         weighted = (mat, 1, sqrt(masses.get(mat, 0.0) / 2.0))
         positions = [] if output_name[0] in listening.silent else [weighted]
-        named, order = listening.outputs[-1], routed_output.traits.order
+        named, order = listening.outputs[-1], routed_output.kind_facts.order
         taps.append(assembly.network.listen(named, positions=positions, order=order))
     return taps
 
@@ -364,7 +364,7 @@ def _tap(
             output_target.part,
             output_target.module,
         ) in assembly.points:  # a net: all its springs
-            springs = assembly.bodies[output_target.part, output_target.module]
+            springs = assembly.generator_links[output_target.part, output_target.module]
             force_ranges.append((springs.start, len(springs), 1.0))
         else:
             ground.append(_range(assembly, output_target))
@@ -375,7 +375,7 @@ def _tap(
         forces=force_ranges,
         ground_forces=ground,
         lengths=length_ranges,
-        order=routed_output.traits.order,
+        order=routed_output.kind_facts.order,
     )
 
 
@@ -428,7 +428,7 @@ def _nearest(
             else {"positions": speaker_ranges}
         )
         listening.outputs.append(output_name)
-        tap = assembly.network.listen(output_name, **listened, order=routed_output.traits.order)
+        tap = assembly.network.listen(output_name, **listened, order=routed_output.kind_facts.order)
         _ways(listening, piece, tap, (channel_index,), route, routed_output)
 
 

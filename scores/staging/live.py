@@ -277,7 +277,7 @@ def _key(piece: Piece, player: Player, collector: Collector) -> tuple[_core.Netw
     """The network of a player's key, with its position as output, and hands on it."""
     key = piece.keys[player.key]
     assembly = Assembly(seed=piece.seed)
-    for add in (assembly.part, assembly.joins):
+    for add in (assembly.add_part, assembly.add_links):
         add(key.name, key.modules, ca_rate=None, reach=1.0)
     struck = assembly.mats[key.name, key.struck]
     assembly.network.listen("key", positions=[(struck, 1, 1.0)])

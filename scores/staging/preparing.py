@@ -115,7 +115,7 @@ def prepare(
         timeline = _core.Timeline(assembly.network, piece.rate)
         if piece.accuracy.is_unguarded:
             timeline.leave_unguarded()
-        for (part, module), port in assembly.ports.items():
+        for (part, module), port in assembly.delayed_ports.items():
             timeline.delay_forces(port, assembly.mats[part, module], piece.keys[part].delay)
         takes = Takes(piece, collector, stage_before.takes if stage_before else {})
         hands = Hands(piece, timeline, takes, collector)

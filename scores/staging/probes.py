@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from ergon.instruments.model import Instrument, Module, Output, Target
-from ergon.instruments.module_kinds import HOLDERS, member_count
+from ergon.instruments.module_kinds import POINT_KINDS, member_count
 from ergon.instruments.spread import single_links
 from ergon.notation.tables.value_kinds import AXES
 from ergon.scores.reading.outputs import Route
@@ -141,7 +141,8 @@ def _single(piece: Piece) -> Iterable[Target]:
     """Modules of one mass, and single members that outputs of the piece listen to."""
     for part_name, part_module in piece.modules():
         is_one = (
-            part_module.kind in HOLDERS and member_count(part_module.kind, part_module.fields) == 1
+            part_module.kind in POINT_KINDS
+            and member_count(part_module.kind, part_module.fields) == 1
         )
         if is_one and part_module.kind != "SOL" and "axes" not in part_module.fields:
             yield Target(part_name, part_module.name, 0, 1, "", part_module.place)

@@ -171,8 +171,8 @@ def _rehearsed(
     import numpy as np
 
     assembly = Assembly(seed=seed)
-    assembly.part(player_key.name, player_key.modules, reach=player_key.reach)
-    assembly.joins(player_key.name, player_key.modules, reach=player_key.reach)
+    assembly.add_part(player_key.name, player_key.modules, reach=player_key.reach)
+    assembly.add_links(player_key.name, player_key.modules, reach=player_key.reach)
     network, struck_mat = assembly.network, assembly.mats[player_key.name, player_key.struck]
     network.listen("key", positions=[(struck_mat, 1, 1.0)])
     timeline = _core.Timeline(network, rate)

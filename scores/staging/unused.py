@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from ergon.instruments import following, proxies
 from ergon.instruments.model import Target
-from ergon.instruments.module_kinds import HOLDERS, LINKS
+from ergon.instruments.module_kinds import LINK_KINDS, POINT_KINDS
 from ergon.notation.text.errors import Diagnostic, quote
 from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.listening import audible_outputs, targets_of
@@ -42,7 +42,7 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     for part_name, part_module in piece.modules():
         for link_target in following.targets(part_module):
             part_groups.join(part_name, link_target.part)
-        if part_module.kind in LINKS:
+        if part_module.kind in LINK_KINDS:
             end_parts = tuple(end.part for end in part_module.ends)
             links_by_part[part_name, part_module.name] = end_parts
             part_groups.join(*end_parts)
@@ -62,7 +62,7 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     is_played = bool(piece.parts or piece.strikes)
     warnings = []
     for instrument in piece.instruments.values():
-        if not any(module.kind in HOLDERS for module in instrument.modules):
+        if not any(module.kind in POINT_KINDS for module in instrument.modules):
             continue
         instrument_name = quote(family_names.get(instrument.name, instrument.name))
         part_group = part_groups.representative(instrument.name)

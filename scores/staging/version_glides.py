@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ergon import _core
 from ergon.common.decay import LN_1000
 from ergon.instruments.model import Instrument
-from ergon.instruments.module_kinds import LINKS
+from ergon.instruments.module_kinds import LINK_KINDS
 from ergon.instruments.spread import single_links
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class Glide:
             k, z, m = self.before
             timeline.glide(assembly.mats[module_key], k, z, m, self.start, self.stop)
         elif len(self.before) == 2:
-            links = assembly.bodies[module_key]
+            links = assembly.generator_links[module_key]
             points = [(self.start, *self.body_factors), (self.stop, 1.0, 1.0)]
             timeline.lead(links.start, points, n=len(links))
         else:
@@ -246,7 +246,7 @@ def _links(piece: Piece, other_piece: Piece) -> dict[tuple[str, str], Module]:
     return {
         (part.name, link.name): link
         for part, module in _changed_modules(piece, other_piece)
-        if isinstance(part, Instrument) and part.ca_rate is None and module.kind in LINKS
+        if isinstance(part, Instrument) and part.ca_rate is None and module.kind in LINK_KINDS
         for link in single_links(module)
     }
 
@@ -323,7 +323,7 @@ def _module_values(part_module: Module) -> _Values | None:
     if part_module.kind in BODIES:
         return _body_values(part_module.fields)
     fields: Mapping[str, Any] = part_module.fields
-    if part_module.kind in LINKS and fields.get("K"):
+    if part_module.kind in LINK_KINDS and fields.get("K"):
         return (float(fields["K"]),)
     return None
 

@@ -193,13 +193,13 @@ BOWS = ("hair 0.2N..2N", "hair 0.04m/s..0.4m/s", "lips 20mN .. 1N")
 def _bow(chance: random.Random) -> tuple[str, str]:
     known = ("hair", "..", "N", "m/s", "mN", " ", "0", "-")
     if chance.random() < 0.3:
-        return chance.choice(list(drawing.WORDS)), soup(chance, known, between="")
-    return chance.choice(list(drawing.WORDS)), damaged(chance.choice(BOWS), chance, known)
+        return chance.choice(list(drawing.BOW_FIELDS)), soup(chance, known, between="")
+    return chance.choice(list(drawing.BOW_FIELDS)), damaged(chance.choice(BOWS), chance, known)
 
 
 def _read_bow(case: tuple[str, str], _: Path) -> None:
     word, text = case
-    drawing.WORDS[word].parse(text)
+    drawing.BOW_FIELDS[word].parse(text)
 
 
 LAW_TEXTS = tuple(law.partition(",")[0] for law in LAWS.values())

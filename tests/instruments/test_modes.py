@@ -20,7 +20,7 @@ F, T60 = (220.0, 220.5, 440.0), (12.0, 11.0, 6.0)
 def network(text: str, part: str = "b"):
     piece = check(text).piece
     assembly = Assembly()
-    assembly.part(part, piece.instruments[part].modules)
+    assembly.add_part(part, piece.instruments[part].modules)
     return assembly
 
 
