@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use super::Simulation;
 use super::group::RunningUnit;
-use crate::assembly::unit::{Unit, to_network_index};
+use crate::assembly::unit::{ComputationUnit, to_network_index};
 use crate::island::inside::RunningBody;
 use crate::island::{Island, Record};
 use crate::network::Network;
@@ -120,8 +120,8 @@ impl Look {
         let mut maker = Maker::new(&plan.network, plan.timeline_rate.hertz());
         for (unit_index, unit) in plan.units.iter().enumerate() {
             match unit {
-                Unit::IslandPlan(island) => maker.island(unit_index, island),
-                Unit::Bank(bank) => maker.bank(unit_index, bank),
+                ComputationUnit::IslandPlan(island) => maker.island(unit_index, island),
+                ComputationUnit::Bank(bank) => maker.bank(unit_index, bank),
             }
         }
         maker.finish(plan.clone())

@@ -141,7 +141,7 @@ impl<'a> Maker<'a> {
         let network = &*island.network;
         for (mat, kind) in network.mats().kind.iter().enumerate() {
             // A held point may be a guest of several islands; the first of them gives its position.
-            let network_mat = to_network_index(&island.to_whole.mats, mat);
+            let network_mat = to_network_index(&island.network_indices.mats, mat);
             if !kind.is_held() || self.sources[network_mat].is_none() {
                 self.record_sampled(Some(network_mat), unit, Origin::Mass(mat));
             }
@@ -192,10 +192,10 @@ impl<'a> Maker<'a> {
         }
         self.touched.push((unit, contacts));
         if !island.timeline.gestures.is_empty() {
-            let island_mats = island.to_whole.mats.clone();
+            let island_mats = island.network_indices.mats.clone();
             self.played.push((unit, island_mats));
         }
-        let breaking: Vec<(u32, u32)> = may_break(network, |mat| to_network_index(&island.to_whole.mats, mat))
+        let breaking: Vec<(u32, u32)> = may_break(network, |mat| to_network_index(&island.network_indices.mats, mat))
             .filter_map(|(link, ends)| Some((link as u32, *self.by_ends.get(&ends)?)))
             .collect();
         self.breaking.push((unit, breaking));
@@ -204,8 +204,8 @@ impl<'a> Maker<'a> {
     pub(super) fn bank(&mut self, unit: usize, bank: &BankPlan) {
         let oscillation = |oscillator: &Oscillator| Oscillation::from_recurrence(oscillator.a, oscillator.b, self.rate);
         let oscillations: Vec<Oscillation> = bank.oscillators.iter().map(oscillation).collect();
-        if bank.mats.len() == oscillations.len() && !oscillations.is_empty() {
-            for (cell, (&(mat, rest), &free)) in bank.mats.iter().zip(&oscillations).enumerate() {
+        if bank.mats_and_rests.len() == oscillations.len() && !oscillations.is_empty() {
+            for (cell, (&(mat, rest), &free)) in bank.mats_and_rests.iter().zip(&oscillations).enumerate() {
                 let from = Origin::Bank(cell);
                 let how = PointMotion::Free(free);
                 self.record(
@@ -223,7 +223,7 @@ impl<'a> Maker<'a> {
         let rate = Rate::new(self.rate).ok();
         let (network, mode_shapes) = match (&bank.body, &bank.complex, rate) {
             (Some(bank_network), _, Some(rate)) => {
-                let modes_kept = (&bank.computed_modes[..], bank.turned.as_deref());
+                let modes_kept = (&bank.computed_modes[..], bank.rotation_mats.as_deref());
                 let mode_shapes = ModeShapes::new(bank_network, modes_kept, rate, ModalTransform::ToPositions);
                 (bank_network.clone(), mode_shapes)
             }
@@ -300,7 +300,7 @@ impl<'a> Maker<'a> {
             let (how, rest) = match &self.sources[mat] {
                 Some(source) => (source.how, source.rest),
                 None => {
-                    let is_unmoved = plan.unmoved.binary_search(&(mat as u32)).is_ok();
+                    let is_unmoved = plan.motionless_mats.binary_search(&(mat as u32)).is_ok();
                     let is_moved = mats.kind[mat] != MatKind::Sol && !is_unmoved;
                     (PointMotion::NotComputed { is_moved }, self.rest(mat))
                 }

@@ -57,7 +57,8 @@ impl Takeover {
                     |mat| old_plan.network.mat_name(mat),
                 );
                 let mats = if voice_script.free.is_like(&old_voice.free, new_name_of, old_name_of)
-                    && (island_plan.oversampling, island_plan.every) == (old_plan.oversampling, old_plan.every)
+                    && (island_plan.oversampling, island_plan.frame_interval)
+                        == (old_plan.oversampling, old_plan.frame_interval)
                 {
                     None
                 } else {
