@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ergon.repl.session.running import RunningVersion
     from ergon.repl.session.schedule import Schedule
     from ergon.repl.session.waiting_lines import WaitingLine
-    from ergon.scores.edits.merging import Spot
+    from ergon.scores.edits.merging import ValuePlace
     from ergon.scores.edits.texts import Texts
 
 _DELAY_TOLD = 1.0  # [s] by which a line that acts now may be late without a message
@@ -213,7 +213,7 @@ class SessionLog:
             )
         return messages
 
-    def _line_that_changed(self, spot: Spot) -> str:
+    def _line_that_changed(self, spot: ValuePlace) -> str:
         """The last earlier line that changed a place; empty if none is found."""
         history, versions = self._history, self._schedule.past_versions
         past = [versions[n] for n in history.numbers[: history.index]]

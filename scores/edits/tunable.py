@@ -11,7 +11,7 @@ from ergon.instruments.assemble import Assembly
 from ergon.instruments.modal import Each
 from ergon.instruments.model import Instrument, Module
 from ergon.instruments.module_kinds import LINK_KINDS, POINT_KINDS
-from ergon.scores.edits.matter import quantities, set_list, set_value, written_quantity
+from ergon.scores.edits.matter import number_fields, quantity_text, set_list, set_value
 from ergon.scores.edits.texts import Texts
 from ergon.scores.reading.piece import Piece
 from ergon.scores.reading.playing import Key
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ergon import _core
 
 # Fields that affect the modes of a part, as do constants of laws; only numbers above 0 are changed.
-_FIELDS = ("M", "K", "f", "inharmonicity", "stiffness", "bending", "sigma0", "stretching")
+_TUNABLE_FIELDS = ("M", "K", "f", "inharmonicity", "stiffness", "bending", "sigma0", "stretching")
 
 FieldKey = tuple[str, str, int | None]  # module, field, place in a list from 1
 
@@ -59,8 +59,8 @@ class TunablePart:
         """Every number above 0 of the part's modules that may affect its modes."""
         for part_module in self._definition.modules:
             constants = part_module.fields.get("constants", {})
-            for name, quantity_number in quantities(part_module):
-                if quantity_number > 0 and (name in _FIELDS or name in constants):
+            for name, quantity_number in number_fields(part_module):
+                if quantity_number > 0 and (name in _TUNABLE_FIELDS or name in constants):
                     yield Value(part_module.name, name, quantity_number)
             if part_module.kind == "MODES":
                 for place, quantity_number in enumerate(part_module.fields["f"], 1):
@@ -82,7 +82,7 @@ class TunablePart:
         """The value as a score writes it, without loss of precision."""
         part = self._definition
         is_ca = isinstance(part, Instrument) and part.ca_rate is not None
-        return written_quantity(value.number, value.field, is_ca=is_ca)
+        return quantity_text(value.number, value.field, is_ca=is_ca)
 
     def edit(self, texts: Texts, values: Sequence[Value]) -> Texts:
         """A score's texts with the values set in them. Raises EditError."""

@@ -38,7 +38,7 @@ class AutomationTargets:
         target_name = values["set"] or values["lfo"]
         module_path, _, parameter_name = str(target_name).rpartition(".")
         is_family = (
-            parameter_name in automatable.ALL
+            parameter_name in automatable.ALL_PARAMETERS
             and self.part_names.family_and_rest(module_path) is not None
         )
         if is_family:
@@ -117,7 +117,7 @@ class AutomationTargets:
         """The module of a name; reports a name without one."""
         keys_by_name, instruments = self.matter.keys, self.matter.instruments
         automatable_module = automatable.named_module(module_path, keys_by_name, instruments)
-        if automatable_module is None and module_path and parameter in automatable.ALL:
+        if automatable_module is None and module_path and parameter in automatable.ALL_PARAMETERS:
             # Find the target of `module_path`, or report what is wrong with it.
             module_target = self.part_names.target(
                 Name(module_path, name.place), "mat", "automation"
@@ -136,7 +136,7 @@ class AutomationTargets:
                 self.collector.error("E304", message, name.place)
                 return None
         if automatable_module is None:
-            words = ", ".join(automatable.ALL)
+            words = ", ".join(automatable.ALL_PARAMETERS)
             message = f"automation: {quote(name)} is not a parameter that changes ({words})"
             self.collector.error("E301", message, name.place, help=_level_help(name))
         return automatable_module

@@ -23,15 +23,15 @@ from ergon.scores.reading.above_rate import without_modes_above
 from ergon.scores.reading.automation import Automation
 from ergon.scores.reading.automation_targets import AutomationTargets
 from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
-from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, played
+from ergon.scores.reading.include import MAX_INCLUDED, Include, Played, included_play
 from ergon.scores.reading.known_entries import KnownEntries
 from ergon.scores.reading.known_plays import KnownPlays
 from ergon.scores.reading.matter import PartsReader
 from ergon.scores.reading.note_targets import NoteTargets
 from ergon.scores.reading.piece import Hit, Piece, Strikes
 from ergon.scores.reading.playing import Coupling, Play, Player
-from ergon.scores.reading.routing import routed
-from ergon.scores.reading.schedule import schedule
+from ergon.scores.reading.routing import routed_mix
+from ergon.scores.reading.schedule import start_beats
 from ergon.scores.reading.struck_tuning import in_tuning
 from ergon.scores.reading.times import Times
 from ergon.scores.reading.uses import Names, Uses
@@ -74,7 +74,7 @@ class Checker:
         )
         players = {v.context.name: self._player(v) for v in self._section_values("players")}
         written_mix = build_mix.mix(score["mix"], self.uses.files)
-        mix = routed(written_mix, self.matter.by_name, self.part_names)
+        mix = routed_mix(written_mix, self.matter.by_name, self.part_names)
         duet = [c for i, v in enumerate(score["duet"] or ()) if (c := self._coupling(v, i))]
         self._reach_led(memory, score_file)
         included = self._included(score_times, len(duet))
@@ -132,7 +132,7 @@ class Checker:
         begins = score_times.check(score, piece)
         if self.collector.has_errors():
             return piece
-        return replace(piece, starts=schedule(piece, begins, score_times.known, self.collector))
+        return replace(piece, starts=start_beats(piece, begins, score_times.known, self.collector))
 
     def _computable(
         self,
@@ -203,7 +203,7 @@ class Checker:
             piece = self.uses.pieces[file_name]
             if self.collector.has_errors():
                 continue
-            played_include = played(piece, include_entry, n_links, self.collector)
+            played_include = included_play(piece, include_entry, n_links, self.collector)
             n_links += len(played_include.duet)
             n_lines += len(played_include)
             if n_lines > MAX_INCLUDED:
@@ -299,7 +299,7 @@ class Checker:
 
     def _strikes_by_kind(self, strike_values: Values) -> Strikes | None:
         strikes_kind = melodies.kind_of(strike_values)
-        if strikes_kind in melodies.MELODIES:
+        if strikes_kind in melodies.MELODY_KINDS:
             phrases = self._phrases()
             phrase = phrases.get(strike_values["play"]) if strikes_kind == "play" else None
             take = phrase if isinstance(phrase, Values) and melodies.is_midi(phrase) else None
@@ -309,7 +309,7 @@ class Checker:
             if phrase_hits is not None and take is not None and self._has_press(phrase_hits[0]):
                 self.uses.midi.press(take)
             if phrase_hits is not None and not self._has_quarters and isinstance(phrase, Values):
-                phrase_hits = melodies.in_quarters(phrase, *phrase_hits)
+                phrase_hits = melodies.in_quarter_notes(phrase, *phrase_hits)
             if phrase_hits is None:
                 return None
             melody = self._melody(build.melody(strike_values, *phrase_hits), strike_values)

@@ -11,7 +11,7 @@ from ergon.notation.tables.compound import ListOf, NamesOf
 from ergon.notation.tables.fields import Field, Record
 from ergon.notation.tables.shapes import Reference, choice
 
-KEY = Record(
+KEY_RECORD = Record(
     "key",
     "a force-feedback key (TGR), real or emulated: a mass with spring and viscosity, or a network",
     (
@@ -39,7 +39,7 @@ KEY = Record(
         Field("rate", k.RATE, "its own: audio divided by a whole number", shown="rates: gesture"),
     ),
 )
-PLAYER = Record(
+PLAYER_RECORD = Record(
     "player",
     "a hand on a key",
     (
@@ -64,7 +64,7 @@ def _without_between(table: Record) -> Record:
     return replace(table, fields=tuple(f for f in table.fields if f.name not in ("to", "between")))
 
 
-COUPLING = Record(
+COUPLING_RECORD = Record(
     "coupling",
     "a link through which two keys act on each other",
     (

@@ -29,7 +29,7 @@ from ergon.scores.reading.gestures_and_takes import GesturesAndTakes
 from ergon.scores.reading.known_modules import resolve_names
 from ergon.scores.reading.playing import Key
 from ergon.scores.reading.rates import Rates
-from ergon.scores.reading.uses import Entry, Names, Uses, called
+from ergon.scores.reading.uses import Entry, Names, Uses, with_name
 
 _Item = TypeVar("_Item")
 _Part = TypeVar("_Part", Key, Instrument)
@@ -96,7 +96,7 @@ class PartsReader:
         self, section: str, name: str, entry: Entry, values: Values, selves: frozenset[str]
     ) -> None:
         values = self._with_files(values)
-        part_object = called(self._read_part(section, name, entry, values), name)
+        part_object = with_name(self._read_part(section, name, entry, values), name)
         struck_module = part_object.struck if isinstance(part_object, Key) else None
         modules_by_name = {module.name: module for module in part_object.modules}
         broken = frozenset(values["modules"] or {}).difference(modules_by_name)
@@ -347,7 +347,9 @@ class PartsReader:
 
         def make_rules() -> rules.ModuleRules:
             laws = self.laws(tuple(part.modules.values()), named_entry.home)
-            return rules.ModuleRules(part, self._part_names, laws, takes, _bodies(part_values))
+            return rules.ModuleRules(
+                part, self._part_names, laws, takes, _written_fields(part_values)
+            )
 
         memory = self._uses.files.memory
         return resolve_names(part, self._part_names, make_rules, memory, self.by_name)
@@ -394,7 +396,7 @@ class PartsReader:
         return build_mix.layout(name, folder, place, self._uses.files)
 
 
-def _bodies(instrument_values: Values) -> dict[str, Values]:
+def _written_fields(instrument_values: Values) -> dict[str, Values]:
     """The fields of each module as written, to report places inside laws."""
     bodies_by_name = {
         name: body.by_name[body.kind]

@@ -17,7 +17,9 @@ from ergon.scores.reading.outputs import Mix, Route
 from ergon.scores.reading.playing import Key
 
 
-def routed(mix: Mix, parts_by_name: Mapping[str, Key | Instrument], part_names: PartNames) -> Mix:
+def routed_mix(
+    mix: Mix, parts_by_name: Mapping[str, Key | Instrument], part_names: PartNames
+) -> Mix:
     """A mix whose routes name instruments of `parts_by_name`, as `part_names` knows them."""
     is_relative = mix.reference() is not None
     for route in mix.routes if not is_relative else ():
@@ -28,7 +30,9 @@ def routed(mix: Mix, parts_by_name: Mapping[str, Key | Instrument], part_names: 
     note_routes = (
         note_route for route in mix.routes for note_route in _note_routes(route, part_names)
     )
-    routes_read = (_route(route, parts_by_name, part_names, mix.rooms) for route in note_routes)
+    routes_read = (
+        _checked_route(route, parts_by_name, part_names, mix.rooms) for route in note_routes
+    )
     return replace(mix, routes=tuple(route for route in routes_read if route is not None))
 
 
@@ -38,7 +42,7 @@ def _note_routes(route: Route, part_names: PartNames) -> Iterable[Route]:
     return (replace(route, part=member_name) for member_name in part_names.member_names(name))
 
 
-def _route(
+def _checked_route(
     route: Route,
     parts_by_name: Mapping[str, Key | Instrument],
     part_names: PartNames,
@@ -72,12 +76,12 @@ def _route(
             "E301", message, route.place, word=str(route.part), names=output_names
         )
     part_names.referenced_parts.add(part_path)
-    levelled = _levelled(replace(route, part=part_path, out=out), instrument, part_names)
+    levelled = _route_with_level(replace(route, part=part_path, out=out), instrument, part_names)
     _check_route(levelled, instrument, rooms, part_names)
     return levelled
 
 
-def _levelled(route: Route, instrument: Instrument, part_names: PartNames) -> Route:
+def _route_with_level(route: Route, instrument: Instrument, part_names: PartNames) -> Route:
     """A route with the ratio that leads to its level: the channels share the power."""
     if route.level is None:
         return route

@@ -15,7 +15,7 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.late_keys import links_on_keys
 from ergon.scores.staging.listening import Listening, fades, listen
 
-COUPLING_ENDED = -math.inf  # the end of a coupling that acts no longer
+COUPLING_ENDED_SECONDS = -math.inf  # the end of a coupling that acts no longer
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
     return [assembly.add_link("duet", duet.link, duet.a, duet.b) for duet in piece.duet]
 
 
-def acting(piece: Piece) -> Iterator[tuple[float, float | None]]:
+def coupling_spans(piece: Piece) -> Iterator[tuple[float, float | None]]:
     """When each coupling begins and ends to act [s]; the end is `COUPLING_ENDED` if it is over."""
     tempo = piece.tempo_map
     for coupling in piece.duet:
@@ -122,4 +122,4 @@ def acting(piece: Piece) -> Iterator[tuple[float, float | None]]:
             and until_beat <= begin_seconds
             and isinstance(tempo, OffsetTempoMap)
         )
-        yield begin_seconds, COUPLING_ENDED if is_over else until_beat
+        yield begin_seconds, COUPLING_ENDED_SECONDS if is_over else until_beat

@@ -41,7 +41,7 @@ def check_delays(piece: Piece, collector: Collector) -> None:
             )
     for key_name, (stiffness, stiffest_link) in stiffest.items():
         delayed_key = piece.keys[key_name]
-        damping = _damping(delayed_key)
+        damping = _ground_damping(delayed_key)
         if damping is None or stiffness * delayed_key.delay <= damping:
             continue
         delay_text = f"{1e3 * delayed_key.delay:g} ms"
@@ -59,7 +59,7 @@ def check_delays(piece: Piece, collector: Collector) -> None:
         collector.error("W336", message, delayed_key.place, help=help)
 
 
-def _damping(key: Key) -> float | None:
+def _ground_damping(key: Key) -> float | None:
     """The damping of the struck mass to the ground [N·s/m], if it is written."""
     struck = next(module for module in key.modules if module.name == key.struck)
     damping = struck.fields.get("Z")

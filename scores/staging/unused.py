@@ -12,7 +12,7 @@ from ergon.scores.reading.piece import Piece
 from ergon.scores.staging.listening import audible_outputs, targets_of
 
 
-class _Groups:
+class _PartGroups:
     """Groups of keys and instruments that links connect."""
 
     def __init__(self) -> None:
@@ -37,7 +37,7 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     W321 is reported only if the piece has some output that is heard, W322 only if it has parts or
     strikes.
     """
-    part_groups = _Groups()
+    part_groups = _PartGroups()
     links_by_part = {}
     for part_name, part_module in piece.modules():
         for link_target in following.targets(part_module):
@@ -57,8 +57,8 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     for members in piece.families.values():  # one instrument: not all notes need be played
         for member in members[1:]:
             part_groups.join(member, members[0])
-    listened = {part_groups.representative(part) for part in _listened(piece, links_by_part)}
-    moved = {part_groups.representative(part) for part in _moved(piece)}
+    listened = {part_groups.representative(part) for part in _listened_parts(piece, links_by_part)}
+    moved = {part_groups.representative(part) for part in _moved_parts(piece)}
     is_played = bool(piece.parts or piece.strikes)
     warnings = []
     for instrument in piece.instruments.values():
@@ -82,14 +82,16 @@ def warn_unused(piece: Piece) -> list[Diagnostic]:
     return list(dict.fromkeys(warnings))
 
 
-def _listened(piece: Piece, links_by_part: dict[tuple[str, str], tuple[str, ...]]) -> Iterator[str]:
+def _listened_parts(
+    piece: Piece, links_by_part: dict[tuple[str, str], tuple[str, ...]]
+) -> Iterator[str]:
     """Parts whose movement or force is heard."""
     for _, instrument, output in audible_outputs(piece):
         for target in targets_of(instrument, output):
             yield from links_by_part.get((target.part, target.module), (target.part,))
 
 
-def _moved(piece: Piece) -> Iterator[str]:
+def _moved_parts(piece: Piece) -> Iterator[str]:
     """Parts that are moved by a hand, a strike, a drive or an initial state."""
     for play in piece.parts:
         yield piece.players[play.player].key

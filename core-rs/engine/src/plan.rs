@@ -128,7 +128,7 @@ impl Plan {
         if !unchecked {
             let mut scheme = Scheme::new(&network, timeline.rate)?;
             if timeline.is_unguarded {
-                scheme.let_laws_give_way();
+                scheme.drop_softening_laws();
             }
             let certificate = scheme.certify(&network)?;
             plain_plan.rows.push(Row::stepped(&island_plan, certificate));

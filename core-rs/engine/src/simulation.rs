@@ -33,7 +33,7 @@ pub use takeover::Takeover;
 use group::{GROUPS_MAX, Group, RunningUnit, THREADED_BLOCK, UNIT_BLOCK};
 
 /// Least work that a frame adds to the counter of interruptions; trials count work by the table of costs.
-const FRAME_STEPS: usize = 16;
+const INTERRUPT_STEPS_PER_FRAME: usize = 16;
 
 /// A running simulation of a plan.
 #[derive(Clone, Debug)]
@@ -219,7 +219,7 @@ impl Simulation {
 
     /// Advance every group by `n_frames` frames. Of several faults the one with the first frame is returned.
     fn advance_groups(&mut self, out: &mut [f64], n_frames: usize) -> Result<(), Fault> {
-        interrupt::spend(FRAME_STEPS * n_frames);
+        interrupt::spend(INTERRUPT_STEPS_PER_FRAME * n_frames);
         let plan = &*self.plan;
         let n_outputs = plan.network.outputs().len();
         let frame_span = (self.frame, n_frames);
@@ -298,12 +298,12 @@ impl Simulation {
     /// Position that the gesture of each key asks for now [m], (n_keys); NaN for keys without a running gesture.
     pub fn asked(&self) -> Vec<f64> {
         let mut asked_positions = vec![f64::NAN; self.plan.n_keys];
-        self.asked_into(&mut asked_positions);
+        self.write_gesture_positions(&mut asked_positions);
         asked_positions
     }
 
     /// [`Simulation::asked`] without allocating.
-    fn asked_into(&self, all: &mut [f64]) {
+    fn write_gesture_positions(&self, all: &mut [f64]) {
         all.fill(f64::NAN);
         for (island, island_plan) in self.islands() {
             island.asked(|local, asked, is_layer| {

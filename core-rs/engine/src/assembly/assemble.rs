@@ -89,7 +89,7 @@ impl Assembled {
         budget: &Budget,
         options: AssemblyOptions<'_>,
         pin: Option<&SteppedChoice>,
-        memo: &ModeCache<'_>,
+        mode_cache: &ModeCache<'_>,
     ) -> Result<Self, Error> {
         let AssemblyOptions {
             oversampling,
@@ -112,7 +112,7 @@ impl Assembled {
         // What was decided to be computed once a step stays so.
         let is_single_step = is_plain || pin.is_some_and(|pin| pin.contact_substeps == 1);
         let steps_max = if is_single_step { 1 } else { SUBSTEPS_MAX };
-        let (island_cut, mut because) = ported::cut_bodies(subset, &timeline, budget, pin, method_choice, memo);
+        let (island_cut, mut because) = ported::cut_bodies(subset, &timeline, budget, pin, method_choice, mode_cache);
         let mut cut_with_hub = None;
         if let Some(island_cut) = island_cut {
             // A contact that is computed between frames treats a port as a free mass. With a mesh that holds the port
@@ -275,25 +275,25 @@ pub(crate) fn certified_hub(
     // If the discrete network is the reference, so are its contacts.
     let is_discrete = reference_rates.any(|reference_rate| reference_rate.is_some());
     let led_links = timeline.steered();
-    let (has_contacts, has_laws) = hub_scheme.has_fine(&led_links);
+    let (has_contacts, has_laws) = hub_scheme.has_substepped(&led_links);
     let mut contact_substeps = if has_contacts && !is_discrete {
         budget.contact_substeps().min(steps_max)
     } else {
         1
     };
     if contact_substeps > 1 {
-        hub_scheme.take_fine(&led_links);
+        hub_scheme.take_substepped(&led_links);
     }
     let may_collocate = has_laws && !is_discrete && steps_max > 1;
     let laws_may_need_substeps = may_collocate && contact_substeps == 1 && !matches!(budget, Budget::Method(_));
     if timeline.is_unguarded {
-        hub_scheme.let_laws_give_way();
+        hub_scheme.drop_softening_laws();
     }
     let certificate = match hub_scheme.certify_or(network, refusal) {
         // Between frames a law is solved implicitly, so no slope of its friction is too steep.
         Err(Error::Unstable { .. }) if laws_may_need_substeps && hub_scheme.bears_springs(network) => {
             contact_substeps = FINE_SUBSTEPS_MIN.min(steps_max);
-            hub_scheme.take_fine(&led_links);
+            hub_scheme.take_substepped(&led_links);
             hub_scheme.certify_or(network, refusal)?
         }
         certificate => certificate?,

@@ -22,7 +22,7 @@ pub(crate) fn bank(
     timeline: &Timeline,
     budget: &Budget,
     pinned: Option<&[u32]>,
-    memo: &ModeCache<'_>,
+    mode_cache: &ModeCache<'_>,
 ) -> Result<BankBody, NoModes> {
     let is_driven = !timeline.keys.is_empty() || !timeline.drives.is_empty();
     let is_led = !timeline.glides.is_empty() || !timeline.leads.is_empty();
@@ -35,10 +35,10 @@ pub(crate) fn bank(
     let first_part = subset.network.mats().part.first().map(|&part| part as usize);
     let is_discrete = first_part.is_some_and(|part| subset.network.parts()[part].ca_rate.is_some());
     let strikes = impulses_by_mat(timeline, |_| true, is_discrete);
-    match normal_modes_bank(subset, timeline, budget, pinned, &strikes, memo) {
+    match normal_modes_bank(subset, timeline, budget, pinned, &strikes, mode_cache) {
         // A takeover in a session transfers the motion of a body mass by mass, by normal modes only.
         Err(NoModes::Damping | NoModes::ForceHeard | NoModes::Slow) if !is_discrete && !timeline.is_open => {
-            complex_body::bank(subset, timeline.rate, budget, pinned, &strikes, memo)
+            complex_body::bank(subset, timeline.rate, budget, pinned, &strikes, mode_cache)
         }
         normal_result => normal_result,
     }
@@ -51,7 +51,7 @@ fn normal_modes_bank(
     budget: &Budget,
     pinned: Option<&[u32]>,
     strikes: &ImpulsesByMat,
-    memo: &ModeCache<'_>,
+    mode_cache: &ModeCache<'_>,
 ) -> Result<BankBody, NoModes> {
     let (network, rate) = (&subset.network, timeline.rate);
     let PositionSums {
@@ -60,7 +60,7 @@ fn normal_modes_bank(
     } = position_sums_only(network)?;
     let n_outputs = rows.len();
     rows.extend(strikes.keys().map(|&mat| vec![(mat as usize, 1.0)]));
-    let mut body_modes = memo.normal_modes(network, &rows, rate)?;
+    let mut body_modes = mode_cache.normal_modes(network, &rows, rate)?;
     // What a session will strike is not known: any mode may move.
     let rotation_mats = (!timeline.is_open).then(|| strikes.keys().map(|&mat| mat as usize).collect());
     if rotation_mats.is_some() {

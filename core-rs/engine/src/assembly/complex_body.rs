@@ -26,12 +26,12 @@ pub(crate) fn bank(
     budget: &Budget,
     pinned: Option<&[u32]>,
     strikes: &ImpulsesByMat,
-    memo: &ModeCache<'_>,
+    mode_cache: &ModeCache<'_>,
 ) -> Result<BankBody, NoModes> {
     let network = &subset.network;
     let (sum_rows, static_sums) = motion_sums(network);
     let struck_mats: Vec<usize> = strikes.keys().map(|&mat| mat as usize).collect();
-    let body_modes = memo.complex_modes(network, &sum_rows, &struck_mats, rate)?;
+    let body_modes = mode_cache.complex_modes(network, &sum_rows, &struck_mats, rate)?;
     let complex = ComplexModeBody {
         modes: &body_modes,
         strikes,

@@ -19,7 +19,7 @@ use crate::body_modes::linear::NoModes;
 use crate::body_modes::normal_modes::{Modes, Row};
 use crate::cell::Response;
 use crate::island::inside::BodyPlan;
-use crate::island::modal::{Answers, Modal, Mode, Port, Struck};
+use crate::island::modal::{ComplexResponses, Modal, Mode, Port, StruckPoint};
 use crate::network::forest::ends;
 use crate::network::{Error, Network, Subset, Term};
 use crate::timeline::Timeline;
@@ -57,7 +57,7 @@ pub(crate) fn cut_bodies(
     budget: &Budget,
     pin: Option<&SteppedChoice>,
     choice: MethodChoice<'_>,
-    memo: &ModeCache<'_>,
+    mode_cache: &ModeCache<'_>,
 ) -> (Option<IslandCut>, Option<NoModes>) {
     let network = &island.network;
     let mut wiring = BodyLinks::new(network, timeline);
@@ -83,13 +83,15 @@ pub(crate) fn cut_bodies(
             _ => WantedBodies::Touched,
         };
         for body in wiring.bodies(network, wanted_bodies) {
-            let modal_plan = match normal_mode_plan(network, timeline, &body, memo) {
-                Err(NoModes::Damping) if allows_complex_modes => complex_mode_plan(network, timeline, &body, memo),
+            let modal_plan = match normal_mode_plan(network, timeline, &body, mode_cache) {
+                Err(NoModes::Damping) if allows_complex_modes => {
+                    complex_mode_plan(network, timeline, &body, mode_cache)
+                }
                 modes_result => modes_result.map(BodyPlan::Modal),
             };
             match modal_plan {
                 Ok(modal) => cut_bodies.push((body, modal)),
-                Err(reason) => match plan_without_ties(network, timeline, &body, memo) {
+                Err(reason) => match plan_without_ties(network, timeline, &body, mode_cache) {
                     Some((body, modal)) => cut_bodies.push((body, BodyPlan::Modal(modal))),
                     None => modes_refusal = Some(reason),
                 },
@@ -196,7 +198,7 @@ fn normal_mode_plan(
     network: &Network,
     timeline: &Timeline,
     body: &Body,
-    memo: &ModeCache<'_>,
+    mode_cache: &ModeCache<'_>,
 ) -> Result<Modal, NoModes> {
     let rate = timeline.rate;
     let body_subset = network.subset(&body.mats, &body.foreign_held_mats, &body.links);
@@ -214,7 +216,7 @@ fn normal_mode_plan(
     let mut body_rows: Vec<Row> = port_mats.iter().copied().map(row).collect();
     body_rows.extend(outputs.position_rows);
     body_rows.extend(struck_mats.iter().copied().map(row));
-    let mut body_modes = memo.normal_modes(&body_subset.network, &body_rows, rate)?;
+    let mut body_modes = mode_cache.normal_modes(&body_subset.network, &body_rows, rate)?;
     let mode_count = body_modes.len();
     // What a session will strike is not known: any mode may move.
     let rotation_mats = (!timeline.is_open).then(|| [port_mats, struck_mats].concat());
@@ -259,7 +261,7 @@ fn normal_mode_plan(
         struck: strikes
             .into_values()
             .enumerate()
-            .map(|(row, blows)| Struck {
+            .map(|(row, blows)| StruckPoint {
                 shape: body_modes.shapes[port_count + n_outputs + row].clone(),
                 blows: blows.frame_impulses,
             })
@@ -276,10 +278,10 @@ fn plan_without_ties(
     network: &Network,
     timeline: &Timeline,
     body: &Body,
-    memo: &ModeCache<'_>,
+    mode_cache: &ModeCache<'_>,
 ) -> Option<(Body, Modal)> {
     let body = body.without_ties(network, STEPPED_TIES_MAX)?;
-    let modal = normal_mode_plan(network, timeline, &body, memo).ok()?;
+    let modal = normal_mode_plan(network, timeline, &body, mode_cache).ok()?;
     Some((body, modal))
 }
 
@@ -288,7 +290,7 @@ fn complex_mode_plan(
     network: &Network,
     timeline: &Timeline,
     body: &Body,
-    memo: &ModeCache<'_>,
+    mode_cache: &ModeCache<'_>,
 ) -> Result<BodyPlan, NoModes> {
     let rate = timeline.rate;
     let body_subset = network.subset(&body.mats, &body.foreign_held_mats, &body.links);
@@ -303,7 +305,7 @@ fn complex_mode_plan(
         .chain(outputs.position_rows)
         .map(Sum::from_positions)
         .collect();
-    let body_modes = memo.complex_modes(&body_subset.network, &seen_sums, &force_points, rate)?;
+    let body_modes = mode_cache.complex_modes(&body_subset.network, &seen_sums, &force_points, rate)?;
     let all_modes: Vec<usize> = (0..body_modes.len()).collect();
     let (port_count, all_parts) = (
         port_mats.len(),
@@ -340,14 +342,14 @@ fn complex_mode_plan(
         still: static_sums.map(|(rest, constant_part)| rest + constant_part).collect(),
         struck: strikes
             .into_values()
-            .map(|blows| Struck {
+            .map(|blows| StruckPoint {
                 shape: vec![1.0; all_parts.len()],
                 blows: blows.frame_impulses,
             })
             .collect(),
         rate,
         network: Arc::new(body_subset.network),
-        answers: Some(Answers {
+        answers: Some(ComplexResponses {
             n_modes: body_modes.len(),
             places: complex_body::sequence_places(&all_parts),
             ports: (0..port_count).map(answers).collect(),

@@ -200,16 +200,16 @@ mod tests {
             network.spring(&spring_name, last_mat, next_mat, 1e3, 0.0, 0.0).unwrap();
             last_mat = next_mat;
         }
-        let memo = ModeCache::new(&[]);
+        let mode_cache = ModeCache::new(&[]);
         let solve = |hertz: f64| {
             let rate = Rate::new(hertz).unwrap();
-            let memo_modes = memo.normal_modes(&network, &[vec![(last_mat, 1.0)]], rate);
-            (memo_modes.unwrap().lambda, memo.take_seconds())
+            let cached_modes = mode_cache.normal_modes(&network, &[vec![(last_mat, 1.0)]], rate);
+            (cached_modes.unwrap().lambda, mode_cache.take_seconds())
         };
         let (first_lambda, first_work) = solve(44_100.0);
         assert!(first_work > 0.0);
         assert_eq!(solve(88_200.0), (first_lambda.clone(), 0.0));
-        memo.begin_island();
+        mode_cache.begin_island();
         assert_eq!(
             solve(44_100.0),
             (first_lambda, first_work),

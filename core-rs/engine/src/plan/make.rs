@@ -87,24 +87,24 @@ pub(super) fn make_plan(
 ) -> Result<Plan, Error> {
     let all_islands = islands(&network, timeline);
     let mode_store = context.trial_store.map(StoredModes);
-    let mut maker = PlanBuilder {
+    let mut builder = PlanBuilder {
         pins: PinnedChoices::new(pins),
         mode_cache: ModeCache::new(context.earlier_plan.map_or(&[], |like| &like.solved_bodies))
             .with_store(mode_store.as_ref().map(|store| store as &dyn ModeStore)),
         ..PlanBuilder::new(&network, timeline, budget).in_context(context, n_heard_modules(&all_islands))
     };
-    let sorted = maker.sort_islands(all_islands, timeline);
-    let refusals = maker.plan_islands(sorted.refusals, (sorted.subsets, sorted.n_islands), timeline);
+    let sorted = builder.sort_islands(all_islands, timeline);
+    let refusals = builder.plan_islands(sorted.refusals, (sorted.subsets, sorted.n_islands), timeline);
     if let Some(refusals) = Error::combined(refusals) {
         return Err(refusals);
     }
-    maker.pins.check_all_used()?;
-    maker.plan.solved_bodies = maker.mode_cache.into_solved();
-    (maker.plan.trial_seconds, maker.plan.trial_seconds_max) = (
-        maker.trial_seconds_max - maker.trial_seconds_left,
-        maker.trial_seconds_max,
+    builder.pins.check_all_used()?;
+    builder.plan.solved_bodies = builder.mode_cache.into_solved();
+    (builder.plan.trial_seconds, builder.plan.trial_seconds_max) = (
+        builder.trial_seconds_max - builder.trial_seconds_left,
+        builder.trial_seconds_max,
     );
-    let (mut final_plan, seen_units) = (maker.plan, maker.displayed_units);
+    let (mut final_plan, seen_units) = (builder.plan, builder.displayed_units);
     final_plan.n_heard_units = final_plan.units.len();
     final_plan.motionless_mats.sort_unstable();
     if !sorted.displayed_unheard.is_empty() {
@@ -117,7 +117,7 @@ pub(super) fn make_plan(
 }
 
 impl<'a> PlanBuilder<'a> {
-    /// A maker that has no allowance for trials and no earlier results.
+    /// A builder that has no allowance for trials and no earlier results.
     fn new(network: &Arc<Network>, timeline: &Timeline, budget: &'a Budget) -> Self {
         Self {
             plan: Plan::empty(network.clone(), timeline),
@@ -403,8 +403,8 @@ impl<'a> PlanBuilder<'a> {
     ) -> Result<PlannedIsland, Error> {
         let (mut subset, mut refused_slow) = multirate::without_refused_slow(subset, island_timeline, self.budget);
         let (chosen_island, growth) = loop {
-            let assemble = |how: AssemblyOptions<'_>| {
-                let island = Assembled::new(&subset, island_timeline, self.budget, how, pin, &self.mode_cache);
+            let assemble = |options: AssemblyOptions<'_>| {
+                let island = Assembled::new(&subset, island_timeline, self.budget, options, pin, &self.mode_cache);
                 self.allowance.spend_regardless(self.mode_cache.take_seconds());
                 island
             };

@@ -15,7 +15,7 @@ use crate::network::Network;
 use crate::plan::Plan;
 use crate::timeline::Timeline;
 use crate::units::Rate;
-use maker::Maker;
+use maker::LookMaker;
 
 mod glance;
 mod maker;
@@ -117,7 +117,7 @@ impl Look {
     /// What can be seen of a simulation. Takes as long as finding the modes of its bodies.
     fn new(simulation: &Simulation) -> Self {
         let plan = &simulation.plan;
-        let mut maker = Maker::new(&plan.network, plan.timeline_rate.hertz());
+        let mut maker = LookMaker::new(&plan.network, plan.timeline_rate.hertz());
         for (unit_index, unit) in plan.units.iter().enumerate() {
             match unit {
                 ComputationUnit::IslandPlan(island) => maker.island(unit_index, island),

@@ -66,7 +66,7 @@ impl Takeover {
         takeover.memory(&old_side, &new_side, &same_islands);
         takeover.histories(&old_side, &new_side, &same_islands);
         takeover.voices(&old_side, &new_side, new.frame);
-        takeover.gates_hands_and_parts(&old_side, &new_side);
+        takeover.match_gates_hands_and_parts(&old_side, &new_side);
         takeover
     }
 

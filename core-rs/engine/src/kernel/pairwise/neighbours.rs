@@ -9,12 +9,12 @@ use crate::network::{AXES_MAX, Measure, PairRun, Pairwise};
 use crate::state::ContactHistory;
 
 /// Width of the long list: pairs are kept up to this much beyond the distance of touch, as a fraction of it.
-const SKIN: f64 = 0.36;
+const LONG_LIST_MARGIN: f64 = 0.36;
 /// Width of the short list, whose pairs are examined in every frame. It stays valid until a point has moved half of
 /// this.
-const MARGIN: f64 = 0.06;
+const SHORT_LIST_MARGIN: f64 = 0.06;
 /// Slightly less than half, so that rounding leaves out no pair.
-const HALF: f64 = 0.499_999;
+const ALMOST_HALF: f64 = 0.499_999;
 
 /// The coordinates of a pair of points along the first axis.
 pub(crate) type Ends = (usize, usize);
@@ -109,11 +109,17 @@ impl Neighbours {
     /// Update the lists for positions `x`.
     fn update(&mut self, run: &PairRun, x: impl Fn(usize) -> f64) {
         gather(run, &mut self.x, x);
-        let (skin_width, margin_width) = (SKIN * run.rest, MARGIN * run.rest);
-        if self.is_made && are_within(&self.x, &self.narrowed_at, square(HALF * margin_width)) {
+        let (skin_width, margin_width) = (LONG_LIST_MARGIN * run.rest, SHORT_LIST_MARGIN * run.rest);
+        if self.is_made && are_within(&self.x, &self.narrowed_at, square(ALMOST_HALF * margin_width)) {
             return;
         }
-        if !self.is_made || !are_within(&self.x, &self.searched_at, square(HALF * (skin_width - margin_width))) {
+        if !self.is_made
+            || !are_within(
+                &self.x,
+                &self.searched_at,
+                square(ALMOST_HALF * (skin_width - margin_width)),
+            )
+        {
             let n_first = run.pairs.n_first;
             let reach = run.rest + skin_width;
             self.searched_at.copy_from_slice(&self.x);

@@ -62,8 +62,8 @@ impl PlanBuilder<'_> {
         });
         let recalled = record_series.as_ref().and_then(|record_series| {
             let (taken_work, pilot_record) = record_series.find(&self.allowance)?;
-            let assemble = |how: AssemblyOptions<'_>, pin: Option<&SteppedChoice>| {
-                Assembled::new(subset, island_timeline, self.budget, how, pin, &self.mode_cache)
+            let assemble = |options: AssemblyOptions<'_>, pin: Option<&SteppedChoice>| {
+                Assembled::new(subset, island_timeline, self.budget, options, pin, &self.mode_cache)
             };
             let pilot_result = PilotResult::from_record(&pilot_record, &assemble)?;
             // The record includes the work of solving bodies.

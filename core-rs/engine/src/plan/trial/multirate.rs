@@ -52,7 +52,7 @@ pub(in crate::plan) fn refuse_all(subset: &Subset, reason: &str) -> Vec<RefusedS
 
 /// The same island with the parts in `refused_slow` computed at every frame.
 pub(in crate::plan) fn without_slow(subset: &Subset, refused_slow: &[RefusedSlowPart]) -> Subset {
-    let is_refused = |name: &str| refused_slow.iter().any(|(own, _)| own == name);
+    let is_refused = |name: &str| refused_slow.iter().any(|(refused_name, _)| refused_name == name);
     Subset {
         network: subset
             .network
@@ -227,17 +227,24 @@ pub(in crate::plan) fn slow_error(
     island_timeline: &LocalTimeline,
     budget: &Budget,
     island: &Assembled,
-    (memo, allowance, store): (&ModeCache<'_>, &Allowance, Option<&dyn TrialStore>),
+    (mode_cache, allowance, store): (&ModeCache<'_>, &Allowance, Option<&dyn TrialStore>),
 ) -> Result<Option<MeasuredError>, Error> {
     let methods = island.mesh_methods();
     let (oversampling, contact_substeps) = (island.island_plan.oversampling, island.island_plan.contact_substeps);
-    let assembly_how = AssemblyOptions::between_steps(oversampling, MethodChoice::AsBefore(&methods));
-    let slow_island = Assembled::new(subset, island_timeline, budget, assembly_how, None, memo)?;
+    let assembly_options = AssemblyOptions::between_steps(oversampling, MethodChoice::AsBefore(&methods));
+    let slow_island = Assembled::new(subset, island_timeline, budget, assembly_options, None, mode_cache)?;
     let every_frame = Subset {
         network: subset.network.with_macrosteps(|_, macrostep| macrostep.map(|_| 1)),
         ..subset.clone()
     };
-    let Ok(every_frame) = Assembled::new(&every_frame, island_timeline, budget, assembly_how, None, memo) else {
+    let Ok(every_frame) = Assembled::new(
+        &every_frame,
+        island_timeline,
+        budget,
+        assembly_options,
+        None,
+        mode_cache,
+    ) else {
         return Ok(None);
     };
     let trial_series = store.map(|store| {

@@ -208,12 +208,12 @@ impl PilotResult {
             counted_cost,
             bodies: BodyChoice::all_from_numbers(body_counts)?,
         };
-        let how = AssemblyOptions {
+        let options = AssemblyOptions {
             oversampling,
             body_methods: MethodChoice::ByBudget,
             is_plain,
         };
-        let island = assemble(how, Some(&stepped_choice)).ok()?;
+        let island = assemble(options, Some(&stepped_choice)).ok()?;
         let ChosenIsland { mut island, .. } = with_earlier_choice(island, &stepped_choice)?;
         island.cut_shape = shape;
         if left_out.len() != island.bodies.len() {

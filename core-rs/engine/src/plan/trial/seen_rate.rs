@@ -20,7 +20,7 @@ use crate::plan::trial::waveform_error::{ComparedSpans, difference_db};
 pub(in crate::plan) fn lower_rate_error(
     lower_rate_plan: &IslandPlan,
     (subset, island_timeline, budget): (&Subset, &LocalTimeline, &Budget),
-    (memo, allowance, store): (&ModeCache<'_>, &Allowance, Option<&dyn TrialStore>),
+    (mode_cache, allowance, store): (&ModeCache<'_>, &Allowance, Option<&dyn TrialStore>),
 ) -> Result<Option<MeasuredError>, Error> {
     let Some(slower_timeline) = island_timeline
         .slower(lower_rate_plan.frame_interval)
@@ -40,8 +40,8 @@ pub(in crate::plan) fn lower_rate_error(
         TrialSeries::new(store, content)
     });
     measured_error(trial_series, allowance, || {
-        let assembly_how = AssemblyOptions::between_steps(1, MethodChoice::ByBudget);
-        match Assembled::new(subset, island_timeline, budget, assembly_how, None, memo) {
+        let assembly_options = AssemblyOptions::between_steps(1, MethodChoice::ByBudget);
+        match Assembled::new(subset, island_timeline, budget, assembly_options, None, mode_cache) {
             Ok(assembled) => compare_rates(lower_rate_plan, &assembled.island_plan, allowance),
             Err(_) => Ok(None),
         }

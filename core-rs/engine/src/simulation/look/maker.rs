@@ -16,7 +16,7 @@ use crate::units::Rate;
 const MODES_MAX: usize = 256;
 
 /// What is known of one MAT: how it moves, its rest position, its unit, and which numbers of the unit are its own.
-struct TrackSource {
+struct MatSource {
     how: PointMotion,
     rest: f64,
     index: usize,
@@ -34,13 +34,13 @@ enum Origin {
 }
 
 /// A body by its modes: pairs of a MAT and its row in the mode shapes, by rising MAT; and the modes.
-struct FoundBody {
+struct ModalBody {
     mats: Vec<(usize, usize)>,
-    modes: Vec<FoundMode>,
+    modes: Vec<TrackedMode>,
 }
 
 /// A mode: its oscillation, where it is computed, and the share of each row in it.
-struct FoundMode {
+struct TrackedMode {
     oscillation: Oscillation,
     /// Its unit, and the index of its body in that unit; `None` if the unit is a bank of modes.
     place: (usize, Option<usize>),
@@ -49,13 +49,13 @@ struct FoundMode {
 }
 
 /// Goes through the units of a plan, and collects what each computes.
-pub(super) struct Maker<'a> {
+pub(super) struct LookMaker<'a> {
     network: &'a Network,
     rate: f64,
     by_name: HashMap<String, usize>,
     /// (n_mat)
-    sources: Vec<Option<TrackSource>>,
-    bodies: Vec<FoundBody>,
+    sources: Vec<Option<MatSource>>,
+    bodies: Vec<ModalBody>,
     contacts: Vec<Contact>,
     touched: Vec<(usize, Vec<Option<u32>>)>,
     played: Vec<(usize, Option<Vec<u32>>)>,
@@ -68,7 +68,7 @@ pub(super) struct Maker<'a> {
 /// Two MATs of the whole network, and the number of breakable links between them that come before this one.
 type Ends = (usize, usize, u32);
 
-impl<'a> Maker<'a> {
+impl<'a> LookMaker<'a> {
     pub(super) fn new(network: &'a Network, rate: f64) -> Self {
         let mat_count = network.n_mat();
         let contacts = network.runs().iter().filter(|run| run.kind.is_contact());
@@ -109,7 +109,7 @@ impl<'a> Maker<'a> {
         self.by_name.get(&network.mat_name(mat)).copied()
     }
 
-    fn record(&mut self, mat: Option<usize>, source: TrackSource) {
+    fn record(&mut self, mat: Option<usize>, source: MatSource) {
         if let Some(mat) = mat {
             self.sources[mat] = Some(source);
         }
@@ -128,7 +128,7 @@ impl<'a> Maker<'a> {
         let how = PointMotion::Sampled;
         self.record(
             mat,
-            TrackSource {
+            MatSource {
                 how,
                 rest,
                 index: unit,
@@ -210,7 +210,7 @@ impl<'a> Maker<'a> {
                 let how = PointMotion::Free(free);
                 self.record(
                     Some(mat as usize),
-                    TrackSource {
+                    MatSource {
                         how,
                         rest,
                         index: unit,
@@ -263,7 +263,7 @@ impl<'a> Maker<'a> {
                 let (how, from) = (PointMotion::Modal(body_index), Origin::Body);
                 self.record(
                     mat,
-                    TrackSource {
+                    MatSource {
                         how,
                         rest,
                         index: place.0,
@@ -274,7 +274,7 @@ impl<'a> Maker<'a> {
             let mats = mats.iter().enumerate();
             let mut mats: Vec<(usize, usize)> = mats.filter_map(|(row, mat)| Some(((*mat)?, row))).collect();
             mats.sort_unstable();
-            self.bodies.push(FoundBody {
+            self.bodies.push(ModalBody {
                 mats,
                 modes: Vec::new(),
             });
@@ -282,7 +282,7 @@ impl<'a> Maker<'a> {
         let mode_pairs = modes.into_iter().enumerate().take(mode_shapes.n_modes());
         self.bodies[body_index]
             .modes
-            .extend(mode_pairs.map(|(mode, oscillation)| FoundMode {
+            .extend(mode_pairs.map(|(mode, oscillation)| TrackedMode {
                 oscillation,
                 place,
                 mode,
@@ -319,7 +319,7 @@ impl<'a> Maker<'a> {
         let (mut bodies, mut n_modes) = (Vec::new(), 0);
         for body in &mut self.bodies {
             let mode_count = body.modes.len();
-            let by_pitch = |a: &FoundMode, b: &FoundMode| {
+            let by_pitch = |a: &TrackedMode, b: &TrackedMode| {
                 (a.oscillation.omega.total_cmp(&b.oscillation.omega)).then((a.place, a.mode).cmp(&(b.place, b.mode)))
             };
             body.modes.sort_by(by_pitch);

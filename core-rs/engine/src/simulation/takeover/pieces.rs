@@ -117,7 +117,7 @@ impl Takeover {
 
     /// Matches gates by their links, hands by their MATs, and, in islands that are the same, the parts that may be
     /// muted.
-    pub(super) fn gates_hands_and_parts(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) {
+    pub(super) fn match_gates_hands_and_parts(&mut self, old_side: &Side<'_>, new_side: &Side<'_>) {
         let mut old_gates = HashMap::new();
         let mut old_hands: HashMap<String, Vec<(UnitIndex, usize)>> = HashMap::new();
         for &(old_unit, island, island_plan) in &old_side.islands {
