@@ -33,8 +33,7 @@ class Decays(Shape):
         if not 2 <= len(node_pairs) <= MAX_DECAYS:
             message = (
                 f"{context.label(name)}: decays at {len(node_pairs)} frequencies are written; "
-                "write "
-                f"from 2 to {MAX_DECAYS}, or one time for the lowest mode"
+                f"write from 2 to {MAX_DECAYS}, or one time for the lowest mode"
             )
             context.error("E106", message, node.place)
             return MISSING

@@ -101,8 +101,7 @@ def check_constants(law_values: Values) -> None:
     if len(written_names) > CONSTANTS_MAX:
         message = (
             f"{law_values.context.label('follows')}: at most {CONSTANTS_MAX} constants of a law "
-            "follow "
-            "MATs"
+            "follow MATs"
         )
         law_values.error("E105", message, "follows")
 

@@ -123,9 +123,8 @@ def with_modes_of_file(
     conflicting_fields = bank_values.written("f", "t60", "gain", "count", "spread", "places")
     if conflicting_fields:
         message = (
-            f"{bank_values.context.label(conflicting_fields[0])}: `modes` is written too; "
-            "keep one of the "
-            "two"
+            f"{bank_values.context.label(conflicting_fields[0])}: `modes` is written too; keep one "
+            "of the two"
         )
         bank_values.error("E111", message, conflicting_fields[0])
         return _without_frequencies(bank_values)

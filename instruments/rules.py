@@ -144,8 +144,7 @@ def _carrying_masses(
     if body_kind not in BODY_KINDS:
         message = (
             f"{module_label}: of: {quote(body_target.text)} is a {body_kind}; a surface is that of "
-            "a "
-            "STRING or a "
+            "a STRING or a "
         )
         part_names.collector.error("E304", f"{message}PLATE: of: gong", body_name.place)
         return None
@@ -208,8 +207,7 @@ def _resolve_drive(
     if first_driver != drive_module.name:
         message = (
             f"{module_label}: {first_driver} already imposes the position of {driven_target.text}; "
-            "only "
-            "forces add up"
+            "only forces add up"
         )
         part_names.collector.error("E304", message, drive_module.place)
 

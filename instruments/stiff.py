@@ -24,8 +24,7 @@ def _inharmonicity(string_values: Values) -> Any:
         return inharmonicity
     message = (
         f"{string_values.context.label('inharmonicity')} would be {inharmonicity:.3g}, above the "
-        "maximum of "
-        f"{INHARMONICITY_MAX:g}; take a thinner or longer wire, or more tension"
+        f"maximum of {INHARMONICITY_MAX:g}; take a thinner or longer wire, or more tension"
     )
     string_values.error("E202", message, "radius")
     return MISSING

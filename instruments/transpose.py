@@ -193,8 +193,8 @@ def base_at_pitch(base_values: Values, member_values: Values, *, is_root: bool) 
         if base_pitch is None:
             message = (
                 f"{member_values.context.label('f')}: {base_values.context.label('')} has no named "
-                "pitch; write "
-                "`f` beside its modules, the pitch at which they are written, or `transpose`"
+                "pitch; write `f` beside its modules, the pitch at which they are written, or "
+                "`transpose`"
             )
             member_values.error("E103", message, "f")
         elif member_pitch[0] == member_pitch[1]:
@@ -206,9 +206,7 @@ def base_at_pitch(base_values: Values, member_values: Values, *, is_root: bool) 
         field_name = "transpose" if member_values.written("transpose") else "f"
         message = (
             f"{member_values.context.label(field_name)}: under `units: ca` K and Z are those of a "
-            "discrete "
-            "network, "
-            "whose modes no factor moves alike; write them in SI units"
+            "discrete network, whose modes no factor moves alike; write them in SI units"
         )
         member_values.error("E111", message, field_name)
         return base_values

@@ -161,9 +161,8 @@ def _fold_gain(
     raise OptionError(
         "gain",
         f"the fold would clip: its peak would be {20.0 * log10(gain_asked * peak):+.1f} dBFS; the "
-        "most "
-        f"is {-20.0 * log10(peak):.2f} dB in {format.bits} bits. Leave the option out, and the "
-        "fold is turned down as far as it must be, or write floats",
+        f"most is {-20.0 * log10(peak):.2f} dB in {format.bits} bits. Leave the option out, and "
+        "the fold is turned down as far as it must be, or write floats",
         value=fold_options.gain,
     )
 
@@ -322,8 +321,7 @@ def _source_field(
         if first_channels:
             channel_words = (
                 f"channels {', '.join(first_channels)} and {last_channel} are {channel_kind}, and "
-                "are "
-                "left out"
+                "are left out"
             )
         report.warn(f"{path}: {channel_words}")
     return field_names, effects

@@ -201,15 +201,13 @@ def read(piece: Piece, folder: Path, seed: int | None, report: Report) -> Frozen
     if frozen_source.seed != seed:
         raise refused(
             f"the parts were frozen with seed {frozen_source.seed}, and this performance has seed "
-            f"{seed}; "
-            f"--seed {frozen_source.seed} plays them, `{freeze_command} --seed {seed}` freezes "
-            "them again"
+            f"{seed}; --seed {frozen_source.seed} plays them, `{freeze_command} --seed {seed}` "
+            "freezes them again"
         )
     if frozen_source.rate != piece.rate:
         raise refused(
             f"the parts were frozen at {frozen_source.rate:g} Hz, and the score has {piece.rate:g} "
-            "Hz; "
-            f"`{freeze_command}` freezes them again"
+            f"Hz; `{freeze_command}` freezes them again"
         )
     if frozen_source.version != _core.__version__:
         report.warn(

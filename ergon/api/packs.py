@@ -121,8 +121,7 @@ def _packed_files(score: str, loaded: Loaded) -> Pack:
         if packed.setdefault(packed_name, packed_bytes) != packed_bytes:
             raise PackError(
                 f"{packed_name} and the file {ships} of the library would be one file in a pack; "
-                "rename "
-                "your own"
+                "rename your own"
             )
         n_bytes_left = max(0, n_bytes_left - len(packed_bytes))
     root = os.path.commonpath([os.path.dirname(path) for path in packed])
@@ -147,8 +146,7 @@ def _check_same(pack: Pack, loaded: Loaded) -> None:
             line_number = problem.place.line
             raise PackError(
                 f"{pack.score}:{line_number}: {problem.message}; in a pack files are named "
-                "relative to "
-                "the file that names them"
+                "relative to the file that names them"
             )
         if digest_of(loaded_again.piece) != digest_of(scores.piece_of(loaded)):
             raise PackError("the pack would be another piece: a file changed while it was packed")

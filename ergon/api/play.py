@@ -135,10 +135,9 @@ def warn_of_scaled_forces(performance: _core.Performance, stage: Stage, report: 
             live = stage.live[hand_limit.hand]
             report.warn(
                 f"{live.player} on {live.key}: the piece is {hand_limit.stiffness:,.0f} N/m stiff "
-                "at "
-                f"this key, and the device is stable up to {hand_limit.limit:,.0f} N/m at "
-                f"{stage.rate / live.tick_frames:.0f} Hz; "
-                f"forces on {live.player} are scaled to {hand_limit.scale:.0%}"
+                f"at this key, and the device is stable up to {hand_limit.limit:,.0f} N/m at "
+                f"{stage.rate / live.tick_frames:.0f} Hz; forces on {live.player} are scaled to "
+                f"{hand_limit.scale:.0%}"
             )
 
 

@@ -124,10 +124,8 @@ def _join_session(
     if session_options.resume is not None or (path is not None and os.path.abspath(path) != score):
         remote.close()
         raise ErgonError(
-            f"a session at {socket_path} plays {score} already; "
-            f"`{_join_command(session_options)}` joins it, --socket with another path "
-            "begins another "
-            "session"
+            f"a session at {socket_path} plays {score} already; `{_join_command(session_options)}` "
+            "joins it, --socket with another path begins another session"
         )
     report.say(f"joined the session that plays {score}")
     return remote

@@ -114,9 +114,7 @@ def share_file(
         raise OptionError(
             "limit",
             f"{path} would have {_megabytes_text(page_bytes)} ({parts_text}), more than "
-            f"{limit_mb:g} MB; "
-            "share "
-            "a shorter stretch, or allow more",
+            f"{limit_mb:g} MB; share a shorter stretch, or allow more",
         )
     server = serve(ANY_LOCAL_PORT, "at", report)
     try:

@@ -165,8 +165,7 @@ def _read_ear(data: bytes) -> ReadLayout:
             label = printable("/".join(names)[:40])
             left_out.append(
                 f"output {channel_number + 1:g} ({label}) is for low-frequency effects, no "
-                "loudspeaker of "
-                "the room: it is left out"
+                "loudspeaker of the room: it is left out"
             )
             continue
         speaker_place = speaker_row.get("position")

@@ -73,8 +73,7 @@ def _check_size(kind_name: str, net_fields: _Fields, net_values: Values) -> None
         if net_size > size_limit:
             message = (
                 f"{net_values.context.label('')}: a {kind_name} has at most {size_limit:,} "
-                f"{what_noun}, "
-                "not "
+                f"{what_noun}, not "
             )
             net_values.error("E105", f"{message}{net_size:,}")
             net_fields.update(sides=(1,) * axis_count, points=2)

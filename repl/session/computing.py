@@ -49,15 +49,13 @@ class Computing:
         step_limit: int = self._limit.steps
         refusal_sentence = (
             f"this line takes more than {_millions_text(step_limit)} steps to compute (visits of "
-            "modules, "
-            "numbers of matrices, points); nothing has changed"
+            "modules, numbers of matrices, points); nothing has changed"
         )
         if step_limit != LINE_STEPS:
             return refusal_sentence
         return (
             f"{refusal_sentence}: make it smaller, or write it into the score and type `reload`, "
-            "which has "
-            f"{_millions_text(FILES_STEPS)}"
+            f"which has {_millions_text(FILES_STEPS)}"
         )
 
 

@@ -113,8 +113,7 @@ class Journal:
             if failure_reason != self._reason:
                 self._trouble = (
                     f"the journal cannot be written: {failure_reason}; what is typed is kept in "
-                    "memory "
-                    "until it can be"
+                    "memory until it can be"
                 )
             self._reason = failure_reason
             return

@@ -126,8 +126,7 @@ def _recording_path(take: JournalTake) -> _core.Recording:
         player_names = ", ".join(hand.player for hand in take.hands)
         raise JournalError(
             f"{take.path} is missing: it records what {player_names} did, and the session cannot "
-            "be "
-            "computed without it"
+            "be computed without it"
         ) from None
     except (_core.EngineError, OSError) as error:
         raise JournalError(f"{take.path}: {error}") from None

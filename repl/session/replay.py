@@ -425,8 +425,7 @@ def _gap_warnings(
     if not journal_content.ended:
         yield (
             f"{journal_content.first.file} has no end: the session was killed, is still playing, "
-            "or could "
-            f"not write; its last event is at {journal_seconds:.1f} s"
+            f"or could not write; its last event is at {journal_seconds:.1f} s"
         )
     if hands.hands and hands.n_frames < journal_content.n_frames:
         yield (

@@ -91,8 +91,7 @@ class SessionLog:
             case Dropped(waiting_line, why):
                 self.say(
                     f"line {waiting_line.number} '{first_line(waiting_line.line)}' could not take "
-                    "effect and is "
-                    f"dropped: {why}"
+                    f"effect and is dropped: {why}"
                 )
                 self.note_dropped(waiting_line)
             case Superseded(waiting_line):

@@ -355,8 +355,7 @@ def _member_mats(strike_target: Target, target_text: str) -> list[Place]:
     if strike_target.count > _MAX_STRUCK:
         raise NotTakenError(
             f"{target_text} has {strike_target.count:,} masses, and notes strike {_MAX_STRUCK} at "
-            "most; "
-            "name some of them"
+            "most; name some of them"
         )
     first = strike_target.first
     return [

@@ -120,8 +120,7 @@ def end_automation(score_texts: Texts, piece: Piece, target_path: str, from_beat
         position_text = piece.tempo_map.written(from_beat)
         raise EditError(
             f"no pattern and no lfo controls {target_path} at {position_text}, so there is nothing "
-            "to "
-            "end"
+            "to end"
         )
     return score_texts
 

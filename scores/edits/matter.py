@@ -114,8 +114,7 @@ def _set_value(score_texts: Texts, piece: Piece, target_path: str, value_text: s
     if field_name == "f" and part_name in piece.families:
         raise EditError(
             f"the notes of {quote(part_name)} have pitches of their own; move them all by an "
-            "interval: "
-            f"set {part_name}.{TRANSPOSE} 2st"
+            f"interval: set {part_name}.{TRANSPOSE} 2st"
         )
     value_owner, field_name = _value_owner(score_texts, target_path)
     field_changes = _field_changes(value_owner, piece, target_path, field_name, value_text)
@@ -148,22 +147,19 @@ def set_list(score_texts: Texts, target_path: str, value_changes: Mapping[int, s
     if list_owner.followed.written("modes"):
         raise EditError(
             f"{quote(target_path)}: the modes are read from a file and cannot be set here; change "
-            "the "
-            "file"
+            "the file"
         )
     if moving := list_owner.written.written("f", "transpose"):
         raise EditError(
             f"{quote(target_path)}: '{moving[0]}' of the instrument transposes all its pitches; "
-            "remove "
-            f"'{moving[0]}' before you set a single one"
+            f"remove '{moving[0]}' before you set a single one"
         )
     node = list_owner.followed.nodes.get(list_name)
     list_items = node.items if isinstance(node, document.Sequence) else [node]
     if max(value_changes) >= len(list_items):
         raise EditError(
             f"{quote(target_path)}: there are {len(list_items)} modes in the list; those after "
-            "them are "
-            "drawn in its band; change the band instead"
+            "them are drawn in its band; change the band instead"
         )
     words_written = [
         value_changes[i] if i in value_changes else item.text if isinstance(item, Scalar) else ""
@@ -194,8 +190,7 @@ def _set_pitch(score_texts: Texts, instrument: Instrument, pitch_text: str) -> T
     if named_entry is None or not isinstance(named_entry.values, Values):
         raise EditError(
             f"{instrument.name} is one note of an instrument, whose pitch cannot be set at once; "
-            "write "
-            "`over` and a length, or set its modules"
+            "write `over` and a length, or set its modules"
         )
     entry_values, file_name = named_entry.values, named_entry.values.node.document.file
     path = ("instruments", entry_values.context.name)

@@ -96,8 +96,7 @@ def _check_same_piece(
     ):
         raise EditError(
             f"`rename` cannot find every use of {old_name}, so nothing was changed; rename it in "
-            "the "
-            "file, then type `load`"
+            "the file, then type `load`"
         )
 
 

@@ -136,8 +136,7 @@ def chosen_point_and_axis(
         close = name if name in point_names else nearest(name, point_names)
         raise TakeError(
             f"'{channel_name[:60]}' is not a point with an axis ({', '.join(AXES)}); the points "
-            "are "
-            f"{listed}",
+            f"are {listed}",
             path,
             suggestion=f"{close}.x" if close else None,
             field="channel",
@@ -215,8 +214,7 @@ def _hidden_note(
         raise TakeError(
             f"'{point_name[:60]}' is not seen from {(seen_frames[longest] + 1) / rate:.3f} s to "
             f"{seen_frames[longest + 1] / rate:.3f} s; fill the gap in the program that captured "
-            "it, or "
-            "take another point",
+            "it, or take another point",
             path,
         )
     n_hidden = int((gaps - 1).sum())
@@ -241,9 +239,7 @@ def _path_direction(places: Floats, point_name: str, path: Path) -> Floats:
         raise TakeError(
             f"'{point_name[:60]}' does not move along a straight line: the nearest one holds "
             f"{100 * line_share:.0f}% of its variance, and auto needs "
-            f"{100 * _STRAIGHT_VARIANCE_SHARE_MIN:.0f}%; "
-            "choose x, "
-            "y or z",
+            f"{100 * _STRAIGHT_VARIANCE_SHARE_MIN:.0f}%; choose x, y or z",
             path,
             field="channel",
         )

@@ -141,8 +141,7 @@ def _with_decimal_point(cell_text: str, separator: str, path: Path, line_number:
     if separator == "," and _THOUSANDS_PATTERN.fullmatch(cell_text.strip()):
         message = (
             f"the comma in '{cell_text.strip()}' may divide thousands or be a decimal comma; write "
-            "a "
-            "point, or no comma"
+            "a point, or no comma"
         )
         raise TakeError(message, path, line_number)
     return cell_text.replace(",", ".")

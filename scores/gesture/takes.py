@@ -151,9 +151,7 @@ def _column_values(
     if metre_unit is None:
         message = (
             f"'{take_table.names[column_index][:40]}' has no unit; write a header such as t [s],x "
-            "[mm], "
-            "or "
-            "what 1.0 means, such as unit: 1mm"
+            "[mm], or what 1.0 means, such as unit: 1mm"
         )
         raise TakeError(message, path, take_table.line, field="unit")
     return 1.0 / metre_unit

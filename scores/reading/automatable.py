@@ -114,8 +114,7 @@ def _glide_obstacle(part_module: Module) -> str | None:
         if part_module.fields.get(field_name):
             return (
                 f"`{field_name}` of its {part_module.kind} {part_module.name} does not change "
-                "while it "
-                "plays"
+                "while it plays"
             )
     return None
 

@@ -270,8 +270,7 @@ def strikes(values: Values, to: tuple[Target, ...]) -> Strikes:
         v.error(
             "E111",
             f"{v.context.label(contrary_fields[0])}: strikes by chance have no steps; write "
-            "`every` instead "
-            "of `rate`",
+            "`every` instead of `rate`",
             contrary_fields[0],
         )
     if (contrary_fields := v.written("notes", "chance", "swing", "skip")) and not v.written(

@@ -527,8 +527,7 @@ class Checker:
         ):
             message = (
                 f"{strikes_label}: members of {quote(strike_target.text)} have no pitch each, as "
-                "those of "
-                "a BANK "
+                "those of a BANK "
             )
             message += "have; choose a sweep that needs no pitch: outward or rightward"
             self.collector.error("E304", message, strike_target.place)

@@ -21,9 +21,8 @@ from ergon.scores.gesture.take_file import TakeError
 
 _Times = TypeVar("_Times")
 _WHEN_UNUSED = (
-    "nothing is wrong if the score does without them; `tempo: {from: FILE}`, `meter: "
-    "{from: FILE}`, "
-    "`bend` of the take, automation with `by` and acts called `press` use such events"
+    "nothing is wrong if the score does without them; `tempo: {from: FILE}`, `meter: {from: "
+    "FILE}`, `bend` of the take, automation with `by` and acts called `press` use such events"
 )
 
 

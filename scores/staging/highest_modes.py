@@ -112,15 +112,14 @@ def warn_over_limit(
         step_count = ceil(highest_mode.hertz * sqrt(factor_max) / frequency_limit)
         message = (
             f"from {tempo.written(tempo.beats(limit_seconds))} ({limit_seconds:.2f} s) on the "
-            "highest mode of "
-            f"{quote(highest_mode.name)} is above {frequency_limit / 1e3:.3g} kHz, the limit at "
-            "one step a frame; "
-            f"it reaches {highest_mode.hertz * sqrt(factor_max) / 1e3:.3g} kHz"
+            f"highest mode of {quote(highest_mode.name)} is above {frequency_limit / 1e3:.3g} kHz, "
+            "the limit at one step a frame; it reaches "
+            f"{highest_mode.hertz * sqrt(factor_max) / 1e3:.3g} kHz"
         )
         help = (
             f"a plan takes {step_count} steps a frame or another method there, unless the score "
-            "has "
-            f"`method: ca`; a rate of {step_count * piece.rate:,.0f} Hz or fewer masses cost less"
+            f"has `method: ca`; a rate of {step_count * piece.rate:,.0f} Hz or fewer masses cost "
+            "less"
         )
         warnings.append(Diagnostic("W332", message, body_place, None, help))
     return warnings

@@ -49,10 +49,8 @@ def _warn_pitches(piece: Piece, module_name: str, part_module: Module) -> Iterat
         and module_frequency > highest
     ):
         message = (
-            f"the pitch of {quote(module_name)} is {_hertz_text(module_frequency)}, above "
-            "half of the "
-            "rate "
-            f"({_hertz_text(highest)}): no file can hold it"
+            f"the pitch of {quote(module_name)} is {_hertz_text(module_frequency)}, above half of "
+            f"the rate ({_hertz_text(highest)}): no file can hold it"
         )
         place = part_module.places.get("f", part_module.place)
         yield Diagnostic("W326", message, place, None, "choose a lower pitch or a higher rate")

@@ -47,12 +47,9 @@ def check_delays(piece: Piece, collector: Collector) -> None:
         delay_text = f"{1e3 * delayed_key.delay:g} ms"
         message = (
             f"{quote(key_name)}: the forces of the piece reach this key {delay_text} late; so the "
-            "spring "
-            "of "
-            f"{stiffness:,.0f} N/m of {quote(stiffest_link)} removes "
-            f"{stiffness * delayed_key.delay:.2g} "
-            "Ns/m of "
-            f"the damping of the key, {damping:.2g} Ns/m, and the key may begin to swing by itself"
+            f"spring of {stiffness:,.0f} N/m of {quote(stiffest_link)} removes "
+            f"{stiffness * delayed_key.delay:.2g} Ns/m of the damping of the key, {damping:.2g} "
+            "Ns/m, and the key may begin to swing by itself"
         )
         bound = damping / delayed_key.delay
         help = f"keep K below {bound:,.0f} N/m, raise Z of the key, or write `delay: 0s` there"

@@ -328,8 +328,8 @@ def _diverging_sentence(plan: _core.Plan) -> list[str]:
         return []
     return [
         f"{' + '.join(diverging_names)}: the motion diverged in a trial; a render stops there with "
-        "E401, and "
-        "a performance mutes the part. Reduce K or the law, weaken the strikes, or raise the rate"
+        "E401, and a performance mutes the part. Reduce K or the law, weaken the strikes, or raise "
+        "the rate"
     ]
 
 
@@ -395,18 +395,15 @@ def _missed_by_ear(plan: _core.Plan, cents: float | None) -> list[str]:
                 f"over the first {trial_seconds:.2g} s {error_text(audible)}; allowed are "
                 f"{allowed_error.cents:.2g} cents, {100 * allowed_error.t60:.2g}%, "
                 f"{allowed_error.third_octave_db:.2g} dB, {1e3 * allowed_error.first_stroke_s:.2g} "
-                "ms at the "
-                f"first stroke, {1e3 * allowed_error.later_stroke_s:.2g} ms at others and "
-                f"{allowed_error.stroke_db:.2g} dB"
+                f"ms at the first stroke, {1e3 * allowed_error.later_stroke_s:.2g} ms at others "
+                f"and {allowed_error.stroke_db:.2g} dB"
             )
         elif spectral is not None and spectral > _core.SPECTRUM_NOISE:
             noise = _core.SPECTRUM_NOISE
             error_sentence = (
                 f"after the first {trial_seconds:.2g} s the motion is chaotic, and third octaves "
-                "of a "
-                "more "
-                f"exact run differ by {spectral:.1f} dB on average, above the {noise:.2g} dB by "
-                "which rounding alone changes such a motion"
+                f"of a more exact run differ by {spectral:.1f} dB on average, above the "
+                f"{noise:.2g} dB by which rounding alone changes such a motion"
             )
         else:
             continue
