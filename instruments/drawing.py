@@ -23,11 +23,9 @@ from ergon.notation.text.errors import TextError, quote
 from ergon.notation.text.spelling import nearest
 
 _METRES_PER_UNIT = 10e-3  # m, for each SI unit of the constant
-_OIL_VISCOSITY = 100.0  # N·s/m; with _TRAVEL an impulse of 1 N·s is one SI unit
-_MASS_BY_FIELD = {
-    "draw": 2.0,
-    "press": 1.0,
-}  # kg; with _OIL it comes to rest within 20 ms and 10 ms
+_OIL_VISCOSITY = 100.0  # N·s/m; with _METRES_PER_UNIT an impulse of 1 N·s is one SI unit
+# Masses [kg]; with _OIL_VISCOSITY they come to rest within 20 ms and 10 ms.
+_MASS_BY_FIELD = {"draw": 2.0, "press": 1.0}
 
 
 class LinkRange(NamedTuple):

@@ -141,9 +141,8 @@ def _string_fields(string_values: Values, matter: Material) -> dict[str, Any]:
         string_values, ("length", "diameter", "f", "tension"), "a STRING of a material"
     )
     has_written_stiffness = bool(string_values.written("stiffness"))
-    written_inharmonicity = (
-        0.0 if has_written_stiffness else string_fields.get("inharmonicity")
-    )  # B, if it is written
+    # The coefficient of inharmonicity B, if it is written.
+    written_inharmonicity = 0.0 if has_written_stiffness else string_fields.get("inharmonicity")
     string_length, diameter = (
         string_fields.get("length", 0.0) * quarter_wave_factor,
         string_fields.get("diameter", 0.0),
@@ -154,9 +153,8 @@ def _string_fields(string_values: Values, matter: Material) -> dict[str, Any]:
     string_pitch, tension = string_fields.get("f", 0.0), string_fields.get("tension", 0.0)
     young = matter.young if written_inharmonicity is None else 0.0
     bending_term = pi * pi * young * pi * diameter * diameter * diameter * diameter / 64.0  # π²·E·I
-    stiff_pitch_ratio_squared = 1.0 + (
-        written_inharmonicity or 0.0
-    )  # square of the pitch over that without stiffness
+    # Square of the pitch over that without stiffness.
+    stiff_pitch_ratio_squared = 1.0 + (written_inharmonicity or 0.0)
     if unknown == "tension":
         tension = (
             4.0
@@ -323,7 +321,7 @@ def _plate(plate_values: Values, matter: Material) -> dict[str, Any]:
             )
         speed = sqrt(tension / (thickness * matter.density))
         lowest_frequency = lowest_frequency or _checked_pitch(shape_factor * speed / (2.0 * pi))
-        # As many masses as put the highest mode of the lattice at AUDIBLE_TOP.
+        # As many masses as put the highest mode of the lattice at AUDIBLE_TOP_HZ.
         mass_count_needed = 1.6 * pi * area * AUDIBLE_TOP_HZ * AUDIBLE_TOP_HZ / (speed * speed)
     else:
         young = matter.young if matter.across is None else sqrt(matter.young * matter.across)

@@ -41,12 +41,9 @@ _TASK_RETRIES = 10  # attempts for a request whose worker died
 _CONNECT_SECONDS_MAX = 20.0  # [s]
 _POLL_SECONDS = 1.0  # [s] between looks at the connection
 _START_ATTEMPTS = 5
-_LOST_SECONDS = 30  # looks without a scheduler or without workers, until that is an error
-_SILENCED_LOGGERS = (
-    "asyncio",
-    "distributed",
-    "tornado",
-)  # loggers of Dask and of the libraries below it
+_LOST_POLLS_MAX = 30  # looks without a scheduler or without workers, until that is an error
+# Loggers of Dask and of the libraries below it.
+_SILENCED_LOGGERS = ("asyncio", "distributed", "tornado")
 _ADDRESS_PATTERN = re.compile(r"(tcp|tls|ucx|ws|wss)://[^\s/]+:\d+")
 
 
@@ -84,7 +81,7 @@ class Cluster:
                 without = 0
                 continue
             without += 1
-            if self.client.status in ("closing", "closed") or without > _LOST_SECONDS:
+            if self.client.status in ("closing", "closed") or without > _LOST_POLLS_MAX:
                 raise self.lost()
 
     def computed(

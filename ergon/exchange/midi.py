@@ -16,7 +16,7 @@ TICKS_PER_QUARTER = (
     960  # ticks per quarter note: a sixteenth of a beat is whole for beats of 1/1 to 1/16
 )
 STEPS_PER_BEAT = 16
-_DRIFT_SECONDS_MAX = 2.0  # [us] a tempo is kept while its time error is at most this
+_DRIFT_MICROSECONDS_MAX = 2.0  # [us] a tempo is kept while its time error is at most this
 _TEMPO_MICROSECONDS_MAX = 2**24 - 1  # [us per quarter note] three bytes
 _NOTE_OFF, _NOTE_ON = 0x80, 0x90
 _TEXT, _TRACK_NAME, _MARKER, _END, _TEMPO, _METER = 0x01, 0x03, 0x06, 0x2F, 0x51, 0x58
@@ -155,8 +155,9 @@ class Ruler:
 def tempo_steps(
     seconds_at: Callable[[float], float], length_beats: float, ruler: Ruler
 ) -> list[tuple[float, int]]:
-    """Tempo changes (beat, microseconds per quarter note) that stay within _DRIFT of the exact
-    time.
+    """Tempo changes (beat, microseconds per quarter note).
+
+    Times stay within `_DRIFT_MICROSECONDS_MAX` of the exact ones.
     """
     tempo_changes: list[tuple[float, int]] = []
     tempo, error = 0, 0.0  # error [us]: how late MIDI is
@@ -164,7 +165,7 @@ def tempo_steps(
         step_beat, end = step / STEPS_PER_BEAT, (step + 1) / STEPS_PER_BEAT
         n_quarters = (ruler.tick(end) - ruler.tick(step_beat)) / TICKS_PER_QUARTER
         micros = (seconds_at(end) - seconds_at(step_beat)) * 1e6
-        if abs(error + tempo * n_quarters - micros) > _DRIFT_SECONDS_MAX:
+        if abs(error + tempo * n_quarters - micros) > _DRIFT_MICROSECONDS_MAX:
             exact = micros / n_quarters
             closer_count = math.floor(exact) if error > 0 else math.ceil(exact)
             if not 1 <= closer_count <= _TEMPO_MICROSECONDS_MAX:

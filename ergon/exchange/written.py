@@ -31,9 +31,8 @@ from .temporary import is_at, try_lock
 from .wave_header import NotWaveError, parse
 
 _BLOCK_BYTES = 1 << 20  # bytes that are read at once
-_REGISTER_BYTES_MAX = (
-    65 << 17
-)  # bytes: 131,072 files, some hours of a sweep that writes its table every second
+# Largest register [bytes]: 131,072 files, some hours of a sweep that writes its table every second.
+_REGISTER_BYTES_MAX = 65 << 17
 _REGISTER_NAME, _OLD_REGISTER_NAME = "written", "written.old"
 _CLOCK_STEP_NANOSECONDS = 2_000_000_000  # [ns]: two changes may have one time, on FAT for 2 s
 _APPEND_FLAGS = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)

@@ -70,7 +70,6 @@ def write_frozen_parts(
             for (part, tap_columns), path, writer in zip(stem_columns, paths, writers, strict=True)
         )
         frozen = Frozen(source_facts, n_frames, stems)
-        output_files.write(
-            folder / MANIFEST_NAME, manifest_text(frozen).encode()
-        )  # gets its name last
+        # The manifest gets its name last.
+        output_files.write(folder / MANIFEST_NAME, manifest_text(frozen).encode())
     return frozen

@@ -76,7 +76,7 @@ class GatedLoudness:
 
 
 def gain_to_peak(true_peak: float) -> float:
-    """The gain (a ratio) that brings a true peak above 0 to `TRUE_PEAK_MAX`, or just below."""
+    """The gain (a ratio) that brings a true peak above 0 to `TRUE_PEAK_DB_MAX`, or just below."""
     from ergon import _core
 
     highest = TRUE_PEAK_DB_MAX - 20.0 * math.log10(true_peak)

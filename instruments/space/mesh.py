@@ -15,9 +15,8 @@ MAX_FACES = 200_000  # triangles
 # The source axes in new order, by the axis that points up: cyclic, so that orientation is kept.
 AXIS_ORDER_BY_UP = {"x": (1, 2, 0), "y": (2, 0, 1), "z": (0, 1, 2)}
 COORDINATE_MAX = 1e6  # largest coordinate, in units of the file
-_MERGE_DISTANCE_SHARE = (
-    1e-6  # of the size of a mesh: the places of single precision, moved by their nodes
-)
+# Share of the size of a mesh: the places of single precision, moved by their nodes.
+_MERGE_DISTANCE_SHARE = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +50,7 @@ def placed_points(
 
 
 def with_merged_corners(mesh: Mesh) -> Mesh:
-    """The mesh with corners of faces made one that are nearer than _SAME_PLACE_SHARE of its size.
+    """The mesh with corners of faces made one that are nearer than a share of its size.
 
     Writers round the places of nodes, and a seam would leave two bodies. Points of lines alone
     stay: who joins points by lines means each of them.

@@ -15,9 +15,8 @@ MAX_LINES = 200  # lines of one submission: four screens
 
 _COMMENT_PATTERN = re.compile(r"(?:^|(?<=\s))#.*")
 _PYTHON_PATTERN = re.compile(r"\s*py\s")  # the rest of the line is Python, with its own comments
-_BLOCK_PATTERN = re.compile(
-    r"\s*def\s+\S+(?:\s+[^\s:]+=[^\s:]+)*:\s*"
-)  # the lines of this block follow
+# The head of a block, whose lines follow.
+_BLOCK_PATTERN = re.compile(r"\s*def\s+\S+(?:\s+[^\s:]+=[^\s:]+)*:\s*")
 _END_WORD = "end"
 _WORD_PATTERN = re.compile(r'"[^"]*"|\S+')
 

@@ -40,10 +40,8 @@ if TYPE_CHECKING:
     from ergon.repl.session.version import Version
 
 
-_SUSTAIN_CONTROLLERS, _PEDAL_DOWN = (
-    64,
-    64,
-)  # the controller of the pedal, and its least value when down
+# The controller of the pedal, and its least value when down.
+_SUSTAIN_CONTROLLERS, _PEDAL_DOWN = (64, 64)
 
 
 class _Sounding(NamedTuple):

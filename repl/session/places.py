@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ergon.notation.clock.tempo import TempoMap
     from ergon.repl.session.clock import Clock, Timing
 
-ONE_BAR = Length(bars=1.0)
+BAR_DURATION = Length(bars=1.0)
 
 
 class Present(NamedTuple):

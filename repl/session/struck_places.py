@@ -54,9 +54,8 @@ _next_number = itertools.count(1)
 def place_number(struck_place: Place) -> int:
     """The engine's number of a struck place."""
     if struck_place not in _place_numbers:
-        _place_numbers.setdefault(
-            struck_place, next(_next_number)
-        )  # another thread may number it now
+        # Another thread may number it now.
+        _place_numbers.setdefault(struck_place, next(_next_number))
     return _place_numbers[struck_place]
 
 

@@ -47,11 +47,13 @@ def excerpt_between(
     excerpt_changes = []
     for player in piece.players:
         placed_entries = entries.placed_entries(score_texts, piece, player)
-        kept_entries = [
+        entries_in_excerpt = [
             entry for line in placed_entries if (entry := window.excerpt_of(line)) is not None
         ]
-        is_included = is_included or bool(kept_entries)
-        excerpt_changes.append(entries.PartEdit(player, dropped=placed_entries, new=kept_entries))
+        is_included = is_included or bool(entries_in_excerpt)
+        excerpt_changes.append(
+            entries.PartEdit(player, dropped=placed_entries, new=entries_in_excerpt)
+        )
     excerpt = entries.with_part_edits(excerpt, *excerpt_changes)
     for strikes in piece.strikes:
         excerpt, is_in = window.strikes(excerpt, strikes)

@@ -19,7 +19,7 @@ NO_TRANSFORMS = "none"  # ends all transformations
 # Fields that a rhythm replaces.
 _FIELDS_OF_PATTERNS = ("every", "euclid", "notes", "chance", "swing", "play", "transpose", "do")
 
-_ONE_BAR = Length(bars=1.0)
+_BAR_DURATION = Length(bars=1.0)
 
 StrikeFields = dict[str, edit.Tree]
 
@@ -116,7 +116,7 @@ def _rhythm_and_fields(
     rhythm_fields |= {"rhythm": rhythm.text, "do": rhythm.do}
     if "play" in strike_fields:  # the words of the rhythm say levels
         rhythm_fields = {**_notes_of(score_texts, strike_fields), **rhythm_fields, "impulse": ""}
-    if strikes.every is not None or rhythm.cycle != _ONE_BAR:
+    if strikes.every is not None or rhythm.cycle != _BAR_DURATION:
         rhythm_fields["cycle"] = _parsed_length(rhythm.cycle)
     if not rhythm_fields.keys() & {"times", "for", "until"}:
         rhythm_fields["times"] = "1"

@@ -40,9 +40,8 @@ def _read(path: Path, channel: int | None, midi_source: MidiSource, _: FileState
     if not moving_events:
         raise TakeError(_nothing_message(midi_source, track_events, channel), path, field="by")
     moving_events.sort(key=lambda event: event.tick)
-    by_tick = dict(
-        _ticks_and_shares(moving_events, midi_source)
-    )  # the last of several values in a tick
+    # Of several values in a tick the last one counts.
+    by_tick = dict(_ticks_and_shares(moving_events, midi_source))
     course, share_before = [], None
     for tick, travel_share in by_tick.items():
         if travel_share != share_before:

@@ -15,9 +15,8 @@ SUFFIXES = (".mid", ".midi", ".rmi")
 SUSTAIN = 64  # the controller of the pedal
 MAX_BYTES = 4_000_000  # a million notes: two seconds to read
 MAX_NOTES = 100_000  # notes that are played
-_OFF_KIND, _PEDAL_KIND, _ON_KIND, _OTHER_KIND = range(
-    4
-)  # kinds of events, in the order in which those of a tick act
+# Kinds of events, in the order in which those of a tick act.
+_OFF_KIND, _PEDAL_KIND, _ON_KIND, _OTHER_KIND = range(4)
 
 
 class _ChannelEvent(NamedTuple):

@@ -21,10 +21,8 @@ _WHEEL_CENTRE = 8192  # middle of the wheel, which has 14 bits
 # The controllers that say the range of a wheel, and zones.
 CONTROLLERS = _DATA_COARSE, _DATA_FINE, _RPN_FINE, _RPN_COARSE = 6, 38, 100, 101
 _RANGE_PARAMETER, _ZONE_PARAMETER = 0, 6  # registered parameters
-_ZONE_CHANNELS_BY_MASTER = {
-    1: range(2, 17),
-    16: range(15, 0, -1),
-}  # of the zones, with the channels that they take
+# The master channels of zones, each with the channels that it takes.
+_ZONE_CHANNELS_BY_MASTER = {1: range(2, 17), 16: range(15, 0, -1)}
 _MEMBER_RANGE_CENTS = 4800.0  # [cents] range of the wheel of a channel in a zone (MPE, section 2.4)
 _MASTER_RANGE_CENTS = 200.0  # [cents]
 # Of the events at one tick the wheel and controllers come first: a note begins at its pitch.

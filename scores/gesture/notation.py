@@ -28,7 +28,7 @@ from ergon.scores.gesture.points import (
 
 MAX_DEPTH = 8  # groups inside groups
 MAX_EVENTS = 500_000  # points after expansion: some 140 MB while they are read
-SAME_SECONDS = 1e-9  # tolerance for rounding: beats, seconds, metres
+ROUNDING_TOLERANCE = 1e-9  # tolerance for rounding: beats, seconds, metres
 
 _TOKEN = re.compile(r"(\()|(\))(?:\s*+\*\s*+([^\s()|]++))?|(\|)|([^\s()|]++)")
 
@@ -130,12 +130,13 @@ class _Group:
         # Beats and seconds can be compared only with a tempo; a point that is earlier in both is an
         # error.
         early = (
-            point_beats < self.beats - SAME_SECONDS or point_seconds < self.seconds - SAME_SECONDS
+            point_beats < self.beats - ROUNDING_TOLERANCE
+            or point_seconds < self.seconds - ROUNDING_TOLERANCE
         )
         if (
             early
-            and point_beats <= self.beats + SAME_SECONDS
-            and point_seconds <= self.seconds + SAME_SECONDS
+            and point_beats <= self.beats + ROUNDING_TOLERANCE
+            and point_seconds <= self.seconds + ROUNDING_TOLERANCE
         ):
             raise TextError(
                 "this point is earlier than the point before it; times must rise",
@@ -265,7 +266,7 @@ def _checked_points(notation_events: list[_TimedEvent]) -> Notation:
             checks.append(BarCheck(check_time, next_event.offset))
             continue
         if last_event is not None and last_event.x is not None:
-            is_still = abs(x - last_event.x) <= SAME_SECONDS
+            is_still = abs(x - last_event.x) <= ROUNDING_TOLERANCE
             if next_event.curve == "hold" and not is_still:
                 raise HoldMovesError(
                     f"'hold' keeps the position {_millimetres(last_event.x)}; "
@@ -277,8 +278,8 @@ def _checked_points(notation_events: list[_TimedEvent]) -> Notation:
             if next_event.curve == "hold":
                 x = joined_points[-1].x  # the engine compares them exactly
             if (
-                abs(check_time[0] - last_event.beats) <= SAME_SECONDS
-                and abs(check_time[1] - last_event.seconds) <= SAME_SECONDS
+                abs(check_time[0] - last_event.beats) <= ROUNDING_TOLERANCE
+                and abs(check_time[1] - last_event.seconds) <= ROUNDING_TOLERANCE
             ):
                 if is_still:
                     continue

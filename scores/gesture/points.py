@@ -23,15 +23,15 @@ POINT_PATTERN = re.compile(rf"{_POSITION_PATTERN}@(\+?){_TIME_PATTERN}")
 ROW_PATTERN = re.compile(
     rf"\s*+(?:{_TIME_PATTERN}\s++{_POSITION_PATTERN}(?:\s++(\w++))?\s*+)?(?:#.*)?"
 )
-_WHOLE_POSITION_PATTERN = re.compile(_POSITION_PATTERN)
-_WHOLE_TIME_PATTERN = re.compile(_TIME_PATTERN)
+_POSITION_REGEX = re.compile(_POSITION_PATTERN)
+_TIME_REGEX = re.compile(_TIME_PATTERN)
 
 
 def curve_word(curve_name: str, word_offset: int) -> str:
     """Return `curve_name` if it names a curve. Raises TextError."""
     if curve_name in CURVES:
         return curve_name
-    if _WHOLE_POSITION_PATTERN.fullmatch(curve_name):
+    if _POSITION_REGEX.fullmatch(curve_name):
         raise TextError(
             f"'{curve_name}' has no time; write {curve_name}@1/4",
             offset=word_offset,
@@ -102,15 +102,13 @@ def point_error(point_word: str, word_offset: int) -> TextError:
             offset=word_offset,
             length=len(point_word),
         )
-    if not _WHOLE_POSITION_PATTERN.fullmatch(position_text):
+    if not _POSITION_REGEX.fullmatch(position_text):
         ascii_position = position_text.replace("\u2212", "-")
         return TextError(
             f"'{position_text[:40]}' is not a position such as 6mm",
             offset=word_offset,
             length=len(position_text),
-            suggestion=ascii_position
-            if _WHOLE_POSITION_PATTERN.fullmatch(ascii_position)
-            else None,
+            suggestion=ascii_position if _POSITION_REGEX.fullmatch(ascii_position) else None,
         )
     time_offset = word_offset + len(position_text) + 1
     return _time_error(time, time_offset, point_word)
@@ -119,7 +117,7 @@ def point_error(point_word: str, word_offset: int) -> TextError:
 def _time_error(time_text: str, time_offset: int, word: str) -> TextError:
     if not time_text:
         return TextError(f"'{word[:40]}' has no time after its @", offset=time_offset - 1)
-    if time_text.startswith("-") and _WHOLE_TIME_PATTERN.fullmatch(time_text[1:]):
+    if time_text.startswith("-") and _TIME_REGEX.fullmatch(time_text[1:]):
         return TextError(
             "a time cannot be negative; `do: [shift -1/8]` plays the gesture earlier",
             offset=time_offset,
@@ -149,14 +147,14 @@ def row_error(line: str, line_offset: int) -> TextError:
             offset=line_offset + first_word.start(),
             length=len(first_word.group()),
         )
-    if not _WHOLE_TIME_PATTERN.fullmatch(first_word.group()):
+    if not _TIME_REGEX.fullmatch(first_word.group()):
         return _time_error(first_word.group(), line_offset + first_word.start(), first_word.group())
     if len(word_matches) == 1:
         return TextError(
             "this row has a time and no position", offset=line_offset, length=first_word.end()
         )
     second = word_matches[1]
-    if not _WHOLE_POSITION_PATTERN.fullmatch(second.group()):
+    if not _POSITION_REGEX.fullmatch(second.group()):
         return TextError(
             f"'{second.group()[:40]}' is not a position such as 6mm",
             offset=line_offset + second.start(),

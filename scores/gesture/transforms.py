@@ -299,8 +299,8 @@ def _jitter(
 ) -> _TransformResult:
     """Move every point but the first by a draw in time, then one in position.
 
-    A point moves at most JITTER_ROOM of the way to a neighbour, so that a tenth of the way stays
-    between them. A hold keeps the moved position of the point before it.
+    A point moves at most JITTER_SHARE_MAX of the way to a neighbour, so that a tenth of the way
+    stays between them. A hold keeps the moved position of the point before it.
     """
     reach = t.time.beats * beat_seconds + t.time.seconds
     clock = [p.at.beats * beat_seconds + p.at.seconds for p in gesture_points]

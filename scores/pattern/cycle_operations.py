@@ -31,9 +31,8 @@ Change = Callable[[Cycles[V]], Cycles[V]]
 
 HALF = Fraction(1, 2)
 _WALKS_CACHED = 256  # voices whose paths are remembered
-_OPERATOR_NUMBERS_PER_COPY = (
-    1 << 40
-)  # between the operators of one copy of a pattern and those of the next
+# From the numbers of operators in one copy of a pattern to those in the next.
+_OPERATOR_NUMBERS_PER_COPY = 1 << 40
 
 
 # --- which pattern, which events, with which chances ---------------------------------------------

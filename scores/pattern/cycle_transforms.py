@@ -18,9 +18,8 @@ __all__ = ["apply", "parse_transforms"]
 
 MAX_TEXT = 4_000  # characters
 MAX_TRANSFORMS = 32
-_OPERATOR_NUMBERS_PER_TRANSFORM = (
-    1 << 24
-)  # more than the operators of a text: each transformation has as many numbers
+# More than the operators of a text: each transformation has as many numbers.
+_OPERATOR_NUMBERS_PER_TRANSFORM = 1 << 24
 
 # Words of other languages and of gestures, with ours.
 _SUGGESTED_WORDS = {

@@ -21,9 +21,8 @@ from ergon.notation.text.errors import TextError
 from ergon.notation.text.spelling import nearest
 
 Choice = Literal["in turn", "choose", "walk", "shuffle"]
-CHOICE_WORDS: tuple[Choice, ...] = get_args(Choice)[
-    1:
-]  # those with a keyword; `in turn` is the default
+# Ways to choose that have a keyword; `in turn` is the default.
+CHOICE_WORDS: tuple[Choice, ...] = get_args(Choice)[1:]
 
 REST = "~"
 MAX_DEPTH = 8  # groups inside groups, as in the notation of gestures

@@ -229,9 +229,8 @@ def arp(note_order: str, step_length: Fraction | None, changed_pattern: Pattern)
             yield low_instant, high, ordered_notes[turn % len(ordered_notes)]
             turn, low_instant = turn + 1, low_instant + note_width
 
-    times = ceil(
-        len(ORDERS[note_order](range(_CHORD_NOTES_MAX))) / _CHORD_NOTES_MAX
-    )  # for which an order has each note
+    # So many turns of the chord that the order has each note.
+    times = ceil(len(ORDERS[note_order](range(_CHORD_NOTES_MAX))) / _CHORD_NOTES_MAX)
     many = times * _largest_chord(changed_pattern) if step_length is None else ceil(1 / step_length)
     return _with_chords_spread(
         spread, changed_pattern, changed_pattern.cost * (1 + many), _note_count(changed_pattern)

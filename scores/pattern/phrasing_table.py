@@ -11,10 +11,8 @@ from ergon.scores.pattern.cycle_forms import CycleTransform, Form, Pattern
 from ergon.scores.pattern.struck import Repeats
 
 _GRACE_IMPULSE_RATIO = 0.5  # the impulse of a grace note, as a factor of that of its stroke
-_DEFAULT_SWELL_FACTORS = (
-    Fraction(1, 4),
-    Fraction(1),
-)  # the factors of the first and the last stroke of a roll
+# The factors of the first and the last stroke of a roll.
+_DEFAULT_SWELL_FACTORS = (Fraction(1, 4), Fraction(1))
 _DEFAULT_ROLL_SHARE = Fraction(1, 4)  # default share of a chord's length for `rolled`
 
 

@@ -110,7 +110,10 @@ def add_parts(piece: Piece, assembly: Assembly) -> list[int]:
 
 
 def coupling_spans(piece: Piece) -> Iterator[tuple[float, float | None]]:
-    """When each coupling begins and ends to act [s]; the end is `COUPLING_ENDED` if it is over."""
+    """When each coupling begins and ends to act [s].
+
+    The end is `COUPLING_ENDED_SECONDS` if it is over.
+    """
     tempo = piece.tempo_map
     for coupling in piece.duet:
         until_beat = (

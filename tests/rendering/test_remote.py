@@ -309,7 +309,7 @@ def test_group_by_cost_balanced_groups():
 FAILING = """
 import logging
 from ergon.api import cluster
-cluster._CONNECTING = 0.1
+cluster._CONNECT_SECONDS_MAX = 0.1
 try:
     with cluster.open_cluster("tcp://127.0.0.1:9", print):
         pass

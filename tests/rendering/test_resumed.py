@@ -231,7 +231,7 @@ import ergon
 from ergon.exchange.stretch_store import StretchStore
 from ergon.rendering import resumed, stretches
 
-stretches.STRETCH_FRAMES, resumed._WORK_MIN, stretches._NS_PER_SAMPLE = 4096, 0.0, 0.0
+stretches.STRETCH_FRAMES, resumed._WORK_SECONDS_MIN, stretches._NS_PER_SAMPLE = 4096, 0.0, 0.0
 left, put = int(sys.argv[1]), StretchStore.put
 
 def counted(*of):
