@@ -204,7 +204,9 @@ impl PlannedIsland {
     fn sounds_as_exact(&self, other: &Self, budget: &Budget) -> bool {
         let audible = |solved: &Self| solved.chosen.measured_error.and_then(|error| error.audible);
         match (audible(self), audible(other)) {
-            (Some(bank_error), Some(other)) => budget.excess_ratio(&bank_error) <= budget.excess_ratio(&other).max(1.0),
+            (Some(solved_error), Some(other)) => {
+                budget.excess_ratio(&solved_error) <= budget.excess_ratio(&other).max(1.0)
+            }
             _ => self.is_as_exact(other, budget),
         }
     }
